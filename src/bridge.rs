@@ -1,0 +1,17 @@
+//! Bridge points: states b with D(s,b) + D(b,g) < D(s,g) that split a hard task into easy ones.
+//!
+//! [`Experience`] spreads candidates over what the agents have seen and remembers in how many steps one was reached
+//! from another; [`BridgeGraph`] joins them by edges that the critics propose and experience verifies;
+//! [`Walker`] walks through it, waypoint by waypoint; [`search()`] is the published search for a single bridge point.
+
+mod experience;
+mod graph;
+mod planner;
+mod search;
+mod settings;
+
+pub use experience::{Experience, ExperienceState, NEVER};
+pub use graph::{BridgeGraph, Distilled, Edge, Route};
+pub use planner::{Target, Walker};
+pub use search::{SearchOutcome, search};
+pub use settings::BridgeSettings;

@@ -1,0 +1,221 @@
+//! Bridge candidates, and what trajectories show about the ways between them.
+
+use std::collections::VecDeque;
+
+use super::settings::BridgeSettings;
+use crate::env::Spec;
+
+/// Steps between candidates of which no trajectory went from one to the other in time.
+pub const NEVER: u16 = u16::MAX;
+
+/// Candidates spread over all states seen, and the fewest steps in which a trajectory went from near one to near
+/// another.
+///
+/// Candidates persist: a state farther than the spacing from all of them becomes one; when there would be too many,
+/// the spacing grows and those that are now too close retire (farthest-point sampling on a stream). *Near* a
+/// candidate is within the goal radius, which is what the environment itself calls being there: straight-line
+/// nearness beyond it would reach across thin walls.
+#[derive(Clone, Debug)]
+pub struct Experience {
+    spec: Spec,
+    most: usize,
+    window: usize,
+    spacing: f32,
+    /// `(candidates, state_dim)`.
+    states: Vec<f32>,
+    /// `(candidates, goal_dim)`.
+    points: Vec<f32>,
+    /// Fewest steps from row to column, `(most, most)`.
+    observed: Vec<u16>,
+    /// Each agent's recent visits: step within the episode, candidate.
+    visits: Vec<VecDeque<(u32, u32)>>,
+    /// Steps of each agent's episode so far.
+    clocks: Vec<u32>,
+}
+
+/// Everything an [`Experience`] knows, as plain numbers, for checkpoints.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ExperienceState {
+    pub spacing: f32,
+    pub states: Vec<f32>,
+    /// `(candidates, candidates)`.
+    pub observed: Vec<u16>,
+    /// Each agent's clock, number of visits, and visits.
+    pub visits: Vec<u32>,
+}
+
+impl Experience {
+    /// No candidates yet, for `agents` agents.
+    pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
+        Self {
+            spec: spec.clone(),
+            most: settings.candidates,
+            window: settings.window_steps(),
+            spacing: settings.candidate_spacing * spec.goal_radius,
+            states: Vec::new(),
+            points: Vec::new(),
+            observed: vec![NEVER; settings.candidates * settings.candidates],
+            visits: vec![VecDeque::new(); agents],
+            clocks: vec![0; agents],
+        }
+    }
+
+    /// How many candidates there are.
+    pub fn len(&self) -> usize {
+        self.states.len() / self.spec.state_dim()
+    }
+
+    /// Whether there is no candidate.
+    pub fn is_empty(&self) -> bool {
+        self.states.is_empty()
+    }
+
+    /// The candidates' states, `(candidates, state_dim)`.
+    pub fn states(&self) -> &[f32] {
+        &self.states
+    }
+
+    /// The candidates as goals, `(candidates, goal_dim)`.
+    pub fn points(&self) -> &[f32] {
+        &self.points
+    }
+
+    /// Fewest steps in which a trajectory went from near `from` to near `to`, [`NEVER`] if none did.
+    pub fn observed(&self, from: usize, to: usize) -> u16 {
+        if from == to { 0 } else { self.observed[from * self.most + to] }
+    }
+
+    /// Least distance between candidates, in the environment's unit of length.
+    pub fn spacing(&self) -> f32 {
+        self.spacing
+    }
+
+    /// Takes note of the next state of `agent`'s episode.
+    pub fn visit(&mut self, agent: usize, state: &[f32]) {
+        let (nearest, distance) = self.nearest(state);
+        let mut near = (distance < self.spec.goal_radius).then_some(nearest);
+        if distance > self.spacing {
+            near = self.add(state);
+        }
+        let clock = self.clocks[agent];
+        self.clocks[agent] += 1;
+        let visits = &mut self.visits[agent];
+        while visits.front().is_some_and(|(step, _)| clock - step > self.window as u32) {
+            visits.pop_front();
+        }
+        let Some(to) = near else { return };
+        for (step, from) in visits.iter() {
+            let fewest = &mut self.observed[*from as usize * self.most + to];
+            *fewest = (*fewest).min((clock - step) as u16);
+        }
+        visits.push_back((clock, to as u32));
+    }
+
+    /// Ends `agent`'s episode: what comes next did not follow from what was before.
+    pub fn end_episode(&mut self, agent: usize) {
+        self.visits[agent].clear();
+        self.clocks[agent] = 0;
+    }
+
+    /// The candidate nearest to `state` and its distance; infinite without candidates.
+    fn nearest(&self, state: &[f32]) -> (usize, f32) {
+        let mut best = (0, f32::INFINITY);
+        for (i, point) in self.points.chunks_exact(self.spec.goal_dim()).enumerate() {
+            let squared: f32 = self.spec.achieved(state).zip(point).map(|(a, p)| (a - p) * (a - p)).sum();
+            if squared < best.1 {
+                best = (i, squared);
+            }
+        }
+        (best.0, best.1.sqrt())
+    }
+
+    /// Makes `state` a candidate, thinning the others where there is no room; `None` where it then came too close.
+    fn add(&mut self, state: &[f32]) -> Option<usize> {
+        while self.len() == self.most {
+            self.spacing *= 1.1;
+            self.thin();
+            if self.nearest(state).1 <= self.spacing {
+                return None;
+            }
+        }
+        self.states.extend(state);
+        self.points.extend(self.spec.achieved(state));
+        Some(self.len() - 1)
+    }
+
+    /// Retires candidates closer than the spacing to an older one.
+    fn thin(&mut self) {
+        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let mut kept: Vec<usize> = Vec::new();
+        for i in 0..self.len() {
+            let state = &self.states[i * s..(i + 1) * s];
+            if kept.iter().all(|k| self.spec.goal_distance(state, &self.points[k * g..(k + 1) * g]) > self.spacing) {
+                kept.push(i);
+            }
+        }
+        let mut new_index = vec![None; self.len()];
+        for (new, old) in kept.iter().enumerate() {
+            new_index[*old] = Some(new as u32);
+            // Rows and columns only ever move towards the start.
+            for (new_to, old_to) in kept.iter().enumerate() {
+                self.observed[new * self.most + new_to] = self.observed[old * self.most + old_to];
+            }
+        }
+        for row in 0..self.most {
+            let from = if row < kept.len() { kept.len() } else { 0 };
+            self.observed[row * self.most + from..(row + 1) * self.most].fill(NEVER);
+        }
+        self.states = kept.iter().flat_map(|i| self.states[i * s..(i + 1) * s].to_vec()).collect();
+        self.points = kept.iter().flat_map(|i| self.points[i * g..(i + 1) * g].to_vec()).collect();
+        for visits in &mut self.visits {
+            let renamed = visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
+            *visits = renamed.collect();
+        }
+    }
+
+    /// Everything it knows, for a checkpoint.
+    pub fn state(&self) -> ExperienceState {
+        let n = self.len();
+        let rows = (0..n).flat_map(|i| self.observed[i * self.most..i * self.most + n].iter().copied());
+        let mut visits = Vec::new();
+        for (clock, own) in self.clocks.iter().zip(&self.visits) {
+            visits.extend([*clock, own.len() as u32]);
+            visits.extend(own.iter().flat_map(|(step, i)| [*step, *i]));
+        }
+        ExperienceState { spacing: self.spacing, states: self.states.clone(), observed: rows.collect(), visits }
+    }
+
+    /// Takes up what [`Self::state`] gave.
+    ///
+    /// # Errors
+    /// Where the state was not saved from one of these sizes.
+    pub fn restore(&mut self, state: &ExperienceState) -> Result<(), String> {
+        let misfit = || "the stored bridge candidates do not fit these settings".to_owned();
+        let n = state.states.len() / self.spec.state_dim();
+        if n > self.most || state.observed.len() != n * n || state.states.len() % self.spec.state_dim() != 0 {
+            return Err(misfit());
+        }
+        self.spacing = state.spacing;
+        self.states.clone_from(&state.states);
+        self.points = state.states.chunks_exact(self.spec.state_dim()).flat_map(|s| self.spec.achieved(s)).collect();
+        self.observed.fill(NEVER);
+        for (i, row) in state.observed.chunks_exact(n.max(1)).enumerate() {
+            self.observed[i * self.most..i * self.most + n].copy_from_slice(row);
+        }
+        let mut numbers = state.visits.iter().copied();
+        let mut next = || numbers.next().ok_or_else(misfit);
+        for (clock, visits) in self.clocks.iter_mut().zip(&mut self.visits) {
+            *clock = next()?;
+            let count = next()?;
+            visits.clear();
+            for _ in 0..count {
+                let visit = (next()?, next()?);
+                if visit.1 as usize >= n {
+                    return Err(misfit());
+                }
+                visits.push_back(visit);
+            }
+        }
+        Ok(())
+    }
+}

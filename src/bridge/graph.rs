@@ -1,0 +1,250 @@
+//! The bridge graph: candidates joined by short ways that the agent can walk.
+
+use pathfinding::directed::dijkstra::dijkstra_all;
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::experience::{Experience, NEVER};
+use super::settings::BridgeSettings;
+use crate::env::Spec;
+use crate::learn::{Nets, Scratch};
+
+/// Costs are integers in this many parts of a step: shortest paths are then exact and the same everywhere.
+const PARTS_PER_STEP: f32 = 1024.0;
+
+/// Candidates around a state or goal that first and last links may lead to.
+const LINKS: usize = 48;
+
+/// A way from one candidate to another.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// Candidate it leaves.
+    pub from: usize,
+    /// Candidate it leads to.
+    pub to: usize,
+    /// D(from, to) by the most pessimistic critic when the graph was built, in steps.
+    pub distance: f32,
+    /// What planning counts for it, in steps: D, or more where experience alone speaks for the edge.
+    pub cost: f32,
+}
+
+/// Candidates and edges at one moment of training.
+#[derive(Clone, Debug)]
+pub struct BridgeGraph {
+    spec: Spec,
+    settings: BridgeSettings,
+    experience: Experience,
+    edges: Vec<Edge>,
+    /// `incoming[first[j]..first[j + 1]]`: index of each edge that leads to j.
+    incoming: Vec<u32>,
+    first: Vec<u32>,
+}
+
+/// Distances of the graph as training targets: pairs (candidate, goal candidate, steps).
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Distilled {
+    /// Candidate, goal candidate and graph distance in steps.
+    pub pairs: Vec<(u32, u32, f32)>,
+}
+
+/// The ways to one goal through the graph.
+#[derive(Clone, Debug)]
+pub struct Route {
+    /// The goal, `(goal_dim)`.
+    pub goal: Vec<f32>,
+    /// Steps from each candidate to the goal through the graph; infinite where there is no way.
+    pub steps: Vec<f32>,
+    /// Each candidate's next one on that way; itself where the goal comes next.
+    pub next: Vec<u32>,
+    /// The candidate that is nearest to the goal by D.
+    pub nearest: Option<usize>,
+}
+
+/// Nodes of a search: candidates, and the goal that it starts from.
+const GOAL: u32 = u32::MAX;
+
+impl BridgeGraph {
+    /// Builds the graph from what is known now: an edge i -> j where D(i,j) is below the cut-off and, unless edges
+    /// need not be verified, some trajectory went that way in about D steps.
+    pub fn build(
+        spec: &Spec,
+        settings: &BridgeSettings,
+        experience: &Experience,
+        nets: &Nets,
+        scratch: &mut Scratch,
+    ) -> Self {
+        let mut edges = Vec::new();
+        let (s, g) = (spec.state_dim(), spec.goal_dim());
+        let (mut states, mut goals, mut distances) = (Vec::new(), Vec::new(), Vec::new());
+        for from in 0..experience.len() {
+            let state = &experience.states()[from * s..(from + 1) * s];
+            let to: Vec<usize> = if settings.verify_edges {
+                (0..experience.len()).filter(|to| *to != from && experience.observed(from, *to) != NEVER).collect()
+            } else {
+                let near = nearest(spec, experience, state);
+                near.into_iter().filter(|to| *to != from).collect()
+            };
+            states.clear();
+            goals.clear();
+            for to in &to {
+                states.extend(state);
+                goals.extend(&experience.points()[to * g..(to + 1) * g]);
+            }
+            distances.resize(to.len(), 0.0);
+            nets.distances(&states, &goals, &mut distances, scratch);
+            let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
+                let cost = link_cost(settings, *distance, experience.observed(from, *to))?;
+                Some(Edge { from, to: *to, distance: *distance, cost })
+            });
+            edges.extend(found);
+        }
+        let mut first = vec![0u32; experience.len() + 1];
+        edges.iter().for_each(|e| first[e.to + 1] += 1);
+        (1..first.len()).for_each(|i| first[i] += first[i - 1]);
+        let mut incoming: Vec<u32> = (0..edges.len() as u32).collect();
+        incoming.sort_by_key(|i| edges[*i as usize].to);
+        Self { spec: spec.clone(), settings: settings.clone(), experience: experience.clone(), edges, incoming, first }
+    }
+
+    /// All edges, by the candidate that they leave.
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// The candidates, and what was observed between them, when the graph was built.
+    pub fn experience(&self) -> &Experience {
+        &self.experience
+    }
+
+    /// Candidate `i` as a goal, `(goal_dim)`.
+    pub fn point(&self, i: usize) -> &[f32] {
+        let g = self.spec.goal_dim();
+        &self.experience.points()[i * g..(i + 1) * g]
+    }
+
+    /// Candidate `i` as a state, `(state_dim)`.
+    pub fn state(&self, i: usize) -> &[f32] {
+        let s = self.spec.state_dim();
+        &self.experience.states()[i * s..(i + 1) * s]
+    }
+
+    pub(super) fn settings(&self) -> &BridgeSettings {
+        &self.settings
+    }
+
+    pub(super) fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    /// The ways to `goal`: last links from candidates around it, then shortest paths back through the graph.
+    pub fn route(&self, goal: &[f32], nets: &Nets, scratch: &mut Scratch) -> Route {
+        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        // Candidates around the goal by straight line; D then says how far they are.
+        let mut around: Vec<(usize, f32)> = (0..self.experience.len())
+            .map(|i| (i, self.spec.goal_distance(&self.experience.states()[i * s..(i + 1) * s], goal)))
+            .collect();
+        around.sort_by(|a, b| a.1.total_cmp(&b.1));
+        around.truncate(LINKS);
+        let states: Vec<f32> = around.iter().flat_map(|(i, _)| self.state(*i).iter().copied()).collect();
+        let mut distances = vec![0.0; around.len()];
+        nets.distances(&states, &goal.repeat(states.len() / s), &mut distances, scratch);
+        debug_assert_eq!(goal.len(), g);
+        let nearest = around.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|((i, _), _)| *i);
+        let links: Vec<(u32, u32)> = around
+            .iter()
+            .zip(&distances)
+            .filter_map(|((i, _), d)| Some((*i as u32, parts(self.link(Some(*i), nearest, *d)?))))
+            .collect();
+        self.paths_back(goal, nearest, &links)
+    }
+
+    /// The ways to candidate `i` as a goal.
+    fn route_to_candidate(&self, i: usize) -> Route {
+        self.paths_back(self.point(i), Some(i), &[(i as u32, 0)])
+    }
+
+    fn paths_back(&self, goal: &[f32], nearest: Option<usize>, links: &[(u32, u32)]) -> Route {
+        let predecessors = |node: &u32| {
+            let from_goal = if *node == GOAL { links } else { &[] };
+            let incoming = match *node {
+                GOAL => &[],
+                j => &self.incoming[self.first[j as usize] as usize..self.first[j as usize + 1] as usize],
+            };
+            let edges = incoming.iter().map(|e| {
+                let edge = &self.edges[*e as usize];
+                (edge.from as u32, parts(edge.cost))
+            });
+            from_goal.iter().copied().chain(edges).collect::<Vec<_>>()
+        };
+        let mut steps = vec![f32::INFINITY; self.experience.len()];
+        let mut next: Vec<u32> = (0..steps.len() as u32).collect();
+        for (node, (towards, cost)) in dijkstra_all(&GOAL, predecessors) {
+            if node != GOAL {
+                steps[node as usize] = cost as f32 / PARTS_PER_STEP;
+                next[node as usize] = if towards == GOAL { node } else { towards };
+            }
+        }
+        Route { goal: goal.to_vec(), steps, next, nearest }
+    }
+
+    /// What a link of length D between a state near candidate `from` and a goal near `to` costs, in steps; `None`
+    /// where it may not be used. Links are verified as edges are, by the candidates nearest to their ends.
+    pub(super) fn link(&self, from: Option<usize>, to: Option<usize>, distance: f32) -> Option<f32> {
+        let (Some(from), Some(to)) = (from, to) else { return None };
+        link_cost(&self.settings, distance, self.experience.observed(from, to))
+    }
+
+    /// Candidates near `state` by straight line, nearest first.
+    pub(super) fn around(&self, state: &[f32]) -> Vec<usize> {
+        nearest(&self.spec, &self.experience, state)
+    }
+
+    /// Draws `goals` candidates and takes the graph distances to each from everywhere.
+    pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> Distilled {
+        let mut pairs = Vec::new();
+        for _ in 0..goals.min(self.experience.len()) {
+            let goal = rng.random_range(0..self.experience.len());
+            let route = self.route_to_candidate(goal);
+            let reachable = route.steps.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
+            pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, *s)));
+        }
+        Distilled { pairs }
+    }
+}
+
+fn parts(cost: f32) -> u32 {
+    (cost * PARTS_PER_STEP) as u32
+}
+
+/// The [`LINKS`] candidates nearest to `state`, nearest first.
+fn nearest(spec: &Spec, experience: &Experience, state: &[f32]) -> Vec<usize> {
+    let points = experience.points().chunks_exact(spec.goal_dim());
+    let mut all: Vec<(usize, f32)> = points.enumerate().map(|(i, p)| (i, spec.goal_distance(state, p))).collect();
+    if all.len() > LINKS {
+        all.select_nth_unstable_by(LINKS, |a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        all.truncate(LINKS);
+    }
+    all.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+    all.into_iter().map(|(i, _)| i).collect()
+}
+
+/// Observed steps end within a goal radius of each end, and exploration wanders.
+const OBSERVED_SLACK_STEPS: f32 = 3.0;
+
+/// By how much more than D a trajectory may have taken to verify it.
+const OBSERVED_FACTOR: f32 = 1.5;
+
+/// What a pair known to experience but not to D costs beyond the steps observed.
+const OBSERVED_PENALTY_STEPS: f32 = 4.0;
+
+/// Cost of a way of length `distance` (by D) for which the fewest steps seen are `observed`; `None` for no way.
+fn link_cost(settings: &BridgeSettings, distance: f32, observed: u16) -> Option<f32> {
+    let seen = observed != NEVER;
+    let observed = f32::from(observed);
+    if distance < settings.edge_cutoff_steps {
+        let verified = seen && observed <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
+        return (verified || !settings.verify_edges).then_some(distance);
+    }
+    let kept = settings.keep_observed_edges && seen;
+    kept.then(|| settings.edge_cutoff_steps.max(observed + OBSERVED_PENALTY_STEPS))
+}

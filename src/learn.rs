@@ -1,0 +1,28 @@
+//! The learner: distance critics, dynamics model and actor, trained from replayed transitions without any reward.
+//!
+//! It knows states, goals and actions by their [`crate::env::Spec`] and nothing else. A [`Batch`] drawn from the
+//! [`Replay`] goes into [`Learner::update`]; a [`Policy`] is a frozen copy of the networks for planning, evaluation
+//! and display.
+
+mod adam;
+mod batch;
+mod encoder;
+mod grid;
+mod kernel;
+mod learner;
+mod losses;
+mod mlp;
+mod network;
+mod policy;
+mod reference;
+mod replay;
+mod settings;
+
+pub use batch::{Batch, BatchSampler};
+pub use encoder::Encoder;
+pub use learner::{Learner, LearnerState, Losses};
+pub use network::NetworkState;
+pub use policy::{Nets, Policy, Scratch};
+pub use reference::Reference;
+pub use replay::{Moment, Replay, ReplayState, Sizes};
+pub use settings::{LearnSettings, LossScale};

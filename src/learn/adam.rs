@@ -1,0 +1,59 @@
+//! Adam on a candle variable, in place, with moments that a checkpoint can hold.
+
+use std::cell::RefCell;
+
+use candle_core::{CpuStorage, InplaceOp1, Layout, Result, Var, bail};
+
+use super::kernel::{self, AdamRate, BETA};
+
+const EPSILON: f64 = 1e-8;
+
+/// First and second moment of a variable's gradient.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Moments {
+    pub m: Vec<f32>,
+    pub v: Vec<f32>,
+}
+
+impl Moments {
+    /// Moments of `length` numbers, all zero.
+    pub fn new(length: usize) -> Self {
+        Self { m: vec![0.0; length], v: vec![0.0; length] }
+    }
+}
+
+/// Step size at update number `step` (from 1).
+pub fn adam_rate(learning_rate: f32, step: u64) -> AdamRate {
+    let step = step.min(1 << 30) as i32;
+    let (c1, c2) = (1.0 - f64::from(BETA.0).powi(step), (1.0 - f64::from(BETA.1).powi(step)).sqrt());
+    AdamRate { rate: (f64::from(learning_rate) * c2 / c1) as f32, epsilon: (EPSILON * c2) as f32 }
+}
+
+/// Changes a variable's numbers in place.
+pub fn modify(var: &Var, change: impl FnOnce(&mut [f32])) -> Result<()> {
+    var.inplace_op1(&Modify(RefCell::new(Some(change))))
+}
+
+/// One dense Adam step; the gradient is cleared.
+pub fn adam_step(var: &Var, moments: &mut Moments, gradient: &mut [f32], rate: AdamRate) -> Result<()> {
+    modify(var, |w| kernel::adam(w, &mut moments.m, &mut moments.v, gradient, rate))
+}
+
+/// A change as a candle operation; it runs once.
+struct Modify<F>(RefCell<Option<F>>);
+
+impl<F: FnOnce(&mut [f32])> InplaceOp1 for Modify<F> {
+    fn name(&self) -> &'static str {
+        "modify"
+    }
+
+    fn cpu_fwd(&self, storage: &mut CpuStorage, layout: &Layout) -> Result<()> {
+        let (CpuStorage::F32(data), Some((from, to)), Some(change)) =
+            (storage, layout.contiguous_offsets(), self.0.borrow_mut().take())
+        else {
+            bail!("parameters are contiguous f32, changed once at a time")
+        };
+        change(&mut data[from..to]);
+        Ok(())
+    }
+}

@@ -1,0 +1,142 @@
+//! Batches drawn from the replay: which pairs, with which goals, and what their distance is bounded by.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::replay::{Moment, Replay};
+use super::settings::LearnSettings;
+use crate::env::Spec;
+
+/// Training data of one update.
+#[derive(Clone, Debug, Default)]
+pub struct Batch {
+    /// States s of the pairs, `(batch, state_dim)`.
+    pub states: Vec<f32>,
+    /// Goals g of the pairs, `(batch, goal_dim)`.
+    pub goals: Vec<f32>,
+    /// The states from which targets bootstrap, `(batch, state_dim)`.
+    pub ahead: Vec<f32>,
+    /// Steps from s to the state ahead, or to the goal, `(batch)`.
+    pub steps: Vec<f32>,
+    /// 1 where the target adds D'(ahead, g), 0 where the goal was reached, `(batch)`.
+    pub bootstrap: Vec<f32>,
+    /// What the target may not exceed, `(batch)`; infinite where nothing is known.
+    pub bound: Vec<f32>,
+    /// Transitions for the dynamics model: states `(batch, state_dim)`,
+    pub from: Vec<f32>,
+    /// actions `(batch, action_dim)`,
+    pub actions: Vec<f32>,
+    /// and next states `(batch, state_dim)`.
+    pub next: Vec<f32>,
+}
+
+impl Batch {
+    /// Pairs in the batch.
+    pub fn len(&self) -> usize {
+        self.steps.len()
+    }
+
+    /// Whether there is no pair.
+    pub fn is_empty(&self) -> bool {
+        self.steps.is_empty()
+    }
+
+    /// Replaces pair `i` by one whose distance is known from elsewhere (distillation).
+    pub fn set_known(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
+        self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
+        self.ahead[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
+        self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);
+        self.steps[i] = steps;
+        self.bootstrap[i] = 0.0;
+        self.bound[i] = f32::INFINITY;
+    }
+
+    fn clear(&mut self) {
+        for numbers in [&mut self.states, &mut self.goals, &mut self.ahead, &mut self.from, &mut self.actions] {
+            numbers.clear();
+        }
+        for numbers in [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound] {
+            numbers.clear();
+        }
+    }
+}
+
+/// Draws batches as the settings say.
+#[derive(Clone, Debug)]
+pub struct BatchSampler {
+    spec: Spec,
+    settings: LearnSettings,
+}
+
+impl BatchSampler {
+    /// A sampler for an environment of `spec`.
+    pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
+        Self { spec: spec.clone(), settings: settings.clone() }
+    }
+
+    /// Fills `batch` anew.
+    pub fn sample(&self, replay: &Replay, rng: &mut ChaCha8Rng, batch: &mut Batch) {
+        batch.clear();
+        for _ in 0..self.settings.batch {
+            let (moment, left) = replay.sample(rng);
+            let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
+            let state = replay.state(moment);
+            let goal = &batch.goals[batch.goals.len() - self.spec.goal_dim()..];
+            let (steps, reached) = self.look_ahead(replay, moment, left, goal);
+            batch.states.extend(state);
+            batch.ahead.extend(replay.state(later(moment, steps)));
+            batch.steps.push(steps as f32);
+            batch.bootstrap.push(if reached { 0.0 } else { 1.0 });
+            batch.bound.push(if self.settings.hindsight_bound { bound } else { f32::INFINITY });
+            batch.from.extend(state);
+            batch.actions.extend(replay.action(moment));
+            batch.next.extend(replay.state(later(moment, 1)));
+        }
+    }
+
+    /// Chooses a goal for `moment`; returns in how many steps it was reached, infinite if that is not known.
+    fn push_goal(
+        &self,
+        replay: &Replay,
+        moment: Moment,
+        left: usize,
+        rng: &mut ChaCha8Rng,
+        goals: &mut Vec<f32>,
+    ) -> f32 {
+        let kind: f32 = rng.random();
+        if kind < self.settings.goal_hindsight {
+            let ahead = self.hindsight_steps(left, rng);
+            goals.extend(self.spec.achieved(replay.state(later(moment, ahead))));
+            return ahead as f32;
+        }
+        if kind < self.settings.goal_hindsight + self.settings.goal_random {
+            goals.extend(self.spec.achieved(replay.state(replay.sample_any(rng))));
+        } else {
+            goals.extend(replay.goal(moment));
+        }
+        f32::INFINITY
+    }
+
+    /// How many steps ahead a hindsight goal lies, from 1 to `left`.
+    fn hindsight_steps(&self, left: usize, rng: &mut ChaCha8Rng) -> usize {
+        let geometric = rng.random::<f32>() < self.settings.goal_geometric;
+        let mean = self.settings.goal_geometric_mean_steps;
+        if geometric && mean > 1.0 {
+            let u: f32 = 1.0 - rng.random::<f32>();
+            return (1 + (u.ln() / (1.0 - 1.0 / mean).ln()) as usize).min(left);
+        }
+        if geometric { 1 } else { rng.random_range(1..=left) }
+    }
+
+    /// Steps from `moment` to the state ahead and whether the goal is reached there: the n-step return is cut at the
+    /// goal and at the episode's end. d = 0 where the state is at the goal already (Algorithm 1).
+    fn look_ahead(&self, replay: &Replay, moment: Moment, left: usize, goal: &[f32]) -> (usize, bool) {
+        let last = self.settings.n_step.min(left);
+        let reached = (0..=last).find(|k| self.spec.reached(replay.state(later(moment, *k)), goal));
+        reached.map_or((last, false), |steps| (steps, true))
+    }
+}
+
+fn later(moment: Moment, steps: usize) -> Moment {
+    Moment { slot: moment.slot + steps as u64, ..moment }
+}

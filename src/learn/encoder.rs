@@ -1,0 +1,231 @@
+//! From raw states and goals to the numbers that the networks read.
+
+use std::f32::consts::PI;
+
+use super::grid::{GridShape, TableView};
+use super::settings::LearnSettings;
+use crate::env::Spec;
+
+/// Input features of states and of (state, goal) pairs.
+///
+/// A *plain* state row is `[u | sin, cos(pi 2^l u_a)]` with `u` the state scaled to [-1, 1] and `u_a` its achieved
+/// goal. A plain pair row is that, the same of the goal, and `tanh((g - s_a) / c)` for each relative scale. They
+/// depend on no parameter, so that all networks share them. A network with a grid encoding reads the encoded
+/// position(s) behind them.
+#[derive(Clone, Debug)]
+pub struct Encoder {
+    spec: Spec,
+    octaves: usize,
+    /// 1 / c for each relative scale, in 1 / length.
+    relative: Vec<f32>,
+    grid: Option<GridShape>,
+}
+
+impl Encoder {
+    /// The features that `settings` ask for in an environment of `spec`.
+    pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
+        let dims = spec.goal_dim();
+        let grid = (spec.goals_are_positions && (1..=3).contains(&dims) && !settings.grid_cells.is_empty()).then(|| {
+            let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
+            GridShape::new(dims, settings.grid_channels, &settings.grid_cells, 2.0 * half / spec.goal_radius)
+        });
+        Self {
+            octaves: settings.fourier_octaves,
+            relative: settings.relative_scales.iter().map(|c| 1.0 / (c * spec.goal_radius)).collect(),
+            spec: spec.clone(),
+            grid,
+        }
+    }
+
+    /// The environment's sizes and scales.
+    pub fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    /// Geometry of the grid encoding, if there is one.
+    pub fn grid(&self) -> Option<&GridShape> {
+        self.grid.as_ref()
+    }
+
+    /// Fourier octaves of each position.
+    pub fn octaves(&self) -> usize {
+        self.octaves
+    }
+
+    /// 1 / c of each relative scale.
+    pub fn relative(&self) -> &[f32] {
+        &self.relative
+    }
+
+    /// Width of the grid encoding of one position; 0 without one.
+    pub fn grid_width(&self) -> usize {
+        self.grid.as_ref().map_or(0, GridShape::width)
+    }
+
+    fn goal_features(&self) -> usize {
+        self.spec.goal_dim() * 2 * self.octaves
+    }
+
+    /// Width of a plain state row.
+    pub fn plain_state_width(&self) -> usize {
+        self.spec.state_dim() + self.goal_features()
+    }
+
+    /// Width of a plain pair row.
+    pub fn plain_pair_width(&self) -> usize {
+        let goal = self.spec.goal_dim();
+        self.plain_state_width() + goal + self.goal_features() + goal * self.relative.len()
+    }
+
+    /// Width of a pair row with the grid encodings of state and goal.
+    pub fn pair_width(&self) -> usize {
+        self.plain_pair_width() + 2 * self.grid_width()
+    }
+
+    /// Width of a state row with its grid encoding.
+    pub fn state_width(&self) -> usize {
+        self.plain_state_width() + self.grid_width()
+    }
+
+    /// Writes the plain row of `state`.
+    pub fn plain_state(&self, state: &[f32], row: &mut [f32]) {
+        let (scaled, fourier) = row.split_at_mut(self.spec.state_dim());
+        for (i, u) in scaled.iter_mut().enumerate() {
+            *u = (state[i] - self.spec.state_centre[i]) / self.spec.state_half_range[i];
+        }
+        if self.octaves > 0 {
+            for (i, out) in self.spec.achieved.iter().zip(fourier.chunks_exact_mut(2 * self.octaves)) {
+                octaves(scaled[*i], out);
+            }
+        }
+    }
+
+    /// Writes the plain row of (`state`, `goal`).
+    pub fn plain_pair(&self, state: &[f32], goal: &[f32], row: &mut [f32]) {
+        let goal_dim = self.spec.goal_dim();
+        let (state_row, rest) = row.split_at_mut(self.plain_state_width());
+        self.plain_state(state, state_row);
+        let (scaled, rest) = rest.split_at_mut(goal_dim);
+        self.scaled_goal(goal, scaled);
+        let (fourier, relative) = rest.split_at_mut(self.goal_features());
+        if self.octaves > 0 {
+            for (u, out) in scaled.iter().zip(fourier.chunks_exact_mut(2 * self.octaves)) {
+                octaves(*u, out);
+            }
+        }
+        if !self.relative.is_empty() {
+            let difference = goal.iter().zip(self.spec.achieved(state)).map(|(g, s)| g - s);
+            for (d, out) in difference.zip(relative.chunks_exact_mut(self.relative.len())) {
+                for (out, rate) in out.iter_mut().zip(&self.relative) {
+                    *out = (d * rate).tanh();
+                }
+            }
+        }
+    }
+
+    /// The goal scaled to [-1, 1].
+    pub fn scaled_goal(&self, goal: &[f32], out: &mut [f32]) {
+        for ((out, g), i) in out.iter_mut().zip(goal).zip(&self.spec.achieved) {
+            *out = (g - self.spec.state_centre[*i]) / self.spec.state_half_range[*i];
+        }
+    }
+
+    /// The achieved goal of `state` scaled to [-1, 1]: where its grid encoding is read.
+    pub fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
+        for (out, i) in out.iter_mut().zip(&self.spec.achieved) {
+            *out = (state[*i] - self.spec.state_centre[*i]) / self.spec.state_half_range[*i];
+        }
+    }
+
+    /// A pair row: its plain part copied, state and goal read from `table`.
+    pub fn pair(&self, plain: &[f32], state: &[f32], goal: &[f32], table: Option<TableView>, row: &mut [f32]) {
+        let (copy, encoded) = row.split_at_mut(self.plain_pair_width());
+        copy.copy_from_slice(plain);
+        if let (Some(grid), Some(table)) = (&self.grid, table) {
+            let (of_state, of_goal) = encoded.split_at_mut(grid.width());
+            let mut u = [0.0; 3];
+            self.scaled_achieved(state, &mut u[..grid.dims]);
+            grid.encode(table, &u[..grid.dims], of_state);
+            self.scaled_goal(goal, &mut u[..grid.dims]);
+            grid.encode(table, &u[..grid.dims], of_goal);
+        }
+    }
+
+    /// A state row from its plain part (`plain_state_width` numbers) and `table`.
+    pub fn state(&self, plain: &[f32], state: &[f32], table: Option<TableView>, row: &mut [f32]) {
+        let (copy, encoded) = row.split_at_mut(self.plain_state_width());
+        copy.copy_from_slice(plain);
+        if let (Some(grid), Some(table)) = (&self.grid, table) {
+            let mut u = [0.0; 3];
+            self.scaled_achieved(state, &mut u[..grid.dims]);
+            grid.encode(table, &u[..grid.dims], encoded);
+        }
+    }
+
+    /// Gradient with respect to `state` of a function of the pair row `row`, whose gradient is `d_row`; written to
+    /// `d_state`.
+    pub fn pair_state_gradient(
+        &self,
+        state: &[f32],
+        row: &[f32],
+        d_row: &[f32],
+        table: Option<&[f32]>,
+        d_state: &mut [f32],
+    ) {
+        let (state_dim, goal_dim) = (self.spec.state_dim(), self.spec.goal_dim());
+        // With respect to the scaled state first.
+        d_state.copy_from_slice(&d_row[..state_dim]);
+        if self.octaves > 0 {
+            let width = 2 * self.octaves;
+            let values = row[state_dim..].chunks_exact(width);
+            let gradients = d_row[state_dim..].chunks_exact(width);
+            for ((i, v), d) in self.spec.achieved.iter().zip(values).zip(gradients) {
+                d_state[*i] += octaves_gradient(v, d);
+            }
+        }
+        if let (Some(grid), Some(table)) = (&self.grid, table) {
+            let mut u = [0.0; 3];
+            let mut du = [0.0; 3];
+            self.scaled_achieved(state, &mut u[..grid.dims]);
+            let from = self.plain_pair_width();
+            grid.position_gradient(table, &u[..grid.dims], &d_row[from..from + grid.width()], &mut du[..grid.dims]);
+            for (i, du) in self.spec.achieved.iter().zip(du) {
+                d_state[*i] += du;
+            }
+        }
+        for (d, half) in d_state.iter_mut().zip(&self.spec.state_half_range) {
+            *d /= half;
+        }
+        if !self.relative.is_empty() {
+            let from = self.plain_pair_width() - goal_dim * self.relative.len();
+            let values = row[from..].chunks_exact(self.relative.len());
+            let gradients = d_row[from..].chunks_exact(self.relative.len());
+            for ((i, v), d) in self.spec.achieved.iter().zip(values).zip(gradients) {
+                for ((t, d), rate) in v.iter().zip(d).zip(&self.relative) {
+                    d_state[*i] -= d * (1.0 - t * t) * rate;
+                }
+            }
+        }
+    }
+}
+
+/// `sin(pi 2^l u), cos(pi 2^l u)` for l = 0, 1, ..., each from the one before by the double-angle formulas.
+fn octaves(u: f32, out: &mut [f32]) {
+    let (mut sin, mut cos) = (PI * u).sin_cos();
+    for pair in out.chunks_exact_mut(2) {
+        pair[0] = sin;
+        pair[1] = cos;
+        (sin, cos) = (2.0 * sin * cos, cos * cos - sin * sin);
+    }
+}
+
+/// Gradient of the octaves with respect to u, from their values and gradients.
+fn octaves_gradient(values: &[f32], gradients: &[f32]) -> f32 {
+    let mut rate = PI;
+    let mut sum = 0.0;
+    for (v, d) in values.chunks_exact(2).zip(gradients.chunks_exact(2)) {
+        sum += rate * (d[0] * v[1] - d[1] * v[0]);
+        rate *= 2.0;
+    }
+    sum
+}

@@ -1,0 +1,198 @@
+//! Trainable grid encoding: tables of channels at the corners of grids of several resolutions, read by multilinear
+//! interpolation at a position (the dense levels of Müller et al. 2022, "Instant neural graphics primitives").
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// A level whose table would have more corners than this gets larger cells instead.
+const MOST_CORNERS: usize = 1 << 19;
+
+/// Geometry of the tables; positions come scaled to [-1, 1] along every axis.
+#[derive(Clone, Debug, PartialEq)]
+pub struct GridShape {
+    /// Axes of a position.
+    pub dims: usize,
+    /// Trainable numbers at each corner.
+    pub channels: usize,
+    /// Corners along each axis, and the index of the first one in the table, for each level.
+    pub levels: Vec<Level>,
+}
+
+/// One resolution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Level {
+    /// Corners along each axis.
+    pub corners: usize,
+    /// Index of its first corner in the table of all levels.
+    pub first: usize,
+}
+
+/// Read access to a table: the current one, or its running average.
+#[derive(Clone, Copy)]
+pub struct TableView<'a> {
+    /// `(corners, channels)`.
+    pub current: &'a [f32],
+    /// The average, stored lazily: what it was when its corner last changed.
+    pub average: Option<LazyView<'a>>,
+}
+
+/// The running average of a table of which each update changes few corners.
+///
+/// While a corner stays as it is, its average approaches it by the same factor at every update, so that the
+/// average at any later time follows from the one at its last change: only changed corners cost work.
+#[derive(Clone, Copy)]
+pub struct LazyView<'a> {
+    /// `(corners, channels)`, each as it was after update `last`.
+    pub stored: &'a [f32],
+    /// Update up to which each corner's average is stored, `(corners)`.
+    pub last: &'a [u32],
+    /// Updates done so far.
+    pub now: u32,
+    /// `decay[k] = (1 - tau)^k`; 0 beyond its end.
+    pub decay: &'a [f32],
+}
+
+impl LazyView<'_> {
+    /// By how much corner `corner` still differs from its current value, as a share of the stored difference.
+    #[inline]
+    pub fn remaining(&self, corner: usize) -> f32 {
+        self.decay.get((self.now - self.last[corner]) as usize).copied().unwrap_or(0.0)
+    }
+}
+
+/// Where a position falls in one level: the lower corner and the share of the upper one along each axis.
+#[derive(Clone, Copy)]
+struct Place {
+    corner: usize,
+    share: [f32; 3],
+}
+
+impl GridShape {
+    /// Tables for positions of `dims` axes; `cell_sizes` in units of which the range [-1, 1] holds `units`.
+    ///
+    /// # Panics
+    /// If `dims` is not 1, 2 or 3.
+    pub fn new(dims: usize, channels: usize, cell_sizes: &[f32], units: f32) -> Self {
+        assert!((1..=3).contains(&dims), "grid encoding is for positions of one to three axes");
+        let mut levels: Vec<Level> = Vec::new();
+        let mut first = 0;
+        for size in cell_sizes {
+            let mut corners = (units / size).ceil() as usize + 1;
+            while corners.pow(dims as u32) > MOST_CORNERS {
+                corners = corners.div_ceil(2);
+            }
+            corners = corners.max(2);
+            if levels.iter().any(|l| l.corners == corners) {
+                continue;
+            }
+            levels.push(Level { corners, first });
+            first += corners.pow(dims as u32);
+        }
+        Self { dims, channels, levels }
+    }
+
+    /// Corners of all levels.
+    pub fn corners(&self) -> usize {
+        self.levels.last().map_or(0, |l| l.first + l.corners.pow(self.dims as u32))
+    }
+
+    /// Numbers that a position is encoded in.
+    pub fn width(&self) -> usize {
+        self.levels.len() * self.channels
+    }
+
+    /// A fresh table: small numbers, as a start at zero would never leave the products of layers.
+    pub fn initial(&self, rng: &mut ChaCha8Rng) -> Vec<f32> {
+        (0..self.corners() * self.channels).map(|_| rng.random_range(-0.01..0.01)).collect()
+    }
+
+    fn place(&self, level: Level, position: &[f32]) -> Place {
+        let mut place = Place { corner: level.first, share: [0.0; 3] };
+        let mut stride = 1;
+        for (share, u) in place.share.iter_mut().zip(position) {
+            let at = ((u + 1.0) * 0.5).clamp(0.0, 1.0) * (level.corners - 1) as f32;
+            let lower = (at as usize).min(level.corners - 2);
+            *share = at - lower as f32;
+            place.corner += lower * stride;
+            stride *= level.corners;
+        }
+        place
+    }
+
+    /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` says upper along axis k.
+    #[inline]
+    fn around(&self, level: Level, place: &Place, mut visit: impl FnMut(usize, usize)) {
+        for bits in 0..1usize << self.dims {
+            let mut corner = place.corner;
+            let mut stride = 1;
+            for axis in 0..self.dims {
+                if bits >> axis & 1 == 1 {
+                    corner += stride;
+                }
+                stride *= level.corners;
+            }
+            visit(corner, bits);
+        }
+    }
+
+    fn weight(&self, place: &Place, bits: usize) -> f32 {
+        (0..self.dims).map(|axis| axis_weight(place, bits, axis)).product()
+    }
+
+    /// Encodes `position` (`dims`, scaled) into `out` (`width`).
+    pub fn encode(&self, table: TableView, position: &[f32], out: &mut [f32]) {
+        out.fill(0.0);
+        for (level, out) in self.levels.iter().zip(out.chunks_exact_mut(self.channels)) {
+            let place = self.place(*level, position);
+            self.around(*level, &place, |corner, bits| {
+                let weight = self.weight(&place, bits);
+                let at = corner * self.channels..(corner + 1) * self.channels;
+                let current = &table.current[at.clone()];
+                match &table.average {
+                    None => out.iter_mut().zip(current).for_each(|(o, c)| *o += weight * c),
+                    Some(lazy) => {
+                        let remaining = lazy.remaining(corner);
+                        let stored = &lazy.stored[at];
+                        for ((o, c), s) in out.iter_mut().zip(current).zip(stored) {
+                            *o += weight * (c + (s - c) * remaining);
+                        }
+                    }
+                }
+            });
+        }
+    }
+
+    /// Adds the encoding's gradient with respect to the scaled position to `d_position`, from `d_out` (`width`).
+    pub fn position_gradient(&self, table: &[f32], position: &[f32], d_out: &[f32], d_position: &mut [f32]) {
+        for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
+            let place = self.place(*level, position);
+            let per_unit = 0.5 * (level.corners - 1) as f32;
+            self.around(*level, &place, |corner, bits| {
+                let values = &table[corner * self.channels..(corner + 1) * self.channels];
+                let along: f32 = values.iter().zip(d_out).map(|(v, d)| v * d).sum();
+                for (axis, d) in d_position.iter_mut().enumerate().take(self.dims) {
+                    let others: f32 =
+                        (0..self.dims).filter(|a| *a != axis).map(|a| axis_weight(&place, bits, a)).product();
+                    let sign = if bits >> axis & 1 == 1 { per_unit } else { -per_unit };
+                    // Outside the range the place no longer moves.
+                    if position[axis].abs() <= 1.0 {
+                        *d += sign * others * along;
+                    }
+                }
+            });
+        }
+    }
+
+    /// The table's gradient from `d_out` (`width`): calls `add(corner, weight, d_channels)` for each corner read.
+    pub fn table_gradient(&self, position: &[f32], d_out: &[f32], mut add: impl FnMut(usize, f32, &[f32])) {
+        for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
+            let place = self.place(*level, position);
+            self.around(*level, &place, |corner, bits| add(corner, self.weight(&place, bits), d_out));
+        }
+    }
+}
+
+#[inline]
+fn axis_weight(place: &Place, bits: usize, axis: usize) -> f32 {
+    if bits >> axis & 1 == 1 { place.share[axis] } else { 1.0 - place.share[axis] }
+}

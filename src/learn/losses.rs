@@ -1,0 +1,327 @@
+//! Losses and gradients of one part of a batch, by hand (see [`super::Reference`] for the same by autograd).
+
+use super::encoder::Encoder;
+use super::grid::TableView;
+use super::mlp::{Activations, Mlp, Wanted};
+use super::network::{Gradient, Weights};
+use super::settings::{LearnSettings, LossScale};
+
+/// Sizes of the three networks and what their outputs mean.
+#[derive(Clone, Debug)]
+pub struct Shapes {
+    pub encoder: Encoder,
+    pub critic: Mlp,
+    pub actor: Mlp,
+    pub model: Mlp,
+    /// D = scale * softplus(z).
+    pub distance_scale: f32,
+    pub loss: LossScale,
+    pub expectile: f32,
+}
+
+impl Shapes {
+    /// The networks that `settings` ask for.
+    pub fn new(encoder: Encoder, settings: &LearnSettings) -> Self {
+        let spec = encoder.spec();
+        let mlp = |inputs, outputs| Mlp { inputs, hidden: settings.hidden, layers: settings.layers, outputs };
+        Self {
+            critic: mlp(encoder.pair_width(), 1),
+            actor: mlp(encoder.pair_width(), spec.action_dim),
+            model: mlp(encoder.state_width() + spec.action_dim, spec.state_dim()),
+            distance_scale: settings.distance_scale_steps,
+            loss: settings.loss,
+            expectile: settings.expectile,
+            encoder,
+        }
+    }
+}
+
+/// Buffers of one pass, grown to the largest batch seen.
+#[derive(Clone, Debug, Default)]
+pub struct Workspace {
+    plain: Vec<f32>,
+    x: Vec<f32>,
+    y: Vec<f32>,
+    dx: Vec<f32>,
+    acts: Activations,
+}
+
+fn sized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
+    buffer.resize(buffer.len().max(length), 0.0);
+    &mut buffer[..length]
+}
+
+impl Shapes {
+    /// Plain pair rows, `(rows, plain_pair_width)`.
+    pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut Vec<f32>) {
+        let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
+        let width = self.encoder.plain_pair_width();
+        let rows = sized(plain, states.len() / s * width).chunks_exact_mut(width);
+        for ((state, goal), row) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(rows) {
+            self.encoder.plain_pair(state, goal, row);
+        }
+    }
+
+    /// Full pair rows from plain ones and a network's table, `(rows, pair_width)`.
+    fn pairs(&self, plain: &[f32], states: &[f32], goals: &[f32], table: Option<TableView>, x: &mut Vec<f32>) {
+        let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
+        let width = self.encoder.pair_width();
+        let rows = sized(x, states.len() / s * width).chunks_exact_mut(width);
+        let plain = plain.chunks_exact(self.encoder.plain_pair_width());
+        let pairs = states.chunks_exact(s).zip(goals.chunks_exact(g));
+        for (((state, goal), plain), row) in pairs.zip(plain).zip(rows) {
+            self.encoder.pair(plain, state, goal, table, row);
+        }
+    }
+
+    /// D(s, g) of each pair, `(rows)`; `plain` are the pairs' plain rows.
+    pub fn distances(
+        &self,
+        critic: Weights,
+        plain: &[f32],
+        (states, goals): (&[f32], &[f32]),
+        out: &mut [f32],
+        ws: &mut Workspace,
+    ) {
+        self.pairs(plain, states, goals, critic.table, &mut ws.x);
+        let x = &ws.x[..out.len() * self.critic.inputs];
+        self.critic.forward(critic.dense, x, out, &mut ws.acts);
+        for z in out {
+            *z = self.distance_scale * softplus(*z);
+        }
+    }
+
+    /// Actions mu(s, g), `(rows, action_dim)`.
+    pub fn actions(
+        &self,
+        actor: Weights,
+        plain: &[f32],
+        (states, goals): (&[f32], &[f32]),
+        out: &mut [f32],
+        ws: &mut Workspace,
+    ) {
+        self.pairs(plain, states, goals, actor.table, &mut ws.x);
+        let rows = out.len() / self.actor.outputs;
+        self.actor.forward(actor.dense, &ws.x[..rows * self.actor.inputs], out, &mut ws.acts);
+        for a in out {
+            *a = a.tanh();
+        }
+    }
+
+    /// Next states f(s, a) = s + radius * network, `(rows, state_dim)`; keeps the pass for [`Self::model_backward`].
+    fn predict(
+        &self,
+        model: Weights,
+        states: &[f32],
+        actions: &[f32],
+        plain: Option<(&[f32], usize)>,
+        next: &mut [f32],
+        ws: &mut Workspace,
+    ) {
+        let spec = self.encoder.spec();
+        let (s, a) = (spec.state_dim(), spec.action_dim);
+        let (plain_width, width) = (self.encoder.plain_state_width(), self.model.inputs);
+        let rows = states.len() / s;
+        let x = sized(&mut ws.x, rows * width);
+        let own = sized(&mut ws.plain, plain_width);
+        for (i, row) in x.chunks_exact_mut(width).enumerate() {
+            let state = &states[i * s..(i + 1) * s];
+            let (encoded, action) = row.split_at_mut(width - a);
+            // A pair row begins with its state's row.
+            let plain_row = match plain {
+                Some((plain, stride)) => &plain[i * stride..i * stride + plain_width],
+                None => {
+                    self.encoder.plain_state(state, own);
+                    &*own
+                }
+            };
+            self.encoder.state(plain_row, state, model.table, encoded);
+            action.copy_from_slice(&actions[i * a..(i + 1) * a]);
+        }
+        self.model.forward(model.dense, x, next, &mut ws.acts);
+        for (next, state) in next.iter_mut().zip(states) {
+            *next = state + spec.goal_radius * *next;
+        }
+    }
+
+    /// Adds a critic's gradient towards `targets` to `gradient`; `share` is 1 / batch. Returns the part's loss.
+    pub fn critic_gradient(
+        &self,
+        critic: Weights,
+        plain: &[f32],
+        (states, goals): (&[f32], &[f32]),
+        targets: &[f32],
+        share: f32,
+        gradient: &mut Gradient,
+        ws: &mut Workspace,
+    ) -> f32 {
+        let rows = targets.len();
+        self.pairs(plain, states, goals, critic.table, &mut ws.x);
+        let x = &ws.x[..rows * self.critic.inputs];
+        let z = sized(&mut ws.y, rows);
+        self.critic.forward(critic.dense, x, z, &mut ws.acts);
+        let mut loss = 0.0;
+        for (z, target) in z.iter_mut().zip(targets) {
+            let distance = self.distance_scale * softplus(*z);
+            let (error, slope) = self.loss.error(distance, *target);
+            let weight = if error > 0.0 { self.expectile } else { 1.0 - self.expectile };
+            loss += weight * error * error * share;
+            *z = 2.0 * weight * error * slope * share * self.distance_scale * sigmoid(*z);
+        }
+        let from = self.encoder.plain_pair_width();
+        let dx = (from < self.critic.inputs).then(|| (from, sized(&mut ws.dx, rows * (self.critic.inputs - from))));
+        let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
+        self.critic.backward(critic.dense, x, z, &mut ws.acts, wanted);
+        self.add_pair_corners(states, goals, &ws.dx, gradient);
+        loss
+    }
+
+    /// Adds the table gradient of the encodings of states and goals; `dx` is `(rows, 2 * grid_width)`.
+    fn add_pair_corners(&self, states: &[f32], goals: &[f32], dx: &[f32], gradient: &mut Gradient) {
+        let Some(grid) = self.encoder.grid() else { return };
+        let spec = self.encoder.spec();
+        let mut u = [0.0; 3];
+        let u = &mut u[..grid.dims];
+        let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
+        for ((state, goal), d) in pairs.zip(dx.chunks_exact(2 * grid.width())) {
+            let (of_state, of_goal) = d.split_at(grid.width());
+            self.encoder.scaled_achieved(state, u);
+            grid.table_gradient(u, of_state, |corner, weight, d| gradient.add_corner(corner, weight, d));
+            self.encoder.scaled_goal(goal, u);
+            grid.table_gradient(u, of_goal, |corner, weight, d| gradient.add_corner(corner, weight, d));
+        }
+    }
+
+    /// Adds the dynamics model's gradient of mean |f(s, a) - s'|^2 (in squared goal radii) to `gradient`. Returns the
+    /// part's loss.
+    pub fn model_gradient(
+        &self,
+        model: Weights,
+        (states, actions, next): (&[f32], &[f32], &[f32]),
+        share: f32,
+        gradient: &mut Gradient,
+        ws: &mut Workspace,
+    ) -> f32 {
+        let spec = self.encoder.spec();
+        let (s, radius) = (spec.state_dim(), spec.goal_radius);
+        let rows = states.len() / s;
+        let mut predicted = std::mem::take(&mut ws.y);
+        self.predict(model, states, actions, None, sized(&mut predicted, rows * s), ws);
+        let mut loss = 0.0;
+        for (p, n) in predicted[..rows * s].iter_mut().zip(next) {
+            let error = (*p - n) / radius;
+            loss += error * error * share;
+            *p = 2.0 * error * share;
+        }
+        let from = self.encoder.plain_state_width();
+        let (columns, grid_width) = (self.model.inputs - from, self.encoder.grid_width());
+        let dx = (grid_width > 0).then(|| (from, sized(&mut ws.dx, rows * columns)));
+        let x = &ws.x[..rows * self.model.inputs];
+        let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
+        self.model.backward(model.dense, x, &predicted[..rows * s], &mut ws.acts, wanted);
+        ws.y = predicted;
+        if let Some(grid) = self.encoder.grid() {
+            let mut u = [0.0; 3];
+            let u = &mut u[..grid.dims];
+            for (state, d) in states.chunks_exact(s).zip(ws.dx.chunks_exact(columns)) {
+                self.encoder.scaled_achieved(state, u);
+                let d = &d[..grid_width];
+                grid.table_gradient(u, d, |corner, weight, d| gradient.add_corner(corner, weight, d));
+            }
+        }
+        loss
+    }
+
+    /// Adds the actor's goal-distance gradient (Algorithm 1): that of mean D(f(s, mu(s, g)), g), which flows through
+    /// critic and model into the actor alone. Returns the part's loss.
+    pub fn actor_gradient(
+        &self,
+        nets: (Weights, Weights, Weights),
+        plain: &[f32],
+        (states, goals): (&[f32], &[f32]),
+        share: f32,
+        gradient: &mut Gradient,
+        (act, step, judge): (&mut Workspace, &mut Workspace, &mut Workspace),
+    ) -> f32 {
+        let (actor, model, critic) = nets;
+        let spec = self.encoder.spec();
+        let (s, a) = (spec.state_dim(), spec.action_dim);
+        let rows = states.len() / s;
+        // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
+        let mut action = std::mem::take(&mut act.y);
+        self.actions(actor, plain, (states, goals), sized(&mut action, rows * a), act);
+        let mut next = std::mem::take(&mut step.y);
+        let stride = Some((plain, self.encoder.plain_pair_width()));
+        self.predict(model, states, &action[..rows * a], stride, sized(&mut next, rows * s), step);
+        let mut next_plain = std::mem::take(&mut judge.plain);
+        self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
+        self.pairs(&next_plain, &next[..rows * s], goals, critic.table, &mut judge.x);
+        judge.plain = next_plain;
+        let width = self.critic.inputs;
+        let x = &judge.x[..rows * width];
+        let z = sized(&mut judge.y, rows);
+        self.critic.forward(critic.dense, x, z, &mut judge.acts);
+        // Backward, in the opposite order.
+        let mut loss = 0.0;
+        for z in z.iter_mut() {
+            loss += share * self.distance_scale * softplus(*z);
+            *z = share * self.distance_scale * sigmoid(*z);
+        }
+        let dx = sized(&mut judge.dx, rows * width);
+        let wanted = Wanted { parameters: None, inputs: Some((0, &mut *dx)) };
+        self.critic.backward(critic.dense, x, z, &mut judge.acts, wanted);
+        let table = critic.table.map(|t| t.current);
+        let mut d_state = [0.0; MOST_STATE_NUMBERS];
+        let d_state = &mut d_state[..s];
+        for (i, next) in next[..rows * s].chunks_exact_mut(s).enumerate() {
+            let at = i * width..(i + 1) * width;
+            self.encoder.pair_state_gradient(next, &x[at.clone()], &dx[at], table, d_state);
+            for (next, d) in next.iter_mut().zip(&*d_state) {
+                *next = spec.goal_radius * d;
+            }
+        }
+        let d_action = sized(&mut step.dx, rows * a);
+        let wanted = Wanted { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
+        let x = &step.x[..rows * self.model.inputs];
+        self.model.backward(model.dense, x, &next[..rows * s], &mut step.acts, wanted);
+        step.y = next;
+        for (action, d) in action[..rows * a].iter_mut().zip(&*d_action) {
+            *action = d * (1.0 - *action * *action);
+        }
+        let from = self.encoder.plain_pair_width();
+        let dx = (from < self.actor.inputs).then(|| (from, sized(&mut act.dx, rows * (self.actor.inputs - from))));
+        let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
+        let x = &act.x[..rows * self.actor.inputs];
+        self.actor.backward(actor.dense, x, &action[..rows * a], &mut act.acts, wanted);
+        act.y = action;
+        self.add_pair_corners(states, goals, &act.dx, gradient);
+        loss
+    }
+}
+
+/// States of environments are short vectors; their gradients live on the stack.
+pub const MOST_STATE_NUMBERS: usize = 64;
+
+impl LossScale {
+    /// Error of `distance` against `target` on this scale, and the scale's slope at `distance`.
+    fn error(self, distance: f32, target: f32) -> (f32, f32) {
+        match self {
+            Self::Squared => (distance - target, 1.0),
+            Self::Sqrt => {
+                let root = (distance + 0.25).sqrt();
+                (root - (target + 0.25).sqrt(), 0.5 / root)
+            }
+            Self::Log => (distance.ln_1p() - target.ln_1p(), 1.0 / (1.0 + distance)),
+        }
+    }
+}
+
+/// ln(1 + e^z), without overflow.
+fn softplus(z: f32) -> f32 {
+    z.max(0.0) + (-z.abs()).exp().ln_1p()
+}
+
+/// Slope of [`softplus`].
+fn sigmoid(z: f32) -> f32 {
+    1.0 / (1.0 + (-z).exp())
+}

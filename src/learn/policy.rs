@@ -1,0 +1,98 @@
+//! Networks for use: borrowed from the learner, or frozen copies for planning, evaluation and display.
+
+use std::sync::Arc;
+
+use super::grid::TableView;
+use super::losses::{Shapes, Workspace};
+use super::network::Weights;
+
+/// Rows that go through a network at once: their activations stay in the cache.
+const ROWS: usize = 128;
+
+/// Buffers for using networks, one for each thread.
+#[derive(Clone, Debug, Default)]
+pub struct Scratch {
+    plain: Vec<f32>,
+    second: Vec<f32>,
+    ws: Workspace,
+}
+
+/// Borrowed weights of critics and actor.
+#[derive(Clone)]
+pub struct Nets<'a> {
+    pub(super) shapes: &'a Shapes,
+    pub(super) critics: Vec<Weights<'a>>,
+    pub(super) actor: Weights<'a>,
+}
+
+impl Nets<'_> {
+    /// D(s, g) of each pair by the most pessimistic critic, in steps. `states` `(rows, state_dim)`, `goals`
+    /// `(rows, goal_dim)`, `out` `(rows)`.
+    pub fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        let spec = self.shapes.encoder.spec();
+        let (s, g) = (spec.state_dim(), spec.goal_dim());
+        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS));
+        for ((states, goals), out) in chunks {
+            self.shapes.plain_pairs(states, goals, &mut scratch.plain);
+            for (i, critic) in self.critics.iter().enumerate() {
+                if i == 0 {
+                    self.shapes.distances(*critic, &scratch.plain, (states, goals), out, &mut scratch.ws);
+                    continue;
+                }
+                scratch.second.resize(ROWS, 0.0);
+                let second = &mut scratch.second[..out.len()];
+                self.shapes.distances(*critic, &scratch.plain, (states, goals), second, &mut scratch.ws);
+                out.iter_mut().zip(second).for_each(|(d, e)| *d = d.max(*e));
+            }
+        }
+    }
+
+    /// D of a single pair, in steps.
+    pub fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
+        let mut out = [0.0];
+        self.distances(state, goal, &mut out, scratch);
+        out[0]
+    }
+
+    /// Actions mu(s, g), `out` `(rows, action_dim)`.
+    pub fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        let spec = self.shapes.encoder.spec();
+        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * a));
+        for ((states, goals), out) in chunks {
+            self.shapes.plain_pairs(states, goals, &mut scratch.plain);
+            self.shapes.actions(self.actor, &scratch.plain, (states, goals), out, &mut scratch.ws);
+        }
+    }
+}
+
+/// A frozen copy of critics and actor; clones share it.
+#[derive(Clone, Debug)]
+pub struct Policy {
+    shapes: Arc<Shapes>,
+    critics: Arc<Vec<Owned>>,
+    actor: Arc<Owned>,
+}
+
+/// One network's copied weights: flat parameters and grid table.
+type Owned = (Vec<f32>, Vec<f32>);
+
+impl Policy {
+    pub(super) fn new(shapes: Arc<Shapes>, critics: Vec<Owned>, actor: Owned) -> Self {
+        Self { shapes, critics: Arc::new(critics), actor: Arc::new(actor) }
+    }
+
+    /// The networks, to be used.
+    pub fn nets(&self) -> Nets<'_> {
+        Nets {
+            shapes: &self.shapes,
+            critics: self.critics.iter().map(|w| self.weights(w)).collect(),
+            actor: self.weights(&self.actor),
+        }
+    }
+
+    fn weights<'a>(&self, (dense, table): &'a Owned) -> Weights<'a> {
+        let table = self.shapes.encoder.grid().map(|_| TableView { current: table, average: None });
+        Weights { dense, table }
+    }
+}

@@ -1,0 +1,195 @@
+//! The same losses by plain candle operations and autograd: the oracle for the fused gradients, and the path for
+//! devices that the fused kernels do not know.
+
+use candle_core::{D, Device, Result, Tensor};
+
+use super::encoder::Encoder;
+use super::grid::GridShape;
+use super::learner::Learner;
+use super::losses::Shapes;
+use super::mlp::Mlp;
+use super::network::Network;
+use super::settings::LossScale;
+
+/// Losses of a learner's networks as candle tensors, from which `backward` gives every gradient.
+pub struct Reference<'a> {
+    learner: &'a Learner,
+}
+
+impl<'a> Reference<'a> {
+    /// The losses of `learner`'s current weights.
+    pub fn new(learner: &'a Learner) -> Self {
+        Self { learner }
+    }
+
+    fn shapes(&self) -> &Shapes {
+        self.learner.shapes()
+    }
+
+    /// D(s, g) of critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`.
+    ///
+    /// # Errors
+    /// What candle reports, here and below.
+    pub fn distances(&self, k: usize, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+        let critic = &self.learner.critics()[k];
+        let x = self.pair_rows(critic, states, goals)?;
+        let z = mlp(&self.shapes().critic, critic.dense(), &x)?.squeeze(1)?;
+        softplus(&z)? * f64::from(self.shapes().distance_scale)
+    }
+
+    /// Actions mu(s, g), `(rows, action_dim)`.
+    pub fn actions(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+        let actor = self.learner.actor();
+        mlp(&self.shapes().actor, actor.dense(), &self.pair_rows(actor, states, goals)?)?.tanh()
+    }
+
+    /// Next states f(s, a), `(rows, state_dim)`.
+    pub fn predictions(&self, states: &Tensor, actions: &Tensor) -> Result<Tensor> {
+        let model = self.learner.model();
+        let encoder = &self.shapes().encoder;
+        let u = scaled(encoder, states)?;
+        let mut columns = vec![state_row(encoder, &u)?];
+        if let (Some(grid), Some(table)) = (encoder.grid(), model.table()) {
+            columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
+        }
+        columns.push(actions.clone());
+        let change = mlp(&self.shapes().model, model.dense(), &Tensor::cat(&columns, 1)?)?;
+        states + (change * f64::from(encoder.spec().goal_radius))?
+    }
+
+    /// The loss of critic `k` towards `targets` `(rows)`.
+    pub fn critic_loss(&self, k: usize, states: &Tensor, goals: &Tensor, targets: &Tensor) -> Result<Tensor> {
+        let distance = self.distances(k, states, goals)?;
+        let scale = |d: &Tensor| match self.shapes().loss {
+            LossScale::Squared => Ok(d.clone()),
+            LossScale::Sqrt => (d + 0.25)?.sqrt(),
+            LossScale::Log => (d + 1.0)?.log(),
+        };
+        let error = (scale(&distance)? - scale(targets)?)?;
+        let above = error.gt(0.0)?.to_dtype(error.dtype())?;
+        let expectile = f64::from(self.shapes().expectile);
+        let weight = ((above * (2.0 * expectile - 1.0))? + (1.0 - expectile))?;
+        (weight * error.sqr()?)?.mean_all()
+    }
+
+    /// The dynamics model's loss, in squared goal radii.
+    pub fn model_loss(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
+        let radius = f64::from(self.shapes().encoder.spec().goal_radius);
+        let error = ((self.predictions(states, actions)? - next)? / radius)?;
+        error.sqr()?.sum(D::Minus1)?.mean_all()
+    }
+
+    /// The actor's loss, mean D(f(s, mu(s, g)), g) by the first critic.
+    pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+        let next = self.predictions(states, &self.actions(states, goals)?)?;
+        self.distances(0, &next, goals)?.mean_all()
+    }
+
+    fn pair_rows(&self, network: &Network, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+        let encoder = &self.shapes().encoder;
+        let (u, v) = (scaled(encoder, states)?, scaled_goals(encoder, goals)?);
+        let mut columns = vec![state_row(encoder, &u)?, v.clone()];
+        if encoder.octaves() > 0 {
+            columns.push(fourier(encoder, &v)?);
+        }
+        if !encoder.relative().is_empty() {
+            let difference = (goals - achieved(encoder, states)?)?;
+            for axis in 0..encoder.spec().goal_dim() {
+                let d = difference.narrow(1, axis, 1)?;
+                let rates = Tensor::from_slice(encoder.relative(), (1, encoder.relative().len()), &Device::Cpu)?;
+                columns.push(d.broadcast_mul(&rates)?.tanh()?);
+            }
+        }
+        if let (Some(grid), Some(table)) = (encoder.grid(), network.table()) {
+            columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
+            columns.push(encode(grid, table, &v)?);
+        }
+        Tensor::cat(&columns, 1)
+    }
+}
+
+fn row(values: &[f32]) -> Result<Tensor> {
+    Tensor::from_slice(values, (1, values.len()), &Device::Cpu)
+}
+
+fn scaled(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
+    let spec = encoder.spec();
+    states.broadcast_sub(&row(&spec.state_centre)?)?.broadcast_div(&row(&spec.state_half_range)?)
+}
+
+fn scaled_goals(encoder: &Encoder, goals: &Tensor) -> Result<Tensor> {
+    let spec = encoder.spec();
+    let of = |values: &[f32]| row(&spec.achieved.iter().map(|i| values[*i]).collect::<Vec<_>>());
+    goals.broadcast_sub(&of(&spec.state_centre)?)?.broadcast_div(&of(&spec.state_half_range)?)
+}
+
+fn achieved(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
+    let indices: Vec<u32> = encoder.spec().achieved.iter().map(|i| *i as u32).collect();
+    states.index_select(&Tensor::new(indices, &Device::Cpu)?, 1)
+}
+
+fn state_row(encoder: &Encoder, u: &Tensor) -> Result<Tensor> {
+    if encoder.octaves() == 0 {
+        return Ok(u.clone());
+    }
+    Tensor::cat(&[u, &fourier(encoder, &achieved(encoder, u)?)?], 1)
+}
+
+fn fourier(encoder: &Encoder, u: &Tensor) -> Result<Tensor> {
+    let mut columns = Vec::new();
+    for axis in 0..u.dim(1)? {
+        for octave in 0..encoder.octaves() {
+            let angle = (u.narrow(1, axis, 1)? * (std::f64::consts::PI * f64::from(1u32 << octave)))?;
+            columns.extend([angle.sin()?, angle.cos()?]);
+        }
+    }
+    Tensor::cat(&columns, 1)
+}
+
+/// The grid encoding by index and interpolation, `(rows, levels * channels)`.
+fn encode(grid: &GridShape, table: &Tensor, u: &Tensor) -> Result<Tensor> {
+    let mut columns = Vec::new();
+    for level in &grid.levels {
+        let span = (level.corners - 1) as f64;
+        let at = (((u + 1.0)? * 0.5)?.clamp(0.0, 1.0)? * span)?;
+        let lower = at.floor()?.clamp(0.0, span - 1.0)?.detach();
+        let share = (at - &lower)?;
+        let mut sum: Option<Tensor> = None;
+        for bits in 0..1usize << grid.dims {
+            let mut index = lower.narrow(1, 0, 1)?.zeros_like()?;
+            let mut weight = index.ones_like()?;
+            let mut stride = 1.0;
+            for axis in 0..grid.dims {
+                let upper = bits >> axis & 1;
+                let share = share.narrow(1, axis, 1)?;
+                weight = (weight * if upper == 1 { share } else { (1.0 - share)? })?;
+                index = (index + ((lower.narrow(1, axis, 1)? + upper as f64)? * stride)?)?;
+                stride *= level.corners as f64;
+            }
+            let index = (index + level.first as f64)?.squeeze(1)?.to_dtype(candle_core::DType::U32)?;
+            let read = table.index_select(&index, 0)?.broadcast_mul(&weight)?;
+            sum = Some(match sum {
+                Some(sum) => (sum + read)?,
+                None => read,
+            });
+        }
+        columns.extend(sum);
+    }
+    Tensor::cat(&columns, 1)
+}
+
+fn mlp(shape: &Mlp, parameters: &Tensor, x: &Tensor) -> Result<Tensor> {
+    let part = |range: std::ops::Range<usize>| parameters.narrow(0, range.start, range.len());
+    let mut h = x.clone();
+    for layer in 0..shape.layers {
+        let w = part(shape.weights(layer))?.reshape((shape.layer_inputs(layer), shape.hidden))?;
+        h = h.matmul(&w)?.broadcast_add(&part(shape.bias(layer))?)?.relu()?;
+    }
+    let w = part(shape.output_weights())?.reshape((shape.outputs, shape.hidden))?;
+    h.matmul(&w.t()?)?.broadcast_add(&part(shape.output_bias())?)
+}
+
+/// ln(1 + e^z), without overflow.
+fn softplus(z: &Tensor) -> Result<Tensor> {
+    z.relu()? + (z.abs()?.neg()?.exp()? + 1.0)?.log()?
+}

@@ -1,0 +1,231 @@
+//! The replay: what every agent did, in the order in which it did it.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// Transitions of many agents, one ring for each, episodes one after the other.
+///
+/// A slot holds a state, and the action taken in it towards a goal; the state that followed is in the next slot. An
+/// episode's last state has a slot of its own, without an action.
+#[derive(Clone, Debug)]
+pub struct Replay {
+    sizes: Sizes,
+    agents: usize,
+    /// Slots of each agent.
+    capacity: usize,
+    /// Slots ever written by each agent; slot number i lies at `i % capacity`.
+    written: Vec<u64>,
+    /// Number of the first slot of each agent's episode.
+    episode: Vec<u64>,
+    states: Vec<f32>,
+    actions: Vec<f32>,
+    goals: Vec<f32>,
+    /// Steps from a slot to the end of its episode, for episodes that have ended.
+    left: Vec<u16>,
+}
+
+/// Numbers in a state, a goal and an action.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Sizes {
+    pub state: usize,
+    pub goal: usize,
+    pub action: usize,
+}
+
+impl From<(usize, usize, usize)> for Sizes {
+    fn from((state, goal, action): (usize, usize, usize)) -> Self {
+        Self { state, goal, action }
+    }
+}
+
+/// A stored moment: an agent and the number of its slot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Moment {
+    pub agent: usize,
+    pub slot: u64,
+}
+
+/// A replay's contents as plain numbers, for checkpoints.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ReplayState {
+    pub written: Vec<u64>,
+    pub episode: Vec<u64>,
+    /// `(slots, state_dim)`: each agent's slots, oldest first, one agent after the other.
+    pub states: Vec<f32>,
+    pub actions: Vec<f32>,
+    pub goals: Vec<f32>,
+    pub left: Vec<u16>,
+}
+
+impl Replay {
+    /// Room for about `capacity` transitions of `agents` agents.
+    pub fn new(sizes: Sizes, agents: usize, capacity: usize) -> Self {
+        let capacity = capacity.div_ceil(agents).max(2);
+        let slots = agents * capacity;
+        Self {
+            sizes,
+            agents,
+            capacity,
+            written: vec![0; agents],
+            episode: vec![0; agents],
+            states: vec![0.0; slots * sizes.state],
+            actions: vec![0.0; slots * sizes.action],
+            goals: vec![0.0; slots * sizes.goal],
+            left: vec![0; slots],
+        }
+    }
+
+    /// Stores that `agent` did `action` in `state`, pursuing `goal`.
+    pub fn push(&mut self, agent: usize, state: &[f32], action: &[f32], goal: &[f32]) {
+        let at = self.slot_index(Moment { agent, slot: self.written[agent] });
+        let Sizes { state: s, goal: g, action: a } = self.sizes;
+        self.states[at * s..(at + 1) * s].copy_from_slice(state);
+        self.actions[at * a..(at + 1) * a].copy_from_slice(action);
+        self.goals[at * g..(at + 1) * g].copy_from_slice(goal);
+        self.written[agent] += 1;
+    }
+
+    /// Ends `agent`'s episode in `state`.
+    pub fn end_episode(&mut self, agent: usize, state: &[f32]) {
+        let (action, goal) = (vec![0.0; self.sizes.action], vec![0.0; self.sizes.goal]);
+        self.push(agent, state, &action, &goal);
+        let end = self.written[agent] - 1;
+        let kept = self.oldest(agent).max(self.episode[agent]);
+        for slot in kept..=end {
+            let at = self.slot_index(Moment { agent, slot });
+            self.left[at] = (end - slot).min(u64::from(u16::MAX)) as u16;
+        }
+        self.episode[agent] = end + 1;
+    }
+
+    fn oldest(&self, agent: usize) -> u64 {
+        self.written[agent].saturating_sub(self.capacity as u64)
+    }
+
+    fn slot_index(&self, moment: Moment) -> usize {
+        moment.agent * self.capacity + (moment.slot % self.capacity as u64) as usize
+    }
+
+    /// Slots that hold something.
+    pub fn len(&self) -> usize {
+        self.written.iter().map(|w| (*w).min(self.capacity as u64) as usize).sum()
+    }
+
+    /// Whether nothing is stored.
+    pub fn is_empty(&self) -> bool {
+        self.written.iter().all(|w| *w == 0)
+    }
+
+    /// Slots there is room for.
+    pub fn capacity(&self) -> usize {
+        self.agents * self.capacity
+    }
+
+    /// Whether at least one whole transition is stored.
+    pub fn has_transitions(&self) -> bool {
+        (0..self.agents).any(|agent| {
+            (self.oldest(agent)..self.written[agent]).any(|slot| self.steps_left(Moment { agent, slot }) > 0)
+        })
+    }
+
+    /// How many further steps of its episode are stored after `moment`.
+    pub fn steps_left(&self, moment: Moment) -> usize {
+        if moment.slot >= self.episode[moment.agent] {
+            (self.written[moment.agent] - 1 - moment.slot) as usize
+        } else {
+            usize::from(self.left[self.slot_index(moment)])
+        }
+    }
+
+    /// A random moment from which at least one step is stored.
+    ///
+    /// # Panics
+    /// Loops for ever on a replay without a transition: ask [`Self::has_transitions`] first.
+    pub fn sample(&self, rng: &mut ChaCha8Rng) -> (Moment, usize) {
+        loop {
+            let moment = self.sample_any(rng);
+            let left = self.steps_left(moment);
+            if left > 0 {
+                return (moment, left);
+            }
+        }
+    }
+
+    /// A random stored moment, ends of episodes included.
+    pub fn sample_any(&self, rng: &mut ChaCha8Rng) -> Moment {
+        loop {
+            let agent = rng.random_range(0..self.agents);
+            let (from, to) = (self.oldest(agent), self.written[agent]);
+            if from < to {
+                return Moment { agent, slot: rng.random_range(from..to) };
+            }
+        }
+    }
+
+    /// The state at `moment`.
+    pub fn state(&self, moment: Moment) -> &[f32] {
+        let at = self.slot_index(moment) * self.sizes.state;
+        &self.states[at..at + self.sizes.state]
+    }
+
+    /// The action taken at `moment`.
+    pub fn action(&self, moment: Moment) -> &[f32] {
+        let at = self.slot_index(moment) * self.sizes.action;
+        &self.actions[at..at + self.sizes.action]
+    }
+
+    /// The goal pursued at `moment`.
+    pub fn goal(&self, moment: Moment) -> &[f32] {
+        let at = self.slot_index(moment) * self.sizes.goal;
+        &self.goals[at..at + self.sizes.goal]
+    }
+
+    /// All that is stored, for a checkpoint.
+    pub fn state_of_all(&self) -> ReplayState {
+        let mut out =
+            ReplayState { written: self.written.clone(), episode: self.episode.clone(), ..ReplayState::default() };
+        for agent in 0..self.agents {
+            for slot in self.oldest(agent)..self.written[agent] {
+                let moment = Moment { agent, slot };
+                out.states.extend(self.state(moment));
+                out.actions.extend(self.action(moment));
+                out.goals.extend(self.goal(moment));
+                out.left.push(self.left[self.slot_index(moment)]);
+            }
+        }
+        out
+    }
+
+    /// Takes up what [`Self::state_of_all`] gave.
+    ///
+    /// # Errors
+    /// Where the state was not saved from a replay of these sizes.
+    pub fn restore(&mut self, state: &ReplayState) -> Result<(), String> {
+        let kept = |written: &u64| (*written).min(self.capacity as u64) as usize;
+        let slots: usize = state.written.iter().map(kept).sum();
+        let Sizes { state: s, goal: g, action: a } = self.sizes;
+        let fits = state.written.len() == self.agents
+            && state.episode.len() == self.agents
+            && state.states.len() == slots * s
+            && state.actions.len() == slots * a
+            && state.goals.len() == slots * g
+            && state.left.len() == slots;
+        if !fits {
+            return Err("the stored replay does not fit these settings".to_owned());
+        }
+        self.written.clone_from(&state.written);
+        self.episode.clone_from(&state.episode);
+        let mut from = 0;
+        for agent in 0..self.agents {
+            for slot in self.oldest(agent)..self.written[agent] {
+                let at = self.slot_index(Moment { agent, slot });
+                self.states[at * s..(at + 1) * s].copy_from_slice(&state.states[from * s..(from + 1) * s]);
+                self.actions[at * a..(at + 1) * a].copy_from_slice(&state.actions[from * a..(from + 1) * a]);
+                self.goals[at * g..(at + 1) * g].copy_from_slice(&state.goals[from * g..(from + 1) * g]);
+                self.left[at] = state.left[from];
+                from += 1;
+            }
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,24 @@
+//! Grid maps: parsing, printing, the built-in ones, and step distances on them.
+//!
+//! Distances computed here are the *truth* of a map. Evaluation and display read them; learning never does.
+
+mod ascii;
+mod builtin;
+mod distance;
+mod error;
+mod grid;
+mod load;
+mod movingai;
+mod obstacles;
+mod scenario;
+mod text;
+
+pub use ascii::print_ascii;
+pub use builtin::{BUILTIN, builtin};
+pub use distance::{Components, Diameter, StepSearch, UNREACHABLE};
+pub use error::{MapError, MapResult};
+pub use grid::{Cell, Grid, MAX_CELLS};
+pub use load::{load_map, load_scenario, parse_map};
+pub use movingai::print_movingai;
+pub use obstacles::{Obstacles, obstacles_between};
+pub use scenario::{ScenarioTask, parse_scenario};

@@ -1,0 +1,103 @@
+//! Plain ASCII maps: one character a cell.
+
+use super::error::MapResult;
+use super::grid::{Cell, Grid, MAX_CELLS};
+use super::text::Text;
+
+/// What a character of a map row stands for.
+enum Mark {
+    Free,
+    Wall,
+    Start,
+    Goal,
+}
+
+fn mark(c: char) -> Option<Mark> {
+    match c {
+        '.' | ' ' => Some(Mark::Free),
+        '#' | '@' | 'O' | 'T' | 'W' => Some(Mark::Wall),
+        'S' => Some(Mark::Start),
+        'G' => Some(Mark::Goal),
+        _ => None,
+    }
+}
+
+/// Parses a plain ASCII map: `#`, `@`, `O`, `T`, `W` wall; `.` and space free; `S` a start, `G` a goal.
+///
+/// # Errors
+/// Rows of different length, unknown characters, no free cell, more than [`MAX_CELLS`] cells.
+pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
+    let width = text.lines[0].chars().count();
+    if width * text.lines.len() > MAX_CELLS {
+        return Err(too_large(text, width, text.lines.len()));
+    }
+    let mut free = Vec::with_capacity(width * text.lines.len());
+    let (mut starts, mut goals) = (Vec::new(), Vec::new());
+    for (y, line) in text.lines.iter().enumerate() {
+        for (x, c) in line.chars().enumerate() {
+            let Some(mark) = mark(c) else { return Err(unknown_character(text, y, x, c)) };
+            match mark {
+                Mark::Start => starts.push(Cell::new(x, y)),
+                Mark::Goal => goals.push(Cell::new(x, y)),
+                Mark::Free | Mark::Wall => {}
+            }
+            free.push(!matches!(mark, Mark::Wall));
+        }
+        check_row_length(text, y, width, "the first row has")?;
+    }
+    check_some_free(text, &free)?;
+    Ok(Grid::new(name, width, free, starts, goals))
+}
+
+/// The map as plain ASCII with LF line ends; reading it gives the same map, save where a cell is both start and
+/// goal (shown as a start).
+pub fn print_ascii(grid: &Grid) -> String {
+    let mut rows: Vec<Vec<u8>> = (0..grid.height())
+        .map(|y| (0..grid.width()).map(|x| if grid.is_free(Cell::new(x, y)) { b'.' } else { b'#' }).collect())
+        .collect();
+    grid.goals().iter().for_each(|c| rows[c.y][c.x] = b'G');
+    grid.starts().iter().for_each(|c| rows[c.y][c.x] = b'S');
+    rows.into_iter().map(|row| String::from_utf8_lossy(&row).into_owned() + "\n").collect()
+}
+
+/// The error for a map of more than [`MAX_CELLS`] cells.
+pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
+    super::MapError::whole(
+        text.file,
+        format!("a map of {width} x {height} cells does not fit"),
+        format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has"),
+    )
+}
+
+/// The error for a character that no cell is written with.
+pub fn unknown_character(text: &Text, line: usize, column: usize, c: char) -> Box<super::MapError> {
+    text.error(
+        line,
+        column..column + 1,
+        format!("{c:?} is not a map character"),
+        "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start and 'G' a goal",
+    )
+}
+
+/// Checks that line `line` has `width` characters; `because` tells where that width comes from.
+pub fn check_row_length(text: &Text, line: usize, width: usize, because: &str) -> MapResult<()> {
+    let length = text.lines[line].chars().count();
+    if length == width {
+        return Ok(());
+    }
+    let at = length.min(width);
+    Err(text.error(
+        line,
+        at..length.max(at + 1),
+        format!("this row has {length} characters, {because} {width}"),
+        "all rows of a map are equally long (an editor may have cut spaces at the end: write free cells as '.')",
+    ))
+}
+
+/// Checks that the map has somewhere to stand.
+pub fn check_some_free(text: &Text, free: &[bool]) -> MapResult<()> {
+    if free.iter().any(|f| *f) {
+        return Ok(());
+    }
+    Err(super::MapError::whole(text.file, "the map has no free cell", "write free cells as '.'"))
+}

@@ -1,0 +1,144 @@
+//! The grid itself: which cells are free, and which are marked as starts and goals.
+
+use serde::{Deserialize, Serialize};
+
+/// The most cells a map may have (4096 x 4096).
+pub const MAX_CELLS: usize = 1 << 24;
+
+/// A cell by column `x` (to the right) and row `y` (down), counted from the upper left.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Cell {
+    /// Column, from 0 at the left.
+    pub x: usize,
+    /// Row, from 0 at the top.
+    pub y: usize,
+}
+
+impl Cell {
+    /// The cell at column `x`, row `y`.
+    pub const fn new(x: usize, y: usize) -> Self {
+        Self { x, y }
+    }
+
+    /// The position of the cell's middle, in cells.
+    pub fn centre(self) -> [f32; 2] {
+        [self.x as f32 + 0.5, self.y as f32 + 0.5]
+    }
+}
+
+/// A rectangular map of free and wall cells; everything outside it is wall.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct Grid {
+    name: String,
+    width: usize,
+    height: usize,
+    /// Row-major, `true` where free.
+    free: Vec<bool>,
+    starts: Vec<Cell>,
+    goals: Vec<Cell>,
+}
+
+impl Grid {
+    /// A grid from its free cells in row-major order, with starts and goals sorted row by row.
+    ///
+    /// # Panics
+    /// If `free` does not hold `width * height` cells, or a start or goal is not a free cell: parsers check both.
+    pub fn new(name: &str, width: usize, free: Vec<bool>, starts: Vec<Cell>, goals: Vec<Cell>) -> Self {
+        let height = if width == 0 { 0 } else { free.len() / width };
+        assert_eq!(free.len(), width * height, "a grid needs whole rows");
+        let grid = Self { name: name.to_owned(), width, height, free, starts, goals };
+        assert!(grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)), "starts and goals stand on free cells");
+        grid
+    }
+
+    /// What the map is called: a built-in name or a file's stem.
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// The same map under another name.
+    #[must_use]
+    pub fn named(mut self, name: &str) -> Self {
+        name.clone_into(&mut self.name);
+        self
+    }
+
+    /// Columns.
+    pub fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Rows.
+    pub fn height(&self) -> usize {
+        self.height
+    }
+
+    /// Cells marked `S`, row by row.
+    pub fn starts(&self) -> &[Cell] {
+        &self.starts
+    }
+
+    /// Cells marked `G`, row by row.
+    pub fn goals(&self) -> &[Cell] {
+        &self.goals
+    }
+
+    /// Whether `cell` lies on the map and is free.
+    pub fn is_free(&self, cell: Cell) -> bool {
+        cell.x < self.width && cell.y < self.height && self.free[cell.y * self.width + cell.x]
+    }
+
+    /// Whether the position (`x`, `y`) lies on a free cell; positions outside the map are wall.
+    #[inline]
+    pub fn is_free_at(&self, x: f32, y: f32) -> bool {
+        x >= 0.0 && y >= 0.0 && self.is_free(Cell::new(x as usize, y as usize))
+    }
+
+    /// Row-major index of a cell on the map.
+    pub fn index(&self, cell: Cell) -> usize {
+        cell.y * self.width + cell.x
+    }
+
+    /// The cell at a row-major index.
+    pub fn cell(&self, index: usize) -> Cell {
+        Cell::new(index % self.width, index / self.width)
+    }
+
+    /// All cells' freedom, row-major.
+    pub fn free(&self) -> &[bool] {
+        &self.free
+    }
+
+    /// All free cells, row by row.
+    pub fn free_cells(&self) -> impl Iterator<Item = Cell> + '_ {
+        self.free.iter().enumerate().filter(|(_, free)| **free).map(|(i, _)| self.cell(i))
+    }
+
+    /// How many cells are free.
+    pub fn free_count(&self) -> usize {
+        self.free.iter().filter(|free| **free).count()
+    }
+
+    /// The free cell nearest to `cell` (Euclidean, between centres; the first in row order of equals).
+    pub fn nearest_free(&self, cell: Cell) -> Option<Cell> {
+        if self.is_free(cell) {
+            return Some(cell);
+        }
+        self.free_cells().min_by_key(|c| c.x.abs_diff(cell.x).pow(2) + c.y.abs_diff(cell.y).pow(2))
+    }
+
+    /// The cells one step away: 8-connected, diagonals only where both cells beside them are free
+    /// (no corner cutting).
+    #[inline]
+    pub fn neighbours(&self, cell: Cell) -> impl Iterator<Item = Cell> + use<> {
+        let at = |dx: isize, dy: isize| {
+            let (x, y) = (cell.x.wrapping_add_signed(dx), cell.y.wrapping_add_signed(dy));
+            let c = Cell::new(x, y);
+            self.is_free(c).then_some(c)
+        };
+        let (w, e, n, s) = (at(-1, 0), at(1, 0), at(0, -1), at(0, 1));
+        let corner = |a: Option<Cell>, b: Option<Cell>, dx, dy| a.and(b).and_then(|_| at(dx, dy));
+        let diagonal = [corner(n, w, -1, -1), corner(n, e, 1, -1), corner(s, w, -1, 1), corner(s, e, 1, 1)];
+        [w, e, n, s].into_iter().chain(diagonal).flatten()
+    }
+}

@@ -1,0 +1,58 @@
+//! Files to maps and scenarios.
+
+use std::fs::File;
+use std::io::Read;
+use std::path::Path;
+
+use super::ascii::parse_ascii;
+use super::error::{MapError, MapResult};
+use super::grid::{Grid, MAX_CELLS};
+use super::movingai::{is_movingai, parse_movingai};
+use super::scenario::{ScenarioTask, parse_scenario};
+use super::text::Text;
+
+/// No map or scenario is larger: cells, line ends and a header.
+const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
+
+/// Parses a map in either format; `file` is how errors name it, its stem how the map is called.
+///
+/// # Errors
+/// Whatever is malformed, with its place.
+pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
+    let text = Text::new(file, bytes)?;
+    let name = Path::new(file).file_stem().map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned());
+    if is_movingai(&text) { parse_movingai(&name, &text) } else { parse_ascii(&name, &text) }
+}
+
+/// Reads and parses a map file.
+///
+/// # Errors
+/// Also what cannot be read: no such file, a directory, no permission, too large.
+pub fn load_map(path: &Path) -> MapResult<Grid> {
+    parse_map(&path.to_string_lossy(), &read(path)?)
+}
+
+/// Reads and parses a scenario for `grid`.
+///
+/// # Errors
+/// As [`load_map`], and tasks that do not fit the map.
+pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
+    parse_scenario(&Text::new(&path.to_string_lossy(), &read(path)?)?, grid)
+}
+
+fn read(path: &Path) -> MapResult<Vec<u8>> {
+    let file = path.to_string_lossy();
+    let unreadable = |e: std::io::Error| {
+        MapError::whole(&file, format!("cannot be read: {e}"), "give a map's file, or a name from 'gdg-tui maps'")
+    };
+    if path.is_dir() {
+        return Err(MapError::whole(&file, "is a directory", "give the file of one map"));
+    }
+    let mut bytes = Vec::new();
+    File::open(path).and_then(|f| f.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(unreadable)?;
+    if bytes.len() as u64 > MAX_BYTES {
+        let right = format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has");
+        return Err(MapError::whole(&file, "the file is too large for a map", right));
+    }
+    Ok(bytes)
+}

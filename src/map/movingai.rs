@@ -1,0 +1,97 @@
+//! Moving AI `.map` files, the benchmark format of the field (`type octile`).
+
+use super::ascii::{check_row_length, check_some_free, too_large, unknown_character};
+use super::error::MapResult;
+use super::grid::{Cell, Grid, MAX_CELLS};
+use super::text::Text;
+
+const HEADER: &str =
+    "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
+
+/// Whether the text begins as a Moving AI map does.
+pub fn is_movingai(text: &Text) -> bool {
+    text.lines[0].split_whitespace().next() == Some("type")
+}
+
+/// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked.
+///
+/// # Errors
+/// A header that is incomplete or contradicts the body, and what plain maps are refused for.
+pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
+    let (width, height, first_row) = parse_header(text)?;
+    if width.checked_mul(height).is_none_or(|cells| cells > MAX_CELLS) {
+        return Err(too_large(text, width, height));
+    }
+    let rows = text.lines.len() - first_row;
+    let mut free = Vec::with_capacity(width * height);
+    for line in first_row..text.lines.len().min(first_row + height) {
+        check_row_length(text, line, width, "the header says width")?;
+        for (column, c) in text.lines[line].chars().enumerate() {
+            free.push(match c {
+                '.' | 'G' | 'S' => true,
+                '@' | 'O' | 'T' | 'W' => false,
+                _ => return Err(unknown_character(text, line, column, c)),
+            });
+        }
+    }
+    if rows < height {
+        let line = text.lines.len() - 1;
+        let what = format!("the map ends after {rows} rows, the header says height {height}");
+        return Err(text.line_error(line, what, "give as many rows as the header says"));
+    }
+    if rows > height {
+        let what = format!("row {} of a map whose header says height {height}", height + 1);
+        return Err(text.line_error(first_row + height, what, "give as many rows as the header says"));
+    }
+    check_some_free(text, &free)?;
+    Ok(Grid::new(name, width, free, Vec::new(), Vec::new()))
+}
+
+/// Width, height and the index of the first row's line.
+fn parse_header(text: &Text) -> MapResult<(usize, usize, usize)> {
+    let (mut width, mut height) = (None, None);
+    for (i, line) in text.lines.iter().enumerate() {
+        let words: Vec<&str> = line.split_whitespace().collect();
+        match words.as_slice() {
+            ["type", "octile"] if i == 0 => {}
+            ["type", ..] if i == 0 => {
+                return Err(text.line_error(i, "only maps of type octile are known", HEADER));
+            }
+            ["height", value] if height.is_none() => height = Some(parse_size(text, i, value)?),
+            ["width", value] if width.is_none() => width = Some(parse_size(text, i, value)?),
+            ["map"] => {
+                return match (width, height) {
+                    (Some(w), Some(h)) => Ok((w, h, i + 1)),
+                    (None, _) => Err(text.line_error(i, "the header does not say the width", HEADER)),
+                    (_, None) => Err(text.line_error(i, "the header does not say the height", HEADER)),
+                };
+            }
+            _ => return Err(text.line_error(i, "this line does not belong in the header", HEADER)),
+        }
+    }
+    Err(text.line_error(text.lines.len() - 1, "the header does not end with a line 'map'", HEADER))
+}
+
+fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
+    let column = text.lines[line].chars().count() - text.lines[line].trim_start().chars().count();
+    let from = column + text.lines[line].trim_start().find(value).unwrap_or(0);
+    let error = |what: String| {
+        text.error(line, from..from + value.chars().count(), what, "sizes are whole numbers from 1 to 16777216")
+    };
+    match value.parse::<usize>() {
+        Ok(0) => Err(error("a map cannot have size 0".to_owned())),
+        Ok(size) if size <= MAX_CELLS => Ok(size),
+        Ok(_) => Err(error(format!("{value} cells do not fit"))),
+        Err(_) => Err(error(format!("{value:?} is not a size"))),
+    }
+}
+
+/// The map in Moving AI form, LF line ends; starts and goals have no place in it and are written as free.
+pub fn print_movingai(grid: &Grid) -> String {
+    let mut out = format!("type octile\nheight {}\nwidth {}\nmap\n", grid.height(), grid.width());
+    for y in 0..grid.height() {
+        out.extend((0..grid.width()).map(|x| if grid.is_free(Cell::new(x, y)) { '.' } else { '@' }));
+        out.push('\n');
+    }
+    out
+}

@@ -1,0 +1,89 @@
+//! Moving AI `.scen` files: tasks on a map.
+
+use super::error::MapResult;
+use super::grid::{Cell, Grid};
+use super::text::Text;
+
+/// One task of a scenario.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ScenarioTask {
+    /// Where the agent starts.
+    pub start: Cell,
+    /// Where it has to go.
+    pub goal: Cell,
+    /// Stated optimal length in cells (octile: a diagonal counts sqrt 2).
+    pub optimal_octile: f64,
+}
+
+const FIELDS: &str = "a task has 9 fields parted by tabs: bucket, map, map width, map height, start x, start y, \
+                      goal x, goal y, optimal length";
+
+/// Parses a scenario for `grid`; where the stated map size differs from the grid's, coordinates are scaled.
+///
+/// # Errors
+/// A missing version, a wrong number of fields, values that are no numbers, cells off the map or in a wall,
+/// no task at all.
+pub fn parse_scenario(text: &Text, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
+    let version: Vec<&str> = text.lines[0].split_whitespace().collect();
+    if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
+        return Err(text.line_error(0, "not a scenario of version 1", "the first line is 'version 1'"));
+    }
+    let tasks: MapResult<Vec<ScenarioTask>> = text
+        .lines
+        .iter()
+        .enumerate()
+        .skip(1)
+        .filter(|(_, line)| !line.trim().is_empty())
+        .map(|(i, _)| parse_task(text, i, grid))
+        .collect();
+    let tasks = tasks?;
+    if tasks.is_empty() {
+        return Err(text.line_error(0, "the scenario has no task", FIELDS));
+    }
+    Ok(tasks)
+}
+
+fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> {
+    let fields: Vec<&str> = text.lines[line].split('\t').collect();
+    if fields.len() != 9 {
+        let what = format!("{} fields instead of 9", fields.len());
+        return Err(text.line_error(line, what, FIELDS));
+    }
+    let columns = |field: usize| {
+        let from: usize = fields[..field].iter().map(|f| f.chars().count() + 1).sum();
+        from..from + fields[field].chars().count()
+    };
+    let number = |field: usize| {
+        fields[field].trim().parse::<usize>().map_err(|_| {
+            text.error(line, columns(field), format!("{:?} is not a whole number", fields[field]), FIELDS)
+        })
+    };
+    let (stated_width, stated_height) = (number(2)?, number(3)?);
+    let cell = |field: usize, which: &str| {
+        let scale = |value: usize, stated: usize, size: usize| {
+            if stated == size || stated == 0 { value } else { (value as u128 * size as u128 / stated as u128) as usize }
+        };
+        let cell = Cell::new(
+            scale(number(field)?, stated_width, grid.width()),
+            scale(number(field + 1)?, stated_height, grid.height()),
+        );
+        if grid.is_free(cell) {
+            return Ok(cell);
+        }
+        let (x, y) = (cell.x, cell.y);
+        let outside = x >= grid.width() || y >= grid.height();
+        let what = match outside {
+            true => format!("the {which} ({x}, {y}) lies off the map of {} x {}", grid.width(), grid.height()),
+            false => format!("the {which} ({x}, {y}) is a wall of {}", grid.name()),
+        };
+        let right = "starts and goals are free cells as x, y from (0, 0) at the upper left; is this the map's scenario?";
+        Err(text.error(line, columns(field).start..columns(field + 1).end, what, right))
+    };
+    let optimal_octile = fields[8].trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+    Ok(ScenarioTask {
+        start: cell(4, "start")?,
+        goal: cell(6, "goal")?,
+        optimal_octile: optimal_octile
+            .ok_or_else(|| text.error(line, columns(8), format!("{:?} is not a length", fields[8]), FIELDS))?,
+    })
+}

@@ -1,0 +1,61 @@
+//! From bytes to lines, with the checks that every format shares.
+
+use super::error::{MapError, MapResult};
+
+/// A text file cut in lines, each without its LF or CRLF.
+pub struct Text<'a> {
+    pub file: &'a str,
+    pub lines: Vec<&'a str>,
+}
+
+impl<'a> Text<'a> {
+    /// Checks that `bytes` are text and not empty; a byte-order mark is dropped and empty lines at the end are too.
+    pub fn new(file: &'a str, bytes: &'a [u8]) -> MapResult<Self> {
+        let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
+        if let Some(at) = bytes.iter().position(|b| *b == 0) {
+            return Err(not_text(file, bytes, at, "a zero byte"));
+        }
+        let text = std::str::from_utf8(bytes)
+            .map_err(|e| not_text(file, bytes, e.valid_up_to(), "a byte that is not UTF-8"))?;
+        let mut lines: Vec<&str> = text.split('\n').map(|l| l.strip_suffix('\r').unwrap_or(l)).collect();
+        while lines.last().is_some_and(|l| l.is_empty()) {
+            lines.pop();
+        }
+        if lines.is_empty() {
+            return Err(MapError::whole(file, "the file is empty", "a map has at least one row with one free cell"));
+        }
+        Ok(Self { file, lines })
+    }
+
+    /// An error at `columns` of line `line`, both from 0; a line past the end is shown as empty.
+    pub fn error(
+        &self,
+        line: usize,
+        columns: std::ops::Range<usize>,
+        what: impl Into<String>,
+        right: impl Into<String>,
+    ) -> Box<MapError> {
+        MapError::at(self.file, (line, self.lines.get(line).unwrap_or(&"")), columns, what, right)
+    }
+
+    /// An error about the whole of line `line`.
+    pub fn line_error(&self, line: usize, what: impl Into<String>, right: impl Into<String>) -> Box<MapError> {
+        let length = self.lines.get(line).map_or(0, |l| l.chars().count());
+        self.error(line, 0..length, what, right)
+    }
+}
+
+fn not_text(file: &str, bytes: &[u8], at: usize, found: &str) -> Box<MapError> {
+    let line = bytes[..at].iter().filter(|b| **b == b'\n').count();
+    let from = bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
+    let to = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |i| at + i);
+    let before = String::from_utf8_lossy(&bytes[from..at]).chars().count();
+    let text = String::from_utf8_lossy(&bytes[from..to]);
+    MapError::at(
+        file,
+        (line, &text),
+        before..before + 1,
+        format!("this is not a text file: {found}"),
+        "maps and scenarios are plain text: one character a cell, or the Moving AI formats",
+    )
+}

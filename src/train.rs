@@ -1,0 +1,13 @@
+mod evaluate;
+mod method;
+mod rollout;
+mod score;
+mod settings;
+mod tasks;
+mod trainer;
+pub use evaluate::{BridgeFacts, DistanceError, Evaluation};
+pub use method::{Method, Preset};
+pub use score::{DistanceScore, Score};
+pub use settings::{Settings, TrainSettings, UpdateWhen};
+pub use tasks::{Task, TaskSet};
+pub use trainer::{Counters, Run, Tick, Trainer};

@@ -1,0 +1,102 @@
+//! Success rate, SPL and rank correlation.
+
+use serde::Serialize;
+
+use super::tasks::TaskSet;
+
+/// How well a set of tasks was done.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Score {
+    /// Share of all tasks whose goal was reached in time.
+    pub success: f64,
+    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018).
+    pub spl: f64,
+    /// The same for each distance.
+    pub by_distance: Vec<DistanceScore>,
+}
+
+/// How well the tasks of one distance were done.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct DistanceScore {
+    /// Shortest number of steps of these tasks (of a range: their mean).
+    pub distance_steps: f64,
+    /// How many tasks there were.
+    pub tasks: usize,
+    /// Share reached in time.
+    pub success: f64,
+    /// Success weighted by path length.
+    pub spl: f64,
+}
+
+impl Score {
+    /// The score of `set` whose tasks took `steps`, `None` where the goal was not reached in time.
+    pub fn new(set: &TaskSet, steps: &[Option<u32>]) -> Self {
+        let mut by_distance: Vec<DistanceScore> = set
+            .distances
+            .iter()
+            .map(|distance_steps| DistanceScore { distance_steps: *distance_steps, ..DistanceScore::default() })
+            .collect();
+        let (mut success, mut spl) = (0.0, 0.0);
+        for (task, steps) in set.tasks.iter().zip(steps) {
+            let group = &mut by_distance[task.group];
+            group.tasks += 1;
+            let Some(steps) = steps else { continue };
+            // A goal at the start is reached in no step, as shortly as can be.
+            let weight = f64::from(task.shortest.max(1)) / f64::from((*steps).max(task.shortest).max(1));
+            group.success += 1.0;
+            group.spl += weight;
+            success += 1.0;
+            spl += weight;
+        }
+        for group in &mut by_distance {
+            let tasks = group.tasks.max(1) as f64;
+            group.success /= tasks;
+            group.spl /= tasks;
+        }
+        let tasks = set.tasks.len().max(1) as f64;
+        Self { success: success / tasks, spl: spl / tasks, by_distance }
+    }
+}
+
+/// Spearman's rank correlation; equal values share their mean rank. 0 where either is constant.
+pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
+    let (ra, rb) = (ranks(a), ranks(b));
+    let mean = (a.len() as f64 - 1.0) / 2.0;
+    let (mut ab, mut aa, mut bb) = (0.0, 0.0, 0.0);
+    for (x, y) in ra.iter().zip(&rb) {
+        ab += (x - mean) * (y - mean);
+        aa += (x - mean) * (x - mean);
+        bb += (y - mean) * (y - mean);
+    }
+    if aa * bb > 0.0 { ab / (aa * bb).sqrt() } else { 0.0 }
+}
+
+fn ranks(values: &[f64]) -> Vec<f64> {
+    let mut order: Vec<usize> = (0..values.len()).collect();
+    order.sort_by(|i, j| values[*i].total_cmp(&values[*j]));
+    let mut ranks = vec![0.0; values.len()];
+    let mut from = 0;
+    while from < order.len() {
+        let tied = order[from..].iter().take_while(|i| values[**i] == values[order[from]]).count();
+        for i in &order[from..from + tied] {
+            ranks[*i] = from as f64 + (tied as f64 - 1.0) / 2.0;
+        }
+        from += tied;
+    }
+    ranks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn spearman_sees_order_alone_and_shares_ranks_of_ties() {
+        assert!((spearman(&[1.0, 2.0, 3.0], &[1.0, 10.0, 1000.0]) - 1.0).abs() < 1e-12);
+        assert!((spearman(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]) + 1.0).abs() < 1e-12);
+        // Ranks (0, 1.5, 1.5, 3) against (0, 1, 2, 3): covariance 4.5, variances 4.5 and 5.
+        let tied = spearman(&[1.0, 2.0, 2.0, 3.0], &[1.0, 2.0, 3.0, 4.0]);
+        assert!((tied - 4.5 / (4.5f64 * 5.0).sqrt()).abs() < 1e-12, "{tied}");
+        assert_eq!(spearman(&[1.0, 1.0], &[1.0, 2.0]), 0.0);
+    }
+}

@@ -1,0 +1,372 @@
+//! One training run: agents and updates in lockstep, in an order that depends on nothing but seed and settings.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use candle_core::Result;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::evaluate::{Evaluation, evaluate, evaluate_random};
+use super::method::{Method, Preset};
+use super::rollout::{Rollout, RolloutState};
+use super::settings::{Settings, UpdateWhen};
+use super::tasks::TaskSet;
+use crate::bridge::{BridgeGraph, Distilled, Experience, SearchOutcome};
+use crate::env::{Environment, PointMaze, Spec};
+use crate::learn::{Batch, BatchSampler, Learner, Losses, Policy, Replay, Scratch};
+use crate::map::Grid;
+
+/// Candidates whose graph distances are distilled between two rebuilds of the graph.
+const DISTILLED_GOALS: usize = 32;
+
+/// Losses are reported as running means over about this many updates.
+const LOSS_MEMORY_UPDATES: f64 = 500.0;
+
+/// What a run is of: everything that its result depends on.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Run {
+    /// How agents act and what is learned.
+    pub method: Method,
+    /// Where the settings started from.
+    pub preset: Preset,
+    /// Seed of all random streams.
+    pub seed: u64,
+    /// The settings.
+    pub settings: Settings,
+}
+
+/// How far a run has come.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Counters {
+    /// Updates of the networks (for the method `random`: that would have been due).
+    pub updates: u64,
+    /// Environment steps of all agents together.
+    pub env_steps: u64,
+    /// Episodes that ended.
+    pub episodes: u64,
+    /// Goals reached while exploring.
+    pub goals_reached: u64,
+    /// Environment steps not yet paid for by updates.
+    owed: u64,
+    /// The part of these that waits for an episode to end.
+    waiting: u64,
+    /// Running means of the losses.
+    losses: [f64; 3],
+}
+
+/// What one tick did.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tick {
+    /// One update.
+    Update,
+    /// One step of every agent.
+    Step,
+}
+
+/// Random streams of a run, one for each purpose, so that none disturbs another.
+#[derive(Clone, Copy)]
+enum Stream {
+    Initial = 0,
+    Explore = 1,
+    Batch = 2,
+    Evaluate = 3,
+}
+
+/// What a checkpoint holds of a trainer besides networks, replay and candidates.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TrainerState {
+    /// How far it has come.
+    pub counters: Counters,
+    /// Training time so far, in seconds.
+    pub seconds: f64,
+    /// Agents and their random state.
+    pub rollout: RolloutState,
+    /// The random state of batches.
+    pub batch_rng: ChaCha8Rng,
+    /// Graph distances that are being distilled.
+    pub distilled: Vec<(u32, u32, f32)>,
+    /// Candidates' states when those distances were taken, `(candidates, state_dim)`.
+    pub distilled_states: Vec<f32>,
+}
+
+/// A run in progress.
+pub struct Trainer {
+    run: Run,
+    map: Arc<Grid>,
+    world: PointMaze,
+    rollout: Rollout<PointMaze>,
+    learner: Learner,
+    replay: Replay,
+    sampler: BatchSampler,
+    batch: Batch,
+    batch_rng: ChaCha8Rng,
+    experience: Experience,
+    distilled: Distilled,
+    distilled_states: Vec<f32>,
+    counters: Counters,
+    seconds: f64,
+    scratch: Scratch,
+}
+
+fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream as u64);
+    rng
+}
+
+impl Trainer {
+    /// A run on `map` that has not begun; `threads` share the work of each update, without changing its result.
+    ///
+    /// # Errors
+    /// What candle reports, or that the threads could not be started.
+    pub fn new(run: Run, map: Arc<Grid>, threads: usize) -> Result<Self> {
+        let settings = &run.settings;
+        let world = PointMaze::new(map.clone(), settings.train.agents, settings.train.env_noise);
+        let spec = world.spec().clone();
+        let pool = match threads {
+            0 | 1 => None,
+            n => {
+                let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
+                Some(Arc::new(pool.map_err(candle_core::Error::wrap)?))
+            }
+        };
+        let learner = Learner::new(&spec, &settings.learn, pool, &mut stream(run.seed, Stream::Initial))?;
+        let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        Ok(Self {
+            rollout: Rollout::new(world.clone(), stream(run.seed, Stream::Explore)),
+            replay: Replay::new(sizes.into(), settings.train.agents, settings.learn.replay_capacity),
+            sampler: BatchSampler::new(&spec, &settings.learn),
+            batch: Batch::default(),
+            batch_rng: stream(run.seed, Stream::Batch),
+            experience: Experience::new(&spec, settings.train.agents, &settings.bridge),
+            distilled: Distilled::default(),
+            distilled_states: Vec::new(),
+            counters: Counters::default(),
+            seconds: 0.0,
+            scratch: Scratch::default(),
+            learner,
+            world,
+            map,
+            run,
+        })
+    }
+
+    /// What is run.
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// The map.
+    pub fn map(&self) -> &Arc<Grid> {
+        &self.map
+    }
+
+    /// What states, goals and actions are.
+    pub fn spec(&self) -> &Spec {
+        self.world.spec()
+    }
+
+    /// How far it has come.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Training time so far, in seconds; evaluation is not counted.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Running means of the losses.
+    pub fn losses(&self) -> Losses {
+        let [critic, model, actor] = self.counters.losses.map(|l| l as f32);
+        Losses { critic, model, actor }
+    }
+
+    /// The agents.
+    pub fn rollout(&self) -> &Rollout<PointMaze> {
+        &self.rollout
+    }
+
+    /// The networks.
+    pub fn learner(&self) -> &Learner {
+        &self.learner
+    }
+
+    /// The replay.
+    pub fn replay(&self) -> &Replay {
+        &self.replay
+    }
+
+    /// Bridge candidates and what was seen between them.
+    pub fn experience(&self) -> &Experience {
+        &self.experience
+    }
+
+    /// The latest bridge search.
+    pub fn last_search(&self) -> Option<SearchOutcome> {
+        self.rollout.last_search()
+    }
+
+    /// One update if one is due, else one step of every agent.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn tick(&mut self) -> Result<Tick> {
+        let began = Instant::now();
+        let due = self.counters.owed >= self.run.settings.train.env_steps_per_update;
+        let tick = if due { self.update()? } else { self.step()? };
+        self.seconds += began.elapsed().as_secs_f64();
+        Ok(tick)
+    }
+
+    fn step(&mut self) -> Result<Tick> {
+        let Self { rollout, learner, replay, experience, run, .. } = self;
+        let round =
+            learner.with_nets(false, |nets| rollout.step(run.method, &run.settings, &nets, replay, experience))?;
+        let steps = run.settings.train.agents as u64;
+        let counters = &mut self.counters;
+        counters.env_steps += steps;
+        counters.episodes += round.episodes;
+        counters.goals_reached += round.reached;
+        if counters.env_steps <= run.settings.train.warmup_env_steps {
+            return Ok(Tick::Step);
+        }
+        counters.waiting += steps;
+        if run.settings.train.update_when == UpdateWhen::Step || round.episodes > 0 {
+            counters.owed += std::mem::take(&mut counters.waiting);
+        }
+        Ok(Tick::Step)
+    }
+
+    fn update(&mut self) -> Result<Tick> {
+        self.counters.owed -= self.run.settings.train.env_steps_per_update;
+        self.counters.updates += 1;
+        if self.run.method == Method::Random {
+            return Ok(Tick::Update);
+        }
+        self.sampler.sample(&self.replay, &mut self.batch_rng, &mut self.batch);
+        self.distil_into_batch();
+        let losses = self.learner.update(&self.batch)?;
+        let keep = (1.0 - 1.0 / LOSS_MEMORY_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
+        for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
+            *mean += (1.0 - keep) * (f64::from(loss) - *mean);
+        }
+        let every = self.run.settings.bridge.graph_every_updates;
+        let distils = self.run.settings.learn.distillation > 0.0 && self.run.method.plans();
+        if distils && self.counters.updates.is_multiple_of(every) {
+            let graph = self.graph()?;
+            self.distilled = graph.distil(DISTILLED_GOALS, &mut self.batch_rng);
+            self.distilled_states = graph.experience().states().to_vec();
+        }
+        Ok(Tick::Update)
+    }
+
+    /// Replaces a share of the batch by pairs of candidates with their graph distance.
+    fn distil_into_batch(&mut self) {
+        if self.distilled.pairs.is_empty() {
+            return;
+        }
+        let s = self.spec().state_dim();
+        let count = (self.run.settings.learn.distillation * self.batch.len() as f32).round() as usize;
+        for i in 0..count {
+            let (from, to, steps) = self.distilled.pairs[self.batch_rng.random_range(0..self.distilled.pairs.len())];
+            let state = |i: u32| &self.distilled_states[i as usize * s..(i as usize + 1) * s];
+            let goal: Vec<f32> = self.world.spec().achieved(state(to)).collect();
+            self.batch.set_known(i, state(from), &goal, steps);
+        }
+    }
+
+    /// The bridge graph of this moment.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn graph(&mut self) -> Result<BridgeGraph> {
+        let bridge = &self.run.settings.bridge;
+        let (spec, experience, scratch) = (self.world.spec(), &self.experience, &mut self.scratch);
+        self.learner.with_nets(bridge.averaged_weights, |nets| {
+            BridgeGraph::build(spec, bridge, experience, &nets, scratch)
+        })
+    }
+
+    /// A frozen copy of the networks, as planning and evaluation use them.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn policy(&self) -> Result<Policy> {
+        self.learner.policy(self.run.settings.bridge.averaged_weights)
+    }
+
+    /// Random tasks for an evaluation at this moment: the same ones however often was evaluated before.
+    pub fn tasks(&self, diameter: u32, per_distance: usize) -> TaskSet {
+        TaskSet::sample(&self.map, diameter, per_distance, &mut self.evaluation_rng(1))
+    }
+
+    fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
+        let mut rng = stream(self.run.seed, Stream::Evaluate);
+        // A piece of 2^34 words of the stream for each evaluation and purpose.
+        rng.set_word_pos(u128::from(2 * self.counters.updates + purpose) << 34);
+        rng
+    }
+
+    /// Evaluates against the truth; the training goes on as if it had not happened.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn evaluate(&mut self, tasks: &TaskSet) -> Result<Evaluation> {
+        let policy = self.policy()?;
+        let mut rng = self.evaluation_rng(0);
+        if self.run.method == Method::Random {
+            let hold = self.run.settings.train.random_hold_steps;
+            return Ok(evaluate_random(&self.world, &policy, tasks, hold, &mut rng));
+        }
+        let graph = if self.run.method.plans() { Some(self.graph()?) } else { None };
+        Ok(evaluate(&self.world, &policy, graph.as_ref(), tasks, &mut rng))
+    }
+
+    /// What a checkpoint holds besides networks, replay and candidates.
+    pub fn state(&self) -> TrainerState {
+        TrainerState {
+            counters: self.counters,
+            seconds: self.seconds,
+            rollout: self.rollout.state(),
+            batch_rng: self.batch_rng.clone(),
+            distilled: self.distilled.pairs.clone(),
+            distilled_states: self.distilled_states.clone(),
+        }
+    }
+
+    /// Takes up a state; the networks, replay and candidates come through their own parts.
+    ///
+    /// # Errors
+    /// Where it was not saved from such a run.
+    pub fn restore(&mut self, state: TrainerState) -> std::result::Result<(), String> {
+        let candidates = state.distilled_states.len() / self.spec().state_dim();
+        if state.distilled.iter().any(|(from, to, _)| (*from).max(*to) as usize >= candidates) {
+            return Err("the stored graph distances do not fit their candidates".to_owned());
+        }
+        self.rollout.restore(state.rollout)?;
+        self.counters = state.counters;
+        self.seconds = state.seconds;
+        self.batch_rng = state.batch_rng;
+        self.distilled = Distilled { pairs: state.distilled };
+        self.distilled_states = state.distilled_states;
+        Ok(())
+    }
+
+    /// The networks, to restore them.
+    pub fn learner_mut(&mut self) -> &mut Learner {
+        &mut self.learner
+    }
+
+    /// The replay, to restore it.
+    pub fn replay_mut(&mut self) -> &mut Replay {
+        &mut self.replay
+    }
+
+    /// The candidates, to restore them.
+    pub fn experience_mut(&mut self) -> &mut Experience {
+        &mut self.experience
+    }
+}

@@ -1,0 +1,123 @@
+//! The fused gradients against candle's autograd, over several shapes, odd sizes and batch 1.
+
+use candle_core::{Device, Tensor};
+use gdg_tui::env::Spec;
+use gdg_tui::learn::{Batch, LearnSettings, Learner, LossScale, Reference};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// A state with a position among other numbers, as an arm has; `axes` numbers of it are the achieved goal.
+fn spec(state: usize, axes: usize, positions: bool) -> Spec {
+    Spec {
+        state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
+        state_half_range: (0..state).map(|i| 3.0 + i as f32).collect(),
+        achieved: (0..axes).map(|i| (i + 1) % state).collect(),
+        action_dim: axes,
+        goal_radius: 0.8,
+        goals_are_positions: positions,
+    }
+}
+
+fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
+    let state = |rng: &mut ChaCha8Rng| -> Vec<f32> {
+        let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
+        numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
+    };
+    let mut batch = Batch::default();
+    for i in 0..rows {
+        batch.states.extend(state(rng));
+        let goal = state(rng);
+        batch.goals.extend(spec.achieved(&goal));
+        batch.ahead.extend(state(rng));
+        batch.steps.push(i as f32 % 7.0 * 9.0);
+        batch.bootstrap.push(0.0);
+        batch.bound.push(f32::INFINITY);
+        batch.from.extend(state(rng));
+        batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
+        batch.next.extend(state(rng));
+    }
+    batch
+}
+
+/// Largest difference, and the largest gradient it stands against.
+fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
+    let autograd = autograd.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    assert_eq!(fused.len(), autograd.len());
+    let difference = fused.iter().zip(&autograd).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    (difference, autograd.iter().map(|g| g.abs()).fold(0.0, f32::max))
+}
+
+fn check(spec: &Spec, settings: &LearnSettings) {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut learner = Learner::new(spec, settings, None, &mut rng).unwrap();
+    let batch = batch(spec, settings.batch, &mut rng);
+    let tensor = |numbers: &[f32], width: usize| {
+        Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
+    };
+    let (s, g) = (spec.state_dim(), spec.goal_dim());
+    let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
+    let targets = Tensor::from_slice(&batch.steps, batch.len(), &Device::Cpu).unwrap();
+    let reference = Reference::new(&learner);
+    let critic = reference.critic_loss(0, &states, &goals, &targets).unwrap();
+    let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
+    let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
+    let actor = reference.actor_loss(&states, &goals).unwrap();
+    let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
+    let grads = [&critic, &model, &actor].map(|loss| loss.backward().unwrap());
+    let networks = [&learner.critics()[0], learner.model(), learner.actor()];
+    let expected: Vec<(Tensor, Option<Tensor>)> = networks
+        .iter()
+        .zip(&grads)
+        .map(|(n, g)| (g.get(n.dense()).unwrap().clone(), n.table().map(|t| g.get(t).unwrap().clone())))
+        .collect();
+    let (found_losses, found) = learner.gradients(&batch).unwrap();
+    let found_losses = [found_losses.critic, found_losses.model, found_losses.actor];
+    for (i, name) in ["critic", "model", "actor"].iter().enumerate() {
+        // Two critics differ; only one has the reference's loss.
+        if settings.critics == 1 || i > 0 {
+            assert!((losses[i] - found_losses[i]).abs() <= 2e-4 * losses[i].abs() + 1e-5, "{name}: {losses:?}");
+        }
+        let (dense, table) = &found[i];
+        let (difference, largest) = compare(dense, &expected[i].0);
+        assert!(largest > 0.0 && difference < 2e-4 * largest + 1e-6, "{name}: off by {difference} of {largest}");
+        if let Some(expected) = &expected[i].1 {
+            let (difference, largest) = compare(table, expected);
+            assert!(largest > 0.0 && difference < 5e-4 * largest + 1e-6, "{name} table: {difference} of {largest}");
+        }
+    }
+}
+
+fn settings(batch: usize, hidden: usize, layers: usize) -> LearnSettings {
+    LearnSettings { batch, hidden, layers, critics: 1, ..LearnSettings::default() }
+}
+
+#[test]
+fn of_the_default_preset_agree() {
+    check(&spec(2, 2, true), &LearnSettings::default());
+}
+
+#[test]
+fn of_the_paper_preset_agree() {
+    check(&spec(2, 2, true), &LearnSettings::paper());
+}
+
+#[test]
+fn of_odd_sizes_and_batch_one_agree() {
+    for (batch, hidden, layers) in [(1, 16, 1), (3, 7, 2), (37, 33, 3), (65, 128, 2)] {
+        check(&spec(2, 2, true), &settings(batch, hidden, layers));
+    }
+}
+
+#[test]
+fn of_states_larger_than_goals_agree() {
+    check(&spec(10, 3, false), &settings(33, 24, 2));
+    check(&spec(5, 3, true), &settings(20, 24, 2));
+    check(&spec(4, 1, true), &settings(20, 24, 2));
+}
+
+#[test]
+fn of_every_loss_agree() {
+    for loss in [LossScale::Squared, LossScale::Sqrt, LossScale::Log] {
+        check(&spec(2, 2, true), &LearnSettings { loss, ..settings(40, 32, 2) });
+    }
+}
