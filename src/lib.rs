@@ -1,5 +1,10 @@
-pub mod map;
-pub mod env;
-pub mod learn;
 pub mod bridge;
+pub mod cli;
+pub mod env;
+pub mod facts;
+pub mod headless;
+pub mod learn;
+pub mod map;
+pub mod setup;
 pub mod train;
+pub mod tui;

@@ -1,1 +1,63 @@
-fn main(){}
+//! The binary: picks a front end and turns errors into messages and exit statuses.
+
+use std::io::IsTerminal;
+use std::process::ExitCode;
+
+use clap::Parser;
+use gdg_tui::cli::{Cli, Command};
+use gdg_tui::{facts, headless, setup};
+use miette::Report;
+
+/// Exit status of what fails while running.
+const FAILED: u8 = 1;
+
+/// Exit status of bad usage and bad input.
+const BAD_INPUT: u8 = 2;
+
+fn main() -> ExitCode {
+    let cli = Cli::parse();
+    let status = match &cli.command {
+        Some(Command::Maps) => print(&facts::list()),
+        Some(Command::Check { file, map }) => match facts::check(file, map.as_deref()) {
+            Ok(text) => print(&text),
+            Err(error) => fail(&error, BAD_INPUT),
+        },
+        None => train(&cli),
+    };
+    ExitCode::from(status)
+}
+
+fn train(cli: &Cli) -> u8 {
+    let args = &cli.train;
+    if args.print_config {
+        return match setup::settings(args) {
+            Ok(settings) => match serde_json::to_string_pretty(&settings) {
+                Ok(text) => print(&(text + "\n")),
+                Err(error) => fail(&Report::msg(error), FAILED),
+            },
+            Err(error) => fail(&error, BAD_INPUT),
+        };
+    }
+    let setup = match setup::prepare(args) {
+        Ok(setup) => setup,
+        Err(error) => return fail(&error, BAD_INPUT),
+    };
+    let headless = args.no_ui || !std::io::stdout().is_terminal();
+    let result = if headless { headless::run(setup, args) } else { gdg_tui::tui::run(setup, args) };
+    result.unwrap_or_else(|error| fail(&error, FAILED))
+}
+
+/// Prints to standard output; one that is closed early (`| head`) is not an error of ours.
+fn print(text: &str) -> u8 {
+    use std::io::Write;
+    match std::io::stdout().write_all(text.as_bytes()) {
+        Ok(()) => 0,
+        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => 0,
+        Err(e) => fail(&Report::msg(e), FAILED),
+    }
+}
+
+fn fail(error: &Report, status: u8) -> u8 {
+    eprintln!("{error:?}");
+    status
+}

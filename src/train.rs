@@ -1,3 +1,9 @@
+//! Training: agents that explore, updates in step with them, evaluation, checkpoints, and the engine that runs all
+//! this for the front ends.
+
+mod checkpoint;
+mod config;
+mod engine;
 mod evaluate;
 mod method;
 mod rollout;
@@ -5,9 +11,13 @@ mod score;
 mod settings;
 mod tasks;
 mod trainer;
+
+pub use checkpoint::{CheckpointError, load, save};
+pub use config::{ConfigError, Overrides, settings_from};
+pub use engine::{Command, Engine, Phase, Snapshot};
 pub use evaluate::{BridgeFacts, DistanceError, Evaluation};
 pub use method::{Method, Preset};
 pub use score::{DistanceScore, Score};
 pub use settings::{Settings, TrainSettings, UpdateWhen};
 pub use tasks::{Task, TaskSet};
-pub use trainer::{Counters, Run, Tick, Trainer};
+pub use trainer::{Counters, EndReason, Limits, Run, Tick, Trainer};

@@ -37,7 +37,7 @@ impl Default for BridgeSettings {
     fn default() -> Self {
         Self {
             candidates: 600,
-            candidate_spacing: 1.0,
+            candidate_spacing: 2.0,
             edge_cutoff_steps: 10.0,
             verify_edges: true,
             keep_observed_edges: true,

@@ -65,6 +65,31 @@ pub enum Tick {
     Step,
 }
 
+/// When a run ends; counted from the beginning of training, resumed or not.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Limits {
+    /// After so many updates.
+    pub updates: Option<u64>,
+    /// After so many seconds of training.
+    pub seconds: Option<f64>,
+    /// After so many episodes.
+    pub episodes: Option<u64>,
+}
+
+/// Why a run ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum EndReason {
+    /// The limit of updates.
+    MaxUpdates,
+    /// The limit of training time.
+    MaxSeconds,
+    /// The limit of episodes.
+    MaxEpisodes,
+    /// A signal.
+    Interrupted,
+}
+
 /// Random streams of a run, one for each purpose, so that none disturbs another.
 #[derive(Clone, Copy)]
 enum Stream {
@@ -207,6 +232,16 @@ impl Trainer {
     /// The latest bridge search.
     pub fn last_search(&self) -> Option<SearchOutcome> {
         self.rollout.last_search()
+    }
+
+    /// The first of `limits` that has been reached.
+    pub fn limit_reached(&self, limits: &Limits) -> Option<EndReason> {
+        let reached = [
+            (limits.updates.is_some_and(|n| self.counters.updates >= n), EndReason::MaxUpdates),
+            (limits.episodes.is_some_and(|n| self.counters.episodes >= n), EndReason::MaxEpisodes),
+            (limits.seconds.is_some_and(|s| self.seconds >= s), EndReason::MaxSeconds),
+        ];
+        reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
     /// One update if one is due, else one step of every agent.

@@ -1,0 +1,174 @@
+//! The command line.
+
+use std::path::PathBuf;
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+
+use crate::train::{Limits, Method, Preset};
+
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui                                    watch an agent learn the four rooms
+  gdg-tui city --seed 3                      the city, another seed
+  gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
+  gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
+  gdg-tui --resume saves/my.safetensors      go on where it stopped
+
+Exit status: 0 done; 1 failed while running; 2 bad usage or input; 3 --require-success not reached;
+130 or 143 ended by Ctrl-C or SIGTERM.";
+
+/// Watch an agent learn distance, and find its way without any reward.
+#[derive(Debug, Parser)]
+#[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Option<Command>,
+    #[command(flatten)]
+    pub train: TrainArgs,
+}
+
+/// Commands besides training.
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// List the built-in maps: size, free cells, farthest distance
+    Maps,
+    /// Validate a map or scenario file and print its facts
+    Check {
+        /// Map (.map or plain ASCII) or scenario (.scen)
+        file: PathBuf,
+        /// The map of a scenario, where it does not lie beside it
+        #[arg(long, value_name = "FILE")]
+        map: Option<PathBuf>,
+    },
+}
+
+/// Everything about a training run.
+#[derive(Debug, Args)]
+pub struct TrainArgs {
+    /// Built-in map or map file
+    #[arg(default_value = "fourrooms", value_name = "MAP")]
+    pub map: String,
+
+    /// Train without the interface: JSON lines on standard output
+    #[arg(long)]
+    pub no_ui: bool,
+
+    /// How agents act and what is learned
+    #[arg(long, value_enum, default_value_t = MethodArg::GdgBridge)]
+    pub method: MethodArg,
+
+    /// Settings to start from
+    #[arg(long, value_enum, default_value_t = PresetArg::Default)]
+    pub preset: PresetArg,
+
+    /// Seed of everything random: same seed, same run
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+
+    /// Settings file: a JSON object as --print-config prints it
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+
+    /// Change one setting (repeatable)
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
+
+    /// Print all settings as JSON and stop
+    #[arg(long)]
+    pub print_config: bool,
+
+    /// Stop after so many updates since the beginning of training
+    #[arg(long, value_name = "N")]
+    pub max_updates: Option<u64>,
+
+    /// Stop after so many seconds of training (evaluation not counted)
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub max_seconds: Option<f64>,
+
+    /// Stop after so many episodes
+    #[arg(long, value_name = "N")]
+    pub max_episodes: Option<u64>,
+
+    /// Evaluate whenever so many updates have been done
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    pub eval_every_updates: Option<u64>,
+
+    /// Evaluation tasks for each of six distances
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub eval_tasks: u32,
+
+    /// Evaluate on this scenario's tasks (6 x --eval-tasks of them, evenly spaced)
+    #[arg(long, value_name = "FILE")]
+    pub scen: Option<PathBuf>,
+
+    /// Threads that share an update's work; results do not depend on it [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub threads: Option<u16>,
+
+    /// Save a checkpoint at the end
+    #[arg(long, value_name = "FILE")]
+    pub save: Option<PathBuf>,
+
+    /// Go on from a checkpoint, which carries its map and settings
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "method", "preset", "seed", "config", "set"])]
+    pub resume: Option<PathBuf>,
+
+    /// Exit with status 3 unless the final evaluation's success reaches this
+    #[arg(long, value_name = "X", value_parser = share)]
+    pub require_success: Option<f64>,
+}
+
+impl TrainArgs {
+    /// When the run ends.
+    pub fn limits(&self) -> Limits {
+        Limits { updates: self.max_updates, seconds: self.max_seconds, episodes: self.max_episodes }
+    }
+}
+
+/// [`Method`] on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum MethodArg {
+    /// Goal-distance gradient: the actor alone
+    Gdg,
+    /// With bridge points in exploration, and planning through them at execution
+    GdgBridge,
+    /// Random actions, nothing learned: the floor
+    Random,
+}
+
+/// [`Preset`] on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum PresetArg {
+    /// Everything that measurement has shown to help
+    Default,
+    /// The published algorithms to the letter
+    Paper,
+}
+
+impl From<MethodArg> for Method {
+    fn from(arg: MethodArg) -> Self {
+        match arg {
+            MethodArg::Gdg => Self::Gdg,
+            MethodArg::GdgBridge => Self::GdgBridge,
+            MethodArg::Random => Self::Random,
+        }
+    }
+}
+
+impl From<PresetArg> for Preset {
+    fn from(arg: PresetArg) -> Self {
+        match arg {
+            PresetArg::Default => Self::Default,
+            PresetArg::Paper => Self::Paper,
+        }
+    }
+}
+
+fn seconds(text: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|s| *s >= 0.0 && f64::is_finite(*s)).ok_or_else(|| "a number of seconds".to_owned())
+}
+
+fn share(text: &str) -> Result<f64, String> {
+    let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
+    share.ok_or_else(|| "a share from 0 to 1, as 0.95".to_owned())
+}

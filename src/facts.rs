@@ -1,0 +1,81 @@
+//! `gdg-tui maps` and `gdg-tui check`: facts about maps.
+
+use std::path::Path;
+
+use miette::Report;
+
+use crate::map::{self, BUILTIN, Diameter, Grid, MapError, StepSearch};
+use crate::setup::{diameter, report};
+
+/// The table of the built-in maps.
+pub fn list() -> String {
+    let mut out = format!("{:<12}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
+    for grid in BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)) {
+        let size = format!("{}x{}", grid.width(), grid.height());
+        let farthest = farthest(diameter(&grid));
+        out += &format!("{:<12}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count());
+    }
+    out
+}
+
+/// Validates a map or scenario file; the facts about it.
+///
+/// # Errors
+/// What is wrong with the file.
+pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
+    if file.extension().is_none_or(|e| e != "scen") {
+        return Ok(facts(&map::load_map(file).map_err(report)?));
+    }
+    let beside = || -> Result<std::path::PathBuf, Report> {
+        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        let stems = [name.trim_end_matches(".scen").to_owned(), first_map_name(file).unwrap_or_default()];
+        let found = stems.iter().filter(|s| !s.is_empty()).map(|s| file.with_file_name(s)).find(|p| p.is_file());
+        found.ok_or_else(|| {
+            let what = "the scenario's map does not lie beside it";
+            report(MapError::whole(&file.to_string_lossy(), what, "name it with --map FILE"))
+        })
+    };
+    // An unreadable scenario is the first thing to say.
+    if !file.is_file() {
+        return Err(report(map::load_map(file).err().unwrap_or_else(|| {
+            MapError::whole(&file.to_string_lossy(), "is not a file", "give the file of a scenario")
+        })));
+    }
+    let path = map_file.map_or_else(beside, |p| Ok(p.to_owned()))?;
+    let grid = map::load_map(&path).map_err(report)?;
+    let tasks = map::load_scenario(file, &grid).map_err(report)?;
+    let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
+    Ok(format!("scenario: {} tasks, longest {longest:.1} cells\n{}", tasks.len(), facts(&grid)))
+}
+
+/// The map that a scenario's first task names, without its path.
+fn first_map_name(file: &Path) -> Option<String> {
+    let text = std::fs::read_to_string(file).ok()?;
+    let name = text.lines().nth(1)?.split('\t').nth(1)?.to_owned();
+    Some(Path::new(&name).file_name()?.to_string_lossy().into_owned())
+}
+
+fn facts(grid: &Grid) -> String {
+    let components = StepSearch::new(grid).components(grid);
+    let free = grid.free_count();
+    let largest = components.sizes[components.largest() as usize];
+    let mut lines = vec![
+        format!("map:        {}", grid.name()),
+        format!("size:       {} x {}", grid.width(), grid.height()),
+        format!("free cells: {free} ({:.1} %)", 100.0 * free as f64 / grid.free().len() as f64),
+        format!(
+            "components: {}, the largest {largest} cells ({:.1} % of the free ones)",
+            components.sizes.len(),
+            100.0 * largest as f64 / free as f64
+        ),
+        format!("farthest:   {} steps", farthest(diameter(grid))),
+    ];
+    if !grid.starts().is_empty() || !grid.goals().is_empty() {
+        lines.push(format!("marked:     {} starts, {} goals", grid.starts().len(), grid.goals().len()));
+    }
+    lines.join("\n") + "\n"
+}
+
+fn farthest(diameter: Diameter) -> String {
+    if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
+}

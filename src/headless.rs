@@ -1,0 +1,127 @@
+//! Training without the interface: JSON lines on standard output, a progress bar on standard error.
+
+mod progress;
+mod records;
+
+use std::io::Write;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use miette::{IntoDiagnostic, Report, WrapErr};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use crate::cli::TrainArgs;
+use crate::setup::Setup;
+use crate::train::{self, EndReason, Evaluation, TaskSet, Tick, Trainer};
+use progress::Progress;
+use records::Record;
+
+/// Updates between progress records: about a second's worth. Counted in updates, so that the same run prints the
+/// same records.
+const PROGRESS_EVERY_UPDATES: u64 = 1_000;
+
+/// Exit status when `--require-success` is not reached.
+const NOT_REACHED: u8 = 3;
+
+/// Runs to its end; the exit status.
+///
+/// # Errors
+/// What goes wrong while running: training, writing records, saving.
+pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
+    let signal = Arc::new(AtomicUsize::new(0));
+    for number in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register_usize(number, signal.clone(), number as usize).into_diagnostic()?;
+    }
+    let mut session = Session { setup, args, progress: Progress::new(args) };
+    session.print(&Record::start(&session.setup))?;
+    let trained = session.train(&signal);
+    let result = trained.and_then(|reason| session.finish(reason));
+    // Whatever happened, what was learned is kept.
+    let saved = args.save.as_deref().map(|path| train::save(&session.setup.trainer, path)).transpose();
+    let (reason, evaluation) = result?;
+    saved?;
+    session.print(&Record::end(reason, &session.setup.trainer))?;
+    session.progress.finish();
+    let number = signal.load(Ordering::Relaxed);
+    if reason == EndReason::Interrupted {
+        return Ok(128 + number as u8);
+    }
+    match (args.require_success, evaluation) {
+        (Some(required), Some(found)) if success(&found) < required => {
+            eprintln!("success {:.3} does not reach the {required} required", success(&found));
+            Ok(NOT_REACHED)
+        }
+        _ => Ok(0),
+    }
+}
+
+/// Success by the method's own way of acting.
+fn success(evaluation: &Evaluation) -> f64 {
+    evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).success
+}
+
+struct Session<'a> {
+    setup: Setup,
+    args: &'a TrainArgs,
+    progress: Progress,
+}
+
+impl Session<'_> {
+    fn print(&self, record: &Record) -> Result<(), Report> {
+        let line = serde_json::to_string(record).into_diagnostic()?;
+        let mut out = std::io::stdout().lock();
+        writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
+    }
+
+    /// Trains until a limit or a signal ends it.
+    fn train(&mut self, signal: &AtomicUsize) -> Result<EndReason, Report> {
+        loop {
+            if signal.load(Ordering::Relaxed) != 0 {
+                return Ok(EndReason::Interrupted);
+            }
+            if let Some(reason) = self.limit_reached() {
+                return Ok(reason);
+            }
+            if self.setup.trainer.tick().into_diagnostic()? != Tick::Update {
+                continue;
+            }
+            let updates = self.setup.trainer.counters().updates;
+            if updates.is_multiple_of(PROGRESS_EVERY_UPDATES) {
+                self.print(&Record::progress(&self.setup.trainer))?;
+                self.progress.show(&self.setup.trainer);
+            }
+            let due = self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every));
+            if due && self.limit_reached().is_none() {
+                self.evaluate()?;
+            }
+        }
+    }
+
+    fn limit_reached(&self) -> Option<EndReason> {
+        self.setup.trainer.limit_reached(&self.args.limits())
+    }
+
+    fn evaluate(&mut self) -> Result<Evaluation, Report> {
+        let Setup { trainer, diameter, scenario, .. } = &mut self.setup;
+        let tasks = match scenario {
+            Some(scenario) => TaskSet::from_scenario(trainer.map(), scenario, 6 * self.args.eval_tasks as usize),
+            None => trainer.tasks(diameter.steps, self.args.eval_tasks as usize),
+        };
+        let evaluation = trainer.evaluate(&tasks).into_diagnostic()?;
+        self.print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
+        Ok(evaluation)
+    }
+
+    /// The final evaluation, skipped where the run was interrupted.
+    fn finish(&mut self, reason: EndReason) -> Result<(EndReason, Option<Evaluation>), Report> {
+        if reason == EndReason::Interrupted {
+            return Ok((reason, None));
+        }
+        Ok((reason, Some(self.evaluate()?)))
+    }
+}
+
+/// Rate of updates over the whole training.
+fn updates_per_second(trainer: &Trainer) -> f64 {
+    if trainer.seconds() > 0.0 { trainer.counters().updates as f64 / trainer.seconds() } else { 0.0 }
+}

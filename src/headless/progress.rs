@@ -1,0 +1,53 @@
+//! The progress bar on standard error, where that is a terminal.
+
+use std::time::Duration;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+
+use super::updates_per_second;
+use crate::cli::TrainArgs;
+use crate::train::Trainer;
+
+/// Shows how far training has come against the limit that is set.
+pub struct Progress {
+    bar: ProgressBar,
+    /// Seconds are counted in thousandths.
+    by_seconds: bool,
+    begun: bool,
+}
+
+impl Progress {
+    /// A bar towards `--max-updates`, else `--max-seconds`, else without an end.
+    pub fn new(args: &TrainArgs) -> Self {
+        let by_seconds = args.max_updates.is_none() && args.max_seconds.is_some();
+        let length = args.max_updates.or(args.max_seconds.map(|s| (s * 1000.0) as u64));
+        // Indicatif draws nothing where standard error is no terminal.
+        let bar = ProgressBar::with_draw_target(length, ProgressDrawTarget::stderr());
+        let template = match length {
+            Some(_) => "{bar:32} {percent:>3} %  {msg}  {eta_precise} left",
+            None => "{spinner} {msg}  {elapsed_precise}",
+        };
+        if let Ok(style) = ProgressStyle::with_template(template) {
+            bar.set_style(style);
+        }
+        Self { bar, by_seconds, begun: false }
+    }
+
+    /// Shows the trainer's state.
+    pub fn show(&mut self, trainer: &Trainer) {
+        let updates = trainer.counters().updates;
+        self.bar.set_message(format!("{updates} updates, {:.0}/s", updates_per_second(trainer)));
+        self.bar.set_position(if self.by_seconds { (trainer.seconds() * 1000.0) as u64 } else { updates });
+        if !self.begun {
+            // A resumed run's earlier progress says nothing about the time that is left.
+            self.begun = true;
+            self.bar.reset_eta();
+            self.bar.enable_steady_tick(Duration::from_millis(250));
+        }
+    }
+
+    /// Removes the bar.
+    pub fn finish(&self) {
+        self.bar.finish_and_clear();
+    }
+}

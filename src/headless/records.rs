@@ -1,0 +1,128 @@
+//! The records of standard output, one JSON object a line.
+
+use serde::Serialize;
+
+use super::updates_per_second;
+use crate::setup::Setup;
+use crate::train::{BridgeFacts, DistanceError, EndReason, Evaluation, Score, Trainer};
+
+/// One line.
+#[derive(Debug, Serialize)]
+#[serde(tag = "event", rename_all = "kebab-case")]
+pub enum Record {
+    Start {
+        version: &'static str,
+        map: MapRecord,
+        method: &'static str,
+        preset: &'static str,
+        seed: u64,
+        threads: usize,
+        updates: u64,
+    },
+    Progress {
+        seconds: f64,
+        updates: u64,
+        env_steps: u64,
+        episodes: u64,
+        updates_per_second: f64,
+        losses: LossRecord,
+    },
+    Evaluation {
+        seconds: f64,
+        updates: u64,
+        env_steps: u64,
+        greedy: Score,
+        planned: Option<Score>,
+        distance_error: DistanceError,
+        bridges: Option<BridgeFacts>,
+    },
+    End {
+        reason: EndReason,
+        seconds: f64,
+        updates: u64,
+        updates_per_second: f64,
+    },
+}
+
+/// The map of a run.
+#[derive(Debug, Serialize)]
+pub struct MapRecord {
+    name: String,
+    width: usize,
+    height: usize,
+    free_cells: usize,
+    diameter_steps: u32,
+    /// Whether no two cells are farther apart than `diameter_steps`, or that is only the farthest pair found.
+    diameter_exact: bool,
+}
+
+/// Running means of the losses.
+#[derive(Debug, Serialize)]
+pub struct LossRecord {
+    critic: f32,
+    model: f32,
+    actor: f32,
+}
+
+impl Record {
+    pub fn start(setup: &Setup) -> Self {
+        let (map, run) = (setup.trainer.map(), setup.trainer.run());
+        Self::Start {
+            version: env!("CARGO_PKG_VERSION"),
+            map: MapRecord {
+                name: map.name().to_owned(),
+                width: map.width(),
+                height: map.height(),
+                free_cells: map.free_count(),
+                diameter_steps: setup.diameter.steps,
+                diameter_exact: setup.diameter.exact,
+            },
+            method: run.method.name(),
+            preset: run.preset.name(),
+            seed: run.seed,
+            threads: setup.threads,
+            updates: setup.trainer.counters().updates,
+        }
+    }
+
+    pub fn progress(trainer: &Trainer) -> Self {
+        let (counters, losses) = (trainer.counters(), trainer.losses());
+        Self::Progress {
+            seconds: round(trainer.seconds()),
+            updates: counters.updates,
+            env_steps: counters.env_steps,
+            episodes: counters.episodes,
+            updates_per_second: round(updates_per_second(trainer)),
+            losses: LossRecord { critic: losses.critic, model: losses.model, actor: losses.actor },
+        }
+    }
+
+    pub fn evaluation(trainer: &Trainer, evaluation: &Evaluation) -> Self {
+        let counters = trainer.counters();
+        let Evaluation { greedy, planned, distance_error, bridges } = evaluation.clone();
+        let (updates, env_steps) = (counters.updates, counters.env_steps);
+        Self::Evaluation {
+            seconds: round(trainer.seconds()),
+            updates,
+            env_steps,
+            greedy,
+            planned,
+            distance_error,
+            bridges,
+        }
+    }
+
+    pub fn end(reason: EndReason, trainer: &Trainer) -> Self {
+        Self::End {
+            reason,
+            seconds: round(trainer.seconds()),
+            updates: trainer.counters().updates,
+            updates_per_second: round(updates_per_second(trainer)),
+        }
+    }
+}
+
+/// Times and rates to the millisecond.
+fn round(value: f64) -> f64 {
+    (value * 1000.0).round() / 1000.0
+}

@@ -1,0 +1,91 @@
+//! From the command line to a run that can begin: what both front ends need first.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report};
+
+use crate::cli::TrainArgs;
+use crate::map::{self, Diameter, Grid, MapError, ScenarioTask, StepSearch};
+use crate::train::{self, Overrides, Run, Settings, Trainer};
+
+/// Breadth-first searches that a map's diameter may take: exact on the built-in maps, within a second on large ones.
+const DIAMETER_CELLS: usize = 60_000_000;
+
+/// A trainer, and what is known of its map.
+pub struct Setup {
+    /// The run, begun or resumed.
+    pub trainer: Trainer,
+    /// The map's farthest distance.
+    pub diameter: Diameter,
+    /// Tasks to evaluate on instead of sampled ones.
+    pub scenario: Option<Vec<ScenarioTask>>,
+    /// Threads that share an update's work.
+    pub threads: usize,
+}
+
+/// The settings that `args` ask for.
+///
+/// # Errors
+/// See [`train::settings_from`].
+pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
+    let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
+    Ok(train::settings_from(args.preset.into(), &overrides)?)
+}
+
+/// Loads map, scenario and checkpoint and prepares the run.
+///
+/// # Errors
+/// Whatever is wrong with the files or settings, as the user should see it.
+pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
+    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
+    let threads = args.threads.map_or_else(cores, usize::from);
+    let trainer = match &args.resume {
+        Some(path) => train::load(path, threads)?,
+        None => {
+            let run = Run {
+                method: args.method.into(),
+                preset: args.preset.into(),
+                seed: args.seed,
+                settings: settings(args)?,
+            };
+            let map = Arc::new(find_map(&args.map)?);
+            Trainer::new(run, map, threads).into_diagnostic()?
+        }
+    };
+    let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
+    let scenario = scenario.map_err(report)?;
+    Ok(Setup { diameter: diameter(trainer.map()), trainer, scenario, threads })
+}
+
+/// The built-in map or the file called `name`.
+///
+/// # Errors
+/// What is wrong with the file; of something that is neither, what would be.
+pub fn find_map(name: &str) -> Result<Grid, Report> {
+    if let Some(grid) = map::builtin(name) {
+        return Ok(grid);
+    }
+    let path = Path::new(name);
+    let looks_like_a_name = !path.exists() && path.extension().is_none() && !name.contains(std::path::is_separator);
+    if looks_like_a_name {
+        let names = map::BUILTIN.map(|(known, _)| known);
+        let nearest = names.iter().find(|known| strsim::jaro_winkler(known, name) > 0.8);
+        let right = match nearest {
+            Some(known) => format!("did you mean {known}? Built in are {}; else give a map file", names.join(", ")),
+            None => format!("built in are {}; else give a map file", names.join(", ")),
+        };
+        return Err(report(MapError::whole(name, "is neither a built-in map nor a file", right)));
+    }
+    map::load_map(path).map_err(report)
+}
+
+/// The map's diameter, within a bounded time.
+pub fn diameter(grid: &Grid) -> Diameter {
+    StepSearch::new(grid).diameter(grid, DIAMETER_CELLS / grid.free_count().max(1))
+}
+
+/// A map error as a report.
+pub fn report(error: Box<MapError>) -> Report {
+    Report::new(*error)
+}

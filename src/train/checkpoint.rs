@@ -1,0 +1,190 @@
+//! Checkpoints: one safetensors file with everything a run needs to go on as if it had never stopped.
+//!
+//! Tensors hold networks (with their optimiser's moments and averages), replay and bridge candidates; the metadata
+//! holds the run, its map as plain ASCII, counters and random states as JSON.
+
+use std::collections::HashMap;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::de::DeserializeOwned;
+
+use super::trainer::{Run, Trainer, TrainerState};
+use crate::bridge::ExperienceState;
+use crate::learn::ReplayState;
+use crate::map::{parse_map, print_ascii};
+
+/// What the metadata calls this kind of file.
+const FORMAT: &str = "gdg-tui checkpoint 1";
+
+/// A checkpoint that cannot be written or taken up.
+#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[error("{}: {what}", file.display())]
+#[diagnostic(help("{right}"))]
+pub struct CheckpointError {
+    file: PathBuf,
+    what: String,
+    right: String,
+}
+
+/// Tensors on their way to or from a file: name, type and bytes.
+#[derive(Default)]
+struct Tensors(Vec<(String, Dtype, Vec<u8>)>);
+
+impl Tensors {
+    fn f32(&mut self, name: impl Into<String>, values: &[f32]) {
+        self.0.push((name.into(), Dtype::F32, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+
+    fn u16(&mut self, name: &str, values: &[u16]) {
+        self.0.push((name.to_owned(), Dtype::U16, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+
+    fn u32(&mut self, name: &str, values: &[u32]) {
+        self.0.push((name.to_owned(), Dtype::U32, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+
+    fn u64(&mut self, name: &str, values: &[u64]) {
+        self.0.push((name.to_owned(), Dtype::U64, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+}
+
+/// Writes a checkpoint, replacing `path` atomically: a crash leaves the old file or the new one.
+///
+/// # Errors
+/// What the file system or candle report.
+pub fn save(trainer: &Trainer, path: &Path) -> Result<(), CheckpointError> {
+    let failed = |what: String| CheckpointError {
+        file: path.to_owned(),
+        what: format!("the checkpoint could not be written: {what}"),
+        right: "give a file in a folder that can be written to".to_owned(),
+    };
+    let bytes = to_bytes(trainer).map_err(failed)?;
+    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let write = || {
+        std::fs::create_dir_all(folder)?;
+        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        file.write_all(&bytes)?;
+        file.as_file().sync_all()?;
+        file.persist(path).map_err(|e| e.error)?;
+        Ok::<_, std::io::Error>(())
+    };
+    write().map_err(|e| failed(e.to_string()))
+}
+
+fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
+    let mut tensors = Tensors::default();
+    let learner = trainer.learner().state().map_err(|e| e.to_string())?;
+    for (network, parts) in &learner.networks {
+        for (part, values) in parts {
+            tensors.f32(format!("{network}.{part}"), values);
+        }
+    }
+    let replay = trainer.replay().state_of_all();
+    tensors.u64("replay.written", &replay.written);
+    tensors.u64("replay.episode", &replay.episode);
+    tensors.f32("replay.states", &replay.states);
+    tensors.f32("replay.actions", &replay.actions);
+    tensors.f32("replay.goals", &replay.goals);
+    tensors.u16("replay.left", &replay.left);
+    let experience = trainer.experience().state();
+    tensors.f32("bridge.spacing", &[experience.spacing]);
+    tensors.f32("bridge.states", &experience.states);
+    tensors.u16("bridge.observed", &experience.observed);
+    tensors.u32("bridge.visits", &experience.visits);
+    let json = |value: Result<String, serde_json::Error>| value.map_err(|e| e.to_string());
+    let metadata = HashMap::from([
+        ("format".to_owned(), FORMAT.to_owned()),
+        ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        ("run".to_owned(), json(serde_json::to_string(trainer.run()))?),
+        ("map_name".to_owned(), trainer.map().name().to_owned()),
+        ("map".to_owned(), print_ascii(trainer.map())),
+        ("learner_updates".to_owned(), learner.updates.to_string()),
+        ("trainer".to_owned(), json(serde_json::to_string(&trainer.state()))?),
+    ]);
+    let views = tensors.0.iter().map(|(name, dtype, bytes)| {
+        let size = dtype.bitsize() / 8;
+        TensorView::new(*dtype, vec![bytes.len() / size], bytes).map(|view| (name.as_str(), view))
+    });
+    let views = views.collect::<Result<Vec<_>, _>>().map_err(|e| e.to_string())?;
+    safetensors::serialize(views, Some(metadata)).map_err(|e| e.to_string())
+}
+
+/// Takes up the run of a checkpoint.
+///
+/// # Errors
+/// A file that cannot be read or is no checkpoint of this program.
+pub fn load(path: &Path, threads: usize) -> Result<Trainer, CheckpointError> {
+    let failed = |what: String| CheckpointError {
+        file: path.to_owned(),
+        what,
+        right: "give a checkpoint that gdg-tui saved: saves/NAME.safetensors".to_owned(),
+    };
+    let bytes = std::fs::read(path).map_err(|e| failed(format!("cannot be read: {e}")))?;
+    from_bytes(&bytes, threads).map_err(failed)
+}
+
+fn from_bytes(bytes: &[u8], threads: usize) -> Result<Trainer, String> {
+    let not_ours = |e: safetensors::SafeTensorError| format!("is not a safetensors file: {e}");
+    let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_ours)?;
+    let tensors = SafeTensors::deserialize(bytes).map_err(not_ours)?;
+    let metadata = header.metadata().clone().unwrap_or_default();
+    let text = |name: &str| metadata.get(name).ok_or_else(|| format!("holds no {name}: it is not a checkpoint"));
+    if text("format")? != FORMAT {
+        return Err(format!("is of another format than {FORMAT:?}"));
+    }
+    let run: Run = json("run", text("run")?)?;
+    run.settings.check().map_err(|(name, right)| format!("its setting {name} is not {right}"))?;
+    let map = parse_map(text("map_name")?, text("map")?.as_bytes()).map_err(|e| e.to_string())?;
+    let map = map.named(text("map_name")?);
+    let state: TrainerState = json("trainer", text("trainer")?)?;
+    let updates = text("learner_updates")?.parse().map_err(|_| "its number of updates is no number".to_owned())?;
+    let mut trainer = Trainer::new(run, Arc::new(map), threads).map_err(|e| e.to_string())?;
+    let read = Reader(&tensors);
+    let network = |network: &str, part: &str| read.f32(&format!("{network}.{part}")).ok();
+    trainer.learner_mut().restore(updates, network).map_err(|e| format!("its networks do not fit: {e}"))?;
+    trainer.replay_mut().restore(&ReplayState {
+        written: read.numbers("replay.written", Dtype::U64, u64::from_le_bytes)?,
+        episode: read.numbers("replay.episode", Dtype::U64, u64::from_le_bytes)?,
+        states: read.f32("replay.states")?,
+        actions: read.f32("replay.actions")?,
+        goals: read.f32("replay.goals")?,
+        left: read.numbers("replay.left", Dtype::U16, u16::from_le_bytes)?,
+    })?;
+    trainer.experience_mut().restore(&ExperienceState {
+        spacing: read.f32("bridge.spacing")?.first().copied().unwrap_or_default(),
+        states: read.f32("bridge.states")?,
+        observed: read.numbers("bridge.observed", Dtype::U16, u16::from_le_bytes)?,
+        visits: read.numbers("bridge.visits", Dtype::U32, u32::from_le_bytes)?,
+    })?;
+    trainer.restore(state)?;
+    Ok(trainer)
+}
+
+fn json<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, String> {
+    serde_json::from_str(text).map_err(|e| format!("its {name} cannot be read: {e}"))
+}
+
+struct Reader<'a>(&'a SafeTensors<'a>);
+
+impl Reader<'_> {
+    fn f32(&self, name: &str) -> Result<Vec<f32>, String> {
+        self.numbers(name, Dtype::F32, f32::from_le_bytes)
+    }
+
+    fn numbers<T, const N: usize>(
+        &self,
+        name: &str,
+        dtype: Dtype,
+        parse: fn([u8; N]) -> T,
+    ) -> Result<Vec<T>, String> {
+        let view = self.0.tensor(name).map_err(|_| format!("holds no {name}"))?;
+        if view.dtype() != dtype {
+            return Err(format!("its {name} is of another type than {dtype:?}"));
+        }
+        let (numbers, _) = view.data().as_chunks::<N>();
+        Ok(numbers.iter().map(|bytes| parse(*bytes)).collect())
+    }
+}

@@ -1,0 +1,171 @@
+//! Settings from a preset, a JSON file and single values, with errors that say where and what would be right.
+
+use std::borrow::Cow;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use serde::Deserialize;
+use serde_json::value::RawValue;
+use serde_json::{Map, Value};
+
+use super::method::Preset;
+use super::settings::Settings;
+
+/// What changes a preset.
+#[derive(Clone, Debug, Default)]
+pub struct Overrides<'a> {
+    /// A JSON file: an object of setting names and values.
+    pub config: Option<&'a Path>,
+    /// Single settings as `name=value`, later ones winning.
+    pub set: &'a [String],
+}
+
+/// A setting that cannot be used.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{place}{what}")]
+pub struct ConfigError {
+    place: String,
+    what: String,
+    #[help]
+    right: String,
+    #[source_code]
+    source_code: Option<NamedSource<String>>,
+    #[label("here")]
+    span: Option<SourceSpan>,
+}
+
+impl ConfigError {
+    fn new(what: String, right: String) -> Self {
+        Self { place: String::new(), what, right, source_code: None, span: None }
+    }
+
+    /// The same error at a place of a file.
+    fn within(self, file: &str, text: &str, (offset, length): (usize, usize)) -> Self {
+        let before = &text[..offset];
+        let line = before.matches('\n').count() + 1;
+        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        Self {
+            place: format!("{file}:{line}:{column}: "),
+            source_code: Some(NamedSource::new(file, text.to_owned())),
+            span: Some((offset, length).into()),
+            ..self
+        }
+    }
+}
+
+/// The settings of `preset` with `overrides` applied: first the file, then the single values.
+///
+/// # Errors
+/// A file that cannot be read or is no JSON object, unknown names, values of the wrong kind or out of range.
+pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, ConfigError> {
+    let mut values = as_map(&preset.settings());
+    if let Some(path) = overrides.config {
+        apply_file(&mut values, path)?;
+    }
+    for assignment in overrides.set {
+        let (name, value) = assignment.split_once('=').ok_or_else(|| {
+            ConfigError::new(
+                format!("--set {assignment}: no value is given"),
+                "write --set name=value, as in --set expectile=0.9".to_owned(),
+            )
+        })?;
+        // Words need no quotes: loss=sqrt.
+        let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
+        apply(&mut values, name.trim(), value)
+            .map_err(|e| ConfigError { place: format!("--set {assignment}: "), ..e })?;
+    }
+    let settings = parse(&values)?;
+    // Ranges that involve several settings can only be judged once all are known.
+    settings.check().map_err(|(name, right)| out_of_range(name, &values[name], right))?;
+    Ok(settings)
+}
+
+fn as_map(settings: &Settings) -> Map<String, Value> {
+    // By way of text, which writes 0.005 and not the binary fraction nearest to it.
+    match serde_json::to_string(settings).and_then(|text| serde_json::from_str(&text)) {
+        Ok(Value::Object(map)) => map,
+        _ => unreachable!("settings are an object of names and values"),
+    }
+}
+
+fn parse(values: &Map<String, Value>) -> Result<Settings, ConfigError> {
+    serde_json::from_value(Value::Object(values.clone()))
+        .map_err(|e| ConfigError::new(e.to_string(), "see --print-config for values of the right kind".to_owned()))
+}
+
+/// Sets one value, and checks it on its own.
+fn apply(values: &mut Map<String, Value>, name: &str, value: Value) -> Result<(), ConfigError> {
+    let Some(old) = values.get(name).cloned() else { return Err(unknown(values, name)) };
+    values.insert(name.to_owned(), value.clone());
+    let kind = |_| {
+        let right = format!("{name} is set like {old}; --print-config prints all settings");
+        ConfigError::new(format!("{name} cannot be {value}"), right)
+    };
+    let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
+    match settings.check() {
+        Err((wrong, right)) if wrong == name => Err(out_of_range(name, &value, right)),
+        _ => Ok(()),
+    }
+}
+
+fn out_of_range(name: &str, value: &Value, right: &str) -> ConfigError {
+    ConfigError::new(format!("{name} cannot be {value}"), format!("{name} is {right}"))
+}
+
+fn unknown(values: &Map<String, Value>, name: &str) -> ConfigError {
+    let nearest = values
+        .keys()
+        .map(|known| (strsim::jaro_winkler(known, name), known))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .filter(|(likeness, _)| *likeness > 0.7);
+    let right = match nearest {
+        Some((_, known)) => format!("did you mean {known}? --print-config prints all settings"),
+        None => "--print-config prints all settings".to_owned(),
+    };
+    ConfigError::new(format!("there is no setting {name:?}"), right)
+}
+
+/// Names and values of a settings file, borrowed from its text so that their places are known.
+#[derive(Deserialize)]
+struct Entries<'a>(#[serde(borrow)] BTreeMap<Key<'a>, &'a RawValue>);
+
+#[derive(Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
+
+fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), ConfigError> {
+    let file = path.to_string_lossy();
+    let text = std::fs::read_to_string(path).map_err(|e| {
+        let right = "give a JSON file, as --print-config prints one".to_owned();
+        ConfigError { place: format!("{file}: "), ..ConfigError::new(format!("cannot be read: {e}"), right) }
+    })?;
+    let entries: Entries = serde_json::from_str(&text).map_err(|e| {
+        let right = "a settings file is a JSON object of names and values, as --print-config prints it".to_owned();
+        let message = e.to_string();
+        let what = message.split(" at line ").next().unwrap_or(&message).to_owned();
+        ConfigError::new(what, right).within(&file, &text, (offset_of(&text, e.line(), e.column()), 0))
+    })?;
+    for (Key(name), raw) in &entries.0 {
+        let place = |part: &str| {
+            let offset = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
+            if offset <= text.len() { (offset, part.len()) } else { (0, 0) }
+        };
+        let known = values.contains_key(name.as_ref());
+        let value = serde_json::from_str(raw.get())
+            .map_err(|e| ConfigError::new(e.to_string(), "write a JSON value".to_owned()));
+        value
+            .and_then(|value| apply(values, name, value))
+            .map_err(|e| e.within(&file, &text, place(if known { raw.get() } else { name })))?;
+    }
+    Ok(())
+}
+
+/// Byte offset of a line and column (from 1) as serde_json counts them.
+fn offset_of(text: &str, line: usize, column: usize) -> usize {
+    let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
+    let mut offset = (start + column.saturating_sub(1)).min(text.len());
+    while !text.is_char_boundary(offset) {
+        offset -= 1;
+    }
+    offset
+}

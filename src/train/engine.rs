@@ -1,0 +1,250 @@
+//! A trainer on a thread of its own: it takes commands and publishes snapshots, and knows no front end.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use tokio::sync::watch;
+
+use super::checkpoint;
+use super::evaluate::Evaluation;
+use super::trainer::{Counters, Limits, Run, Tick, Trainer};
+use crate::bridge::{Experience, SearchOutcome};
+use crate::learn::{Losses, Policy};
+use crate::map::Grid;
+
+/// How often snapshots are published while training.
+const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);
+
+/// How often a snapshot brings new networks and candidates.
+const NETWORKS_EVERY: Duration = Duration::from_millis(300);
+
+/// Updates between evaluations, and tasks at each distance: small enough not to be noticed.
+const EVALUATE_EVERY_UPDATES: u64 = 2_500;
+const EVALUATION_TASKS: usize = 10;
+
+/// What a front end can ask for.
+#[derive(Debug)]
+pub enum Command {
+    /// Stop training until told otherwise.
+    Pause,
+    /// Go on.
+    Resume,
+    /// Save a checkpoint.
+    Save(std::path::PathBuf),
+}
+
+/// What the trainer is doing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Training.
+    Running,
+    /// Waiting to be resumed.
+    Paused,
+    /// A limit was reached.
+    Done,
+    /// Stopped by an error.
+    Failed(String),
+}
+
+/// The state of a run at one moment.
+#[derive(Clone)]
+pub struct Snapshot {
+    /// What it is doing.
+    pub phase: Phase,
+    /// How far it has come.
+    pub counters: Counters,
+    /// Training time, in seconds.
+    pub seconds: f64,
+    /// Updates and environment steps per second of the last moments.
+    pub rates: (f64, f64),
+    /// Running means of the losses.
+    pub losses: Losses,
+    /// Slots of the replay: used, and in all.
+    pub replay: (usize, usize),
+    /// Agents' states, `(agents, state_dim)`.
+    pub agents: Arc<Vec<f32>>,
+    /// Networks and bridge candidates, renewed now and then.
+    pub networks: Arc<(Policy, Experience)>,
+    /// The latest bridge search.
+    pub search: Option<SearchOutcome>,
+    /// Evaluations so far: updates and result.
+    pub evaluations: Arc<Vec<(u64, Evaluation)>>,
+    /// What happened last that is worth telling, and how often something did.
+    pub notice: (u64, String),
+}
+
+/// A running trainer.
+pub struct Engine {
+    commands: SyncSender<Command>,
+    snapshots: watch::Receiver<Arc<Snapshot>>,
+    thread: JoinHandle<Trainer>,
+    run: Run,
+    map: Arc<Grid>,
+}
+
+impl Engine {
+    /// Starts training up to `limits`; `diameter` is the map's, in steps, which evaluations need.
+    ///
+    /// # Errors
+    /// What candle reports, or that the thread cannot be started.
+    pub fn start(trainer: Trainer, diameter: u32, limits: Limits) -> candle_core::Result<Self> {
+        let (commands, inbox) = sync_channel(64);
+        let first = snapshot(&trainer)?;
+        let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
+        let (run, map) = (trainer.run().clone(), trainer.map().clone());
+        let worker = Worker { trainer, diameter, limits, inbox, publish, current: first };
+        let thread = std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
+        Ok(Self { commands, snapshots, thread, run, map })
+    }
+
+    /// What is run.
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// The map.
+    pub fn map(&self) -> &Arc<Grid> {
+        &self.map
+    }
+
+    /// Sends a command; it is carried out before the next update. Dropped (with `false`) when too many wait.
+    pub fn send(&self, command: Command) -> bool {
+        self.commands.try_send(command).is_ok()
+    }
+
+    /// Snapshots, always the latest.
+    pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
+        self.snapshots.clone()
+    }
+
+    /// Ends training and hands the trainer back; `None` if it panicked.
+    pub fn stop(self) -> Option<Trainer> {
+        drop(self.commands);
+        self.thread.join().ok()
+    }
+}
+
+fn snapshot(trainer: &Trainer) -> candle_core::Result<Snapshot> {
+    use crate::env::Environment;
+    Ok(Snapshot {
+        phase: Phase::Running,
+        counters: trainer.counters(),
+        seconds: trainer.seconds(),
+        rates: (0.0, 0.0),
+        losses: trainer.losses(),
+        replay: (trainer.replay().len(), trainer.replay().capacity()),
+        agents: Arc::new(trainer.rollout().env().states().to_vec()),
+        networks: Arc::new((trainer.policy()?, trainer.experience().clone())),
+        search: trainer.last_search(),
+        evaluations: Arc::new(Vec::new()),
+        notice: (0, String::new()),
+    })
+}
+
+struct Worker {
+    trainer: Trainer,
+    diameter: u32,
+    limits: Limits,
+    inbox: Receiver<Command>,
+    publish: watch::Sender<Arc<Snapshot>>,
+    current: Snapshot,
+}
+
+impl Worker {
+    fn run(mut self) -> Trainer {
+        if let Err(error) = self.train() {
+            self.current.phase = Phase::Failed(error.to_string());
+            self.publish.send_replace(Arc::new(self.current.clone()));
+            // Saving is still possible: commands are heard until the front end goes.
+            while let Ok(command) = self.inbox.recv() {
+                self.carry_out(command);
+            }
+        }
+        self.trainer
+    }
+
+    fn train(&mut self) -> candle_core::Result<()> {
+        let mut published = Instant::now();
+        let mut renewed = Instant::now();
+        let mut rate_from = (self.trainer.seconds(), self.trainer.counters());
+        loop {
+            loop {
+                let waiting = self.current.phase != Phase::Running;
+                let command = if waiting {
+                    self.inbox.recv().map_err(|_| TryRecvError::Disconnected)
+                } else {
+                    self.inbox.try_recv()
+                };
+                match command {
+                    Ok(command) => self.carry_out(command),
+                    Err(TryRecvError::Empty) => break,
+                    Err(TryRecvError::Disconnected) => return Ok(()),
+                }
+            }
+            if self.trainer.limit_reached(&self.limits).is_some() {
+                self.current.phase = Phase::Done;
+                self.renew(true)?;
+                continue;
+            }
+            let tick = self.trainer.tick()?;
+            if tick == Tick::Update && self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
+                let tasks = self.trainer.tasks(self.diameter, EVALUATION_TASKS);
+                let evaluation = self.trainer.evaluate(&tasks)?;
+                Arc::make_mut(&mut self.current.evaluations).push((self.trainer.counters().updates, evaluation));
+            }
+            if published.elapsed() >= SNAPSHOT_EVERY {
+                published = Instant::now();
+                let networks = renewed.elapsed() >= NETWORKS_EVERY;
+                if networks {
+                    renewed = Instant::now();
+                }
+                let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
+                if seconds - rate_from.0 > 1.0 {
+                    let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - rate_from.0);
+                    self.current.rates = (
+                        per_second(counters.updates, rate_from.1.updates),
+                        per_second(counters.env_steps, rate_from.1.env_steps),
+                    );
+                    rate_from = (seconds, counters);
+                }
+                self.renew(networks)?;
+            }
+        }
+    }
+
+    /// Publishes what has changed; networks only now and then, as copying them takes longer.
+    fn renew(&mut self, networks: bool) -> candle_core::Result<()> {
+        use crate::env::Environment;
+        let trainer = &self.trainer;
+        self.current.counters = trainer.counters();
+        self.current.seconds = trainer.seconds();
+        self.current.losses = trainer.losses();
+        self.current.replay.0 = trainer.replay().len();
+        self.current.agents = Arc::new(trainer.rollout().env().states().to_vec());
+        self.current.search = trainer.last_search();
+        if networks {
+            self.current.networks = Arc::new((trainer.policy()?, trainer.experience().clone()));
+        }
+        self.publish.send_replace(Arc::new(self.current.clone()));
+        Ok(())
+    }
+
+    fn carry_out(&mut self, command: Command) {
+        match command {
+            Command::Pause if self.current.phase == Phase::Running => self.current.phase = Phase::Paused,
+            Command::Pause => {}
+            Command::Resume if self.current.phase == Phase::Paused => self.current.phase = Phase::Running,
+            Command::Resume => {}
+            Command::Save(path) => {
+                let text = match checkpoint::save(&self.trainer, &path) {
+                    Ok(()) => format!("saved {} at update {}", path.display(), self.trainer.counters().updates),
+                    Err(error) => error.to_string(),
+                };
+                self.current.notice = (self.current.notice.0 + 1, text);
+            }
+        }
+        self.publish.send_replace(Arc::new(self.current.clone()));
+    }
+}

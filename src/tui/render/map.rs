@@ -1,0 +1,241 @@
+//! The map pane: two pixels a character cell, one above the other.
+
+use ratatui::Frame;
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Position, Rect};
+use ratatui::style::{Modifier, Style};
+
+use crate::map::{Cell, Grid};
+use crate::tui::app::App;
+use crate::tui::colour::{self, Depth, Rgb};
+use crate::tui::viewer::View;
+
+/// Where the map lies on the screen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapFrame {
+    /// The characters it covers.
+    pub area: Rect,
+    /// The part of the map shown, in cells: left, top, width, height.
+    pub window: [f32; 4],
+    /// Columns and rows of pixels.
+    pub pixels: (usize, usize),
+}
+
+/// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
+const CONTOUR_STEPS: f32 = 10.0;
+const MOST_CONTOURS: f32 = 14.0;
+
+impl MapFrame {
+    /// The whole map, as large as `area` allows without changing its proportions.
+    fn fit(area: Rect, map: &Grid) -> Option<Self> {
+        if area.width == 0 || area.height == 0 {
+            return None;
+        }
+        let (width, height) = (map.width() as f32, map.height() as f32);
+        let scale = (f32::from(area.width) / width).min(2.0 * f32::from(area.height) / height);
+        // Whole pixels a cell look best; below one the map shrinks.
+        let scale = if scale >= 1.0 { scale.floor() } else { scale };
+        let columns = ((width * scale).round() as u16).clamp(1, area.width);
+        let rows = ((height * scale / 2.0).ceil() as u16).clamp(1, area.height);
+        let pixels = (usize::from(columns), 2 * usize::from(rows));
+        let area = Rect {
+            x: area.x + (area.width - columns) / 2,
+            y: area.y + (area.height - rows) / 2,
+            width: columns,
+            height: rows,
+        };
+        let shown = pixels.1 as f32 / scale;
+        Some(Self { area, window: [0.0, 0.0, width, shown], pixels })
+    }
+
+    /// The cell at a place on the screen.
+    pub fn cell_at(&self, at: Position, map: &Grid) -> Option<Cell> {
+        if !self.area.contains(at) {
+            return None;
+        }
+        let [left, top, width, height] = self.window;
+        let share = |i: u16, n: u16| (f32::from(i) + 0.5) / f32::from(n);
+        let x = left + share(at.x - self.area.x, self.area.width) * width;
+        let y = top + share(at.y - self.area.y, self.area.height) * height;
+        Some(Cell::new((x as usize).min(map.width() - 1), (y as usize).min(map.height() - 1)))
+    }
+
+    /// The pixel of a position on the map, in columns and rows.
+    fn pixel_of(&self, [x, y]: [f32; 2]) -> Option<(usize, usize)> {
+        let [left, top, width, height] = self.window;
+        let (column, row) =
+            ((x - left) / width * self.pixels.0 as f32, (y - top) / height * self.pixels.1 as f32);
+        let inside = column >= 0.0 && row >= 0.0 && (column as usize) < self.pixels.0 && (row as usize) < self.pixels.1;
+        inside.then_some((column as usize, row as usize))
+    }
+}
+
+/// Draws the map and everything on it.
+pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
+    let Some(place) = MapFrame::fit(area, &app.map().clone()) else { return };
+    app.set_frame(place.clone());
+    let canvas = Canvas::new(&place, app);
+    canvas.paint(frame.buffer_mut(), &place, app.depth);
+    let mut glyphs = Glyphs { place: &place, depth: app.depth, buffer: frame.buffer_mut() };
+    let start = app.view.walk.start;
+    glyphs.put(start, 'S', colour::WALKER);
+    glyphs.put(app.goal.centre(), 'G', colour::GOAL);
+    if let Some(at) = app.view.trail.last() {
+        glyphs.put(*at, '@', colour::WALKER);
+    }
+}
+
+/// The pixels, before they become characters.
+struct Canvas {
+    columns: usize,
+    /// Colour of each pixel; `None` outside the map.
+    pixels: Vec<Option<Rgb>>,
+    /// What a terminal without colours shows there.
+    marks: Vec<char>,
+}
+
+impl Canvas {
+    fn new(place: &MapFrame, app: &App) -> Self {
+        let (columns, rows) = place.pixels;
+        let mut canvas =
+            Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] };
+        canvas.terrain(place, app.map());
+        if app.view.pixels == place.pixels {
+            canvas.field(&app.view);
+        }
+        if app.show_bridges {
+            for point in app.view.candidates.iter() {
+                canvas.dot(place, *point, colour::CANDIDATE, '.');
+            }
+        }
+        let mut from = app.view.trail.last().copied();
+        for to in &app.view.path {
+            if let Some(from) = from {
+                canvas.line(place, from, *to);
+            }
+            from = Some(*to);
+        }
+        if app.show_agents {
+            for at in app.snapshot.agents.chunks_exact(2) {
+                canvas.dot(place, [at[0], at[1]], colour::AGENT, 'o');
+            }
+        }
+        canvas
+    }
+
+    /// Walls and floor. Where a pixel covers several cells it is a wall when half of them are.
+    fn terrain(&mut self, place: &MapFrame, map: &Grid) {
+        let [left, top, width, height] = place.window;
+        let (columns, rows) = place.pixels;
+        let span = |i: usize, n: usize, from: f32, size: f32| {
+            let at = |i: usize| from + i as f32 / n as f32 * size;
+            let first = at(i) as usize;
+            first..((at(i + 1) - 1e-3) as usize + 1).max(first + 1)
+        };
+        for row in 0..rows {
+            let ys = span(row, rows, top, height);
+            if ys.start >= map.height() {
+                continue;
+            }
+            for column in 0..columns {
+                let xs = span(column, columns, left, width);
+                let cells = ys.clone().flat_map(|y| xs.clone().map(move |x| Cell::new(x, y)));
+                let (free, all) = cells.fold((0, 0), |(free, all), c| (free + usize::from(map.is_free(c)), all + 1));
+                let wall = 2 * free <= all;
+                self.pixels[row * columns + column] = Some(if wall { colour::WALL } else { colour::UNKNOWN });
+                self.marks[row * columns + column] = if wall { '#' } else { ' ' };
+            }
+        }
+    }
+
+    /// The distance field as colours, with contour lines.
+    fn field(&mut self, view: &View) {
+        let farthest = view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
+        let apart = (farthest / MOST_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS;
+        let band = |i: usize| (view.field[i] / apart).floor();
+        for i in 0..self.pixels.len() {
+            let wall = self.marks[i] == '#';
+            if wall || !view.field[i].is_finite() {
+                continue;
+            }
+            let neighbours = [(i + 1, !(i + 1).is_multiple_of(self.columns)), (i + self.columns, true)];
+            let contour = neighbours.iter().any(|(n, same_row)| {
+                *same_row && *n < self.pixels.len() && view.field[*n].is_finite() && band(*n) != band(i)
+            });
+            self.pixels[i] = Some(if contour {
+                colour::contour(view.field[i] / farthest)
+            } else {
+                colour::of_distance(view.field[i] / farthest)
+            });
+            self.marks[i] = if contour { '\u{b7}' } else { ' ' };
+        }
+    }
+
+    fn dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
+        if let Some((column, row)) = place.pixel_of(at) {
+            self.pixels[row * self.columns + column] = Some(rgb);
+            self.marks[row * self.columns + column] = mark;
+        }
+    }
+
+    fn line(&mut self, place: &MapFrame, from: [f32; 2], to: [f32; 2]) {
+        let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+        let samples = (cells * place.pixels.0 as f32 / place.window[2]).ceil().max(1.0) as usize;
+        for i in 0..=samples {
+            let t = i as f32 / samples as f32;
+            let at = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
+            self.dot(place, at, colour::PATH, '+');
+        }
+    }
+
+    /// Writes the pixels as characters: upper half block, foreground above and background below.
+    fn paint(&self, buffer: &mut Buffer, place: &MapFrame, depth: Depth) {
+        for row in 0..place.area.height {
+            for column in 0..place.area.width {
+                let above = 2 * usize::from(row) * self.columns + usize::from(column);
+                let below = above + self.columns;
+                let at = Position::new(place.area.x + column, place.area.y + row);
+                let Some(cell) = buffer.cell_mut(at) else { continue };
+                if depth == Depth::Mono {
+                    // The more telling of the two pixels.
+                    let (a, b) = (self.marks[above], self.marks[below]);
+                    cell.set_char(if a == ' ' || a == '#' && b != ' ' { b } else { a });
+                    continue;
+                }
+                let (top, bottom) = (self.pixels[above], self.pixels[below]);
+                let mut style = Style::new();
+                if let Some(rgb) = bottom {
+                    style = style.bg(depth.colour(rgb));
+                }
+                if let Some(rgb) = top {
+                    style = style.fg(depth.colour(rgb));
+                    cell.set_char('\u{2580}');
+                }
+                cell.set_style(style);
+            }
+        }
+    }
+}
+
+/// Letters on top of the pixels.
+struct Glyphs<'a> {
+    place: &'a MapFrame,
+    depth: Depth,
+    buffer: &'a mut Buffer,
+}
+
+impl Glyphs<'_> {
+    fn put(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
+        let Some((column, row)) = self.place.pixel_of(at) else { return };
+        let at = Position::new(self.place.area.x + column as u16, self.place.area.y + row as u16 / 2);
+        let Some(cell) = self.buffer.cell_mut(at) else { return };
+        let style = match self.depth {
+            Depth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
+            depth => {
+                let black = depth.colour((0, 0, 0));
+                Style::new().bg(depth.colour(rgb)).fg(black).add_modifier(Modifier::BOLD)
+            }
+        };
+        cell.set_char(letter).set_style(style);
+    }
+}

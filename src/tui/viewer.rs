@@ -1,0 +1,330 @@
+//! What there is to see, computed off the trainer's and the screen's threads from copies of the networks: the
+//! distance field, the bridge graph, the planned path, and an agent that walks to the goal.
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use tokio::sync::watch;
+
+use crate::bridge::{BridgeGraph, Experience, Target, Walker};
+use crate::env::{Environment, PointMaze};
+use crate::learn::{Nets, Policy, Scratch};
+use crate::map::{Cell, StepSearch, UNREACHABLE};
+use crate::train::{Engine, Method, Snapshot};
+
+/// Time between two steps of the walking agent.
+const STEP: Duration = Duration::from_millis(70);
+
+/// The field is computed anew at most this often, and takes at most this share of a core.
+const FIELD_EVERY: Duration = Duration::from_millis(250);
+const FIELD_SHARE: u32 = 5;
+
+/// Steps that the walking agent rests at the goal before it starts from somewhere else.
+const REST_STEPS: u32 = 15;
+
+/// Steps of the trail that is kept.
+const TRAIL_STEPS: usize = 12;
+
+/// What the screen wants to see.
+#[derive(Clone, Debug)]
+pub enum Request {
+    /// The goal that distances are shown to and the agent walks to.
+    Goal(Cell),
+    /// The walking agent starts from a random place.
+    NewStart,
+    /// The part of the map shown, in cells (left, top, width, height), and its pixels (columns, rows).
+    Window([f32; 4], (usize, usize)),
+}
+
+/// What can be seen at one moment.
+#[derive(Clone, Debug, Default)]
+pub struct View {
+    /// The goal.
+    pub goal: Option<Cell>,
+    /// D(pixel, goal) in steps, row by row, and how many columns and rows there are.
+    pub field: Arc<Vec<f32>>,
+    /// Columns and rows of the field.
+    pub pixels: (usize, usize),
+    /// Bridge candidates, as positions.
+    pub candidates: Arc<Vec<[f32; 2]>>,
+    /// Edges of the bridge graph.
+    pub edges: usize,
+    /// Waypoints ahead of the walking agent, ending at the goal.
+    pub path: Vec<[f32; 2]>,
+    /// Where the walking agent is, and where it was.
+    pub trail: Vec<[f32; 2]>,
+    /// Its journey.
+    pub walk: Walk,
+}
+
+/// The walking agent's journey.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Walk {
+    /// Where it started.
+    pub start: [f32; 2],
+    /// Steps taken.
+    pub steps: u32,
+    /// The shortest possible number, if there is a way.
+    pub shortest: Option<u32>,
+    /// D to the goal.
+    pub distance: f32,
+    /// Whether it has arrived.
+    pub arrived: bool,
+    /// Journeys that ended at the goal, and all that ended.
+    pub journeys: (u32, u32),
+}
+
+/// The thread that computes views.
+pub struct Viewer {
+    requests: Sender<Request>,
+    views: watch::Receiver<Arc<View>>,
+}
+
+impl Viewer {
+    /// Starts on what `engine` publishes.
+    ///
+    /// # Errors
+    /// That the thread cannot be started.
+    pub fn start(engine: &Engine) -> std::io::Result<Self> {
+        let (requests, inbox) = channel();
+        let (publish, views) = watch::channel(Arc::new(View::default()));
+        let world = PointMaze::new(engine.map().clone(), 1, 0.0);
+        let worker = Worker::new(world, engine, inbox, publish);
+        std::thread::Builder::new().name("viewer".to_owned()).spawn(|| worker.run())?;
+        Ok(Self { requests, views })
+    }
+
+    /// Asks for something to be seen; it ends with the program, so that nothing is left to report.
+    pub fn ask(&self, request: Request) {
+        let _ = self.requests.send(request);
+    }
+
+    /// Views, always the latest.
+    pub fn views(&self) -> watch::Receiver<Arc<View>> {
+        self.views.clone()
+    }
+}
+
+struct Worker {
+    world: PointMaze,
+    search: StepSearch,
+    rng: ChaCha8Rng,
+    method: Method,
+    bridge: crate::bridge::BridgeSettings,
+    snapshots: watch::Receiver<Arc<Snapshot>>,
+    inbox: Receiver<Request>,
+    publish: watch::Sender<Arc<View>>,
+    networks: Arc<(Policy, Experience)>,
+    graph: Option<BridgeGraph>,
+    walker: Option<Walker>,
+    window: Option<([f32; 4], (usize, usize))>,
+    view: View,
+    resting: u32,
+    scratch: Scratch,
+    /// When the field was computed, and how long that took.
+    computed: Option<(Instant, Duration)>,
+}
+
+impl Worker {
+    fn new(
+        world: PointMaze,
+        engine: &Engine,
+        inbox: Receiver<Request>,
+        publish: watch::Sender<Arc<View>>,
+    ) -> Self {
+        let snapshots = engine.snapshots();
+        let networks = snapshots.borrow().networks.clone();
+        let mut worker = Self {
+            search: StepSearch::new(world.map()),
+            rng: ChaCha8Rng::seed_from_u64(engine.run().seed),
+            method: engine.run().method,
+            bridge: engine.run().settings.bridge.clone(),
+            graph: None,
+            walker: None,
+            window: None,
+            view: View::default(),
+            resting: 0,
+            scratch: Scratch::default(),
+            computed: None,
+            world,
+            snapshots,
+            inbox,
+            publish,
+            networks,
+        };
+        worker.restart();
+        worker
+    }
+
+    fn run(mut self) {
+        let mut stepped = Instant::now();
+        loop {
+            let wait = STEP.saturating_sub(stepped.elapsed());
+            match self.inbox.recv_timeout(wait) {
+                Ok(request) => {
+                    self.take(request);
+                    // Everything that has come meanwhile, before anything is computed for it.
+                    while let Ok(request) = self.inbox.try_recv() {
+                        self.take(request);
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    stepped = Instant::now();
+                    self.walk();
+                }
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            let latest = self.snapshots.borrow().networks.clone();
+            let renewed = !Arc::ptr_eq(&latest, &self.networks);
+            let rested = self
+                .computed
+                .is_none_or(|(at, took)| at.elapsed() >= FIELD_EVERY.max(took * FIELD_SHARE));
+            if self.computed.is_none() || renewed && rested {
+                self.networks = latest;
+                self.compute();
+            }
+            self.publish.send_replace(Arc::new(self.view.clone()));
+        }
+    }
+
+    fn take(&mut self, request: Request) {
+        match request {
+            Request::Goal(cell) => {
+                self.view.goal = Some(cell);
+                self.begin_journey();
+                self.computed = None;
+            }
+            Request::NewStart => self.restart(),
+            Request::Window(cells, pixels) => {
+                self.window = Some((cells, pixels));
+                self.computed = None;
+            }
+        }
+    }
+
+    /// The graph and the field of the latest networks.
+    fn compute(&mut self) {
+        let began = Instant::now();
+        let networks = self.networks.clone();
+        let nets = networks.0.nets();
+        if self.method.plans() {
+            let graph =
+                BridgeGraph::build(self.world.spec(), &self.bridge, &networks.1, &nets, &mut self.scratch);
+            self.view.edges = graph.edges().len();
+            self.view.candidates =
+                Arc::new(networks.1.points().chunks_exact(2).map(|p| [p[0], p[1]]).collect());
+            // Candidates may have changed places: the walk is planned anew.
+            if let (Some(goal), false) = (self.view.goal, self.view.walk.arrived) {
+                self.walker = Some(Walker::new(graph.route(&goal.centre(), &nets, &mut self.scratch)));
+            }
+            self.graph = Some(graph);
+        }
+        if let (Some(goal), Some(([left, top, width, height], (columns, rows)))) = (self.view.goal, self.window) {
+            let pixel = |i: usize| {
+                let (column, row) = (i % columns, i / columns);
+                let share = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
+                [left + share(column, columns) * width, top + share(row, rows) * height]
+            };
+            let shown: Vec<usize> = (0..columns * rows)
+                .filter(|i| {
+                    let [x, y] = pixel(*i);
+                    self.world.map().is_free_at(x, y)
+                })
+                .collect();
+            let states: Vec<f32> = shown.iter().flat_map(|i| pixel(*i)).collect();
+            let mut distances = vec![0.0; shown.len()];
+            nets.distances(&states, &goal.centre().repeat(shown.len()), &mut distances, &mut self.scratch);
+            let mut field = vec![f32::NAN; columns * rows];
+            shown.iter().zip(distances).for_each(|(i, d)| field[*i] = d);
+            self.view.field = Arc::new(field);
+            self.view.pixels = (columns, rows);
+        }
+        self.computed = Some((Instant::now(), began.elapsed()));
+    }
+
+    /// The walking agent at a random place.
+    fn restart(&mut self) {
+        self.world.restart(0, &mut self.rng);
+        self.view.trail.clear();
+        self.begin_journey();
+    }
+
+    /// A journey from where the agent stands to the goal.
+    fn begin_journey(&mut self) {
+        let at = self.position();
+        self.resting = 0;
+        self.view.walk =
+            Walk { start: at, journeys: self.view.walk.journeys, distance: f32::NAN, ..Walk::default() };
+        self.walker = None;
+        self.view.path.clear();
+        if let Some(goal) = self.view.goal {
+            let map = self.world.map();
+            let steps = self.search.from(goal)[map.index(Cell::new(at[0] as usize, at[1] as usize))];
+            self.view.walk.shortest = (steps != UNREACHABLE).then_some(steps);
+        }
+    }
+
+    fn position(&self) -> [f32; 2] {
+        [self.world.states()[0], self.world.states()[1]]
+    }
+
+    /// One step of the walking agent.
+    fn walk(&mut self) {
+        let Some(goal) = self.view.goal else { return };
+        if self.view.walk.arrived {
+            self.resting += 1;
+            if self.resting > REST_STEPS {
+                self.restart();
+            }
+            return;
+        }
+        let (goal, at) = (goal.centre(), self.position());
+        let networks = self.networks.clone();
+        let nets = networks.0.nets();
+        self.view.walk.distance = nets.distance(&at, &goal, &mut self.scratch);
+        if self.world.spec().reached(&at, &goal) {
+            self.view.walk.arrived = true;
+            self.view.walk.journeys = (self.view.walk.journeys.0 + 1, self.view.walk.journeys.1 + 1);
+            self.view.path.clear();
+            return;
+        }
+        // As long as evaluation would let it.
+        if self.view.walk.steps >= self.view.walk.shortest.map_or(500, |s| (3 * s).max(500)) {
+            self.view.walk.journeys.1 += 1;
+            self.restart();
+            return;
+        }
+        let aim = self.aim(at, goal, &nets);
+        let mut action = [0.0; 2];
+        nets.actions(&at, &aim, &mut action, &mut self.scratch);
+        self.world.step(&action, &mut self.rng);
+        self.view.walk.steps += 1;
+        self.view.trail.push(at);
+        if self.view.trail.len() > TRAIL_STEPS {
+            self.view.trail.remove(0);
+        }
+    }
+
+    /// Where the agent heads for next; renews the path that is shown.
+    fn aim(&mut self, at: [f32; 2], goal: [f32; 2], nets: &Nets) -> [f32; 2] {
+        let Some(graph) = &self.graph else {
+            self.view.path = vec![goal];
+            return goal;
+        };
+        let scratch = &mut self.scratch;
+        let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, nets, scratch)));
+        let aim = walker.step(&at, graph, nets, scratch);
+        let aim = [aim[0], aim[1]];
+        self.view.path = match walker.target() {
+            Some(Target::Candidate(_)) => {
+                walker.ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
+            }
+            _ => Vec::new(),
+        };
+        self.view.path.push(goal);
+        aim
+    }
+}
