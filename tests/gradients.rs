@@ -61,9 +61,10 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let critic = reference.critic_loss(0, &states, &goals, &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    let actor = reference.actor_loss(&states, &goals).unwrap();
+    let (actor, excess) = reference.actor_loss(&states, &goals).unwrap();
     let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
-    let grads = [&critic, &model, &actor].map(|loss| loss.backward().unwrap());
+    let actor_and_excess = if settings.actor_bound > 0.0 { (actor + excess).unwrap() } else { actor };
+    let grads = [&critic, &model, &actor_and_excess].map(|loss| loss.backward().unwrap());
     let networks = [&learner.critics()[0], learner.model(), learner.actor()];
     let expected: Vec<(Tensor, Option<Tensor>)> = networks
         .iter()
@@ -113,6 +114,11 @@ fn of_states_larger_than_goals_agree() {
     check(&spec(10, 3, false), &settings(33, 24, 2));
     check(&spec(5, 3, true), &settings(20, 24, 2));
     check(&spec(4, 1, true), &settings(20, 24, 2));
+}
+
+#[test]
+fn of_an_actor_beyond_its_bound_agree() {
+    check(&spec(2, 2, true), &LearnSettings { actor_bound: 0.05, ..settings(40, 32, 2) });
 }
 
 #[test]

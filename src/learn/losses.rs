@@ -17,7 +17,12 @@ pub struct Shapes {
     pub distance_scale: f32,
     pub loss: LossScale,
     pub expectile: f32,
+    /// Bound of the actor's outputs before tanh; infinite for none.
+    pub actor_bound: f32,
 }
+
+/// Weight of the squared excess of the actor's outputs over their bound.
+pub const EXCESS_WEIGHT: f32 = 0.1;
 
 impl Shapes {
     /// The networks that `settings` ask for.
@@ -31,6 +36,7 @@ impl Shapes {
             distance_scale: settings.distance_scale_steps,
             loss: settings.loss,
             expectile: settings.expectile,
+            actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
             encoder,
         }
     }
@@ -42,6 +48,8 @@ pub struct Workspace {
     plain: Vec<f32>,
     x: Vec<f32>,
     y: Vec<f32>,
+    /// The actor's outputs before tanh, `(rows, action_dim)`.
+    outputs: Vec<f32>,
     dx: Vec<f32>,
     acts: Activations,
 }
@@ -102,9 +110,10 @@ impl Shapes {
     ) {
         self.pairs(plain, states, goals, actor.table, &mut ws.x);
         let rows = out.len() / self.actor.outputs;
-        self.actor.forward(actor.dense, &ws.x[..rows * self.actor.inputs], out, &mut ws.acts);
-        for a in out {
-            *a = a.tanh();
+        let outputs = sized(&mut ws.outputs, out.len());
+        self.actor.forward(actor.dense, &ws.x[..rows * self.actor.inputs], outputs, &mut ws.acts);
+        for (a, z) in out.iter_mut().zip(outputs) {
+            *a = z.tanh();
         }
     }
 
@@ -233,7 +242,8 @@ impl Shapes {
     }
 
     /// Adds the actor's goal-distance gradient (Algorithm 1): that of mean D(f(s, mu(s, g)), g), which flows through
-    /// critic and model into the actor alone. Returns the part's loss.
+    /// critic and model into the actor alone; and of the excess of its outputs over their bound. Returns the part's
+    /// mean D.
     pub fn actor_gradient(
         &self,
         nets: (Weights, Weights, Weights),
@@ -285,8 +295,10 @@ impl Shapes {
         let x = &step.x[..rows * self.model.inputs];
         self.model.backward(model.dense, x, &next[..rows * s], &mut step.acts, wanted);
         step.y = next;
-        for (action, d) in action[..rows * a].iter_mut().zip(&*d_action) {
-            *action = d * (1.0 - *action * *action);
+        let most = self.actor_bound;
+        for ((action, d), z) in action[..rows * a].iter_mut().zip(&*d_action).zip(&act.outputs) {
+            let excess = z - z.clamp(-most, most);
+            *action = d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess;
         }
         let from = self.encoder.plain_pair_width();
         let dx = (from < self.actor.inputs).then(|| (from, sized(&mut act.dx, rows * (self.actor.inputs - from))));

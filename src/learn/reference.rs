@@ -6,7 +6,7 @@ use candle_core::{D, Device, Result, Tensor};
 use super::encoder::Encoder;
 use super::grid::GridShape;
 use super::learner::Learner;
-use super::losses::Shapes;
+use super::losses::{EXCESS_WEIGHT, Shapes};
 use super::mlp::Mlp;
 use super::network::Network;
 use super::settings::LossScale;
@@ -39,8 +39,12 @@ impl<'a> Reference<'a> {
 
     /// Actions mu(s, g), `(rows, action_dim)`.
     pub fn actions(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+        self.actor_outputs(states, goals)?.tanh()
+    }
+
+    fn actor_outputs(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let actor = self.learner.actor();
-        mlp(&self.shapes().actor, actor.dense(), &self.pair_rows(actor, states, goals)?)?.tanh()
+        mlp(&self.shapes().actor, actor.dense(), &self.pair_rows(actor, states, goals)?)
     }
 
     /// Next states f(s, a), `(rows, state_dim)`.
@@ -79,10 +83,14 @@ impl<'a> Reference<'a> {
         error.sqr()?.sum(D::Minus1)?.mean_all()
     }
 
-    /// The actor's loss, mean D(f(s, mu(s, g)), g) by the first critic.
-    pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+    /// The actor's loss: mean D(f(s, mu(s, g)), g) by the first critic, and apart from it the weighted squared excess of
+    /// its outputs over their bound.
+    pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<(Tensor, Tensor)> {
+        let most = f64::from(self.shapes().actor_bound);
+        let excess = (self.actor_outputs(states, goals)?.abs()? - most)?.relu()?;
+        let excess = (excess.sqr()?.sum(D::Minus1)?.mean_all()? * f64::from(EXCESS_WEIGHT))?;
         let next = self.predictions(states, &self.actions(states, goals)?)?;
-        self.distances(0, &next, goals)?.mean_all()
+        Ok((self.distances(0, &next, goals)?.mean_all()?, excess))
     }
 
     fn pair_rows(&self, network: &Network, states: &Tensor, goals: &Tensor) -> Result<Tensor> {

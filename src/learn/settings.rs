@@ -47,6 +47,9 @@ pub struct LearnSettings {
     pub loss: LossScale,
     /// D = scale * softplus(network output), in steps.
     pub distance_scale_steps: f32,
+    /// Actions are tanh(z); where |z| exceeds this it is pulled back, as a saturated actor has no gradient left to
+    /// learn from. 0 for no bound.
+    pub actor_bound: f32,
     /// Fourier features sin, cos(pi 2^l u) of positions u in [-1, 1], for l = 0 .. octaves - 1.
     pub fourier_octaves: usize,
     /// Scales c of the relative inputs tanh((g - s) / c), in goal radii (cells of a maze); empty for none.
@@ -83,6 +86,7 @@ impl Default for LearnSettings {
             goal_random: 0.25,
             loss: LossScale::Sqrt,
             distance_scale_steps: 40.0,
+            actor_bound: 2.5,
             fourier_octaves: 3,
             relative_scales: vec![0.5, 1.0, 2.0, 4.0, 8.0, 32.0],
             grid_cells: vec![4.0, 2.0, 1.0, 0.5],
@@ -105,6 +109,7 @@ impl LearnSettings {
             goal_hindsight: 0.0,
             goal_random: 0.0,
             loss: LossScale::Squared,
+            actor_bound: 0.0,
             fourier_octaves: 0,
             relative_scales: Vec::new(),
             grid_cells: Vec::new(),
@@ -143,6 +148,7 @@ impl LearnSettings {
                 "a share from 0 to 1, and at most 1 together with goal_hindsight",
             ),
             ("distance_scale_steps", positive(self.distance_scale_steps), "a number above 0"),
+            ("actor_bound", (0.0..=100.0).contains(&self.actor_bound), "a number from 0 to 100"),
             ("fourier_octaves", self.fourier_octaves <= 12, "a whole number from 0 to 12"),
             ("relative_scales", scales(&self.relative_scales), "up to 16 numbers above 0"),
             ("grid_cells", scales(&self.grid_cells), "up to 16 numbers above 0"),
