@@ -21,8 +21,10 @@ Exit status: 0 done; 1 failed while running; 2 bad usage or input; 3 --require-s
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 pub struct Cli {
+    /// A command besides training.
     #[command(subcommand)]
     pub command: Option<Command>,
+    /// Everything about a training run.
     #[command(flatten)]
     pub train: TrainArgs,
 }

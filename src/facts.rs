@@ -9,13 +9,13 @@ use crate::setup::{diameter, report};
 
 /// The table of the built-in maps.
 pub fn list() -> String {
-    let mut out = format!("{:<12}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
-    for grid in BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)) {
+    let head = format!("{:<12}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
+    let lines = BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)).map(|grid| {
         let size = format!("{}x{}", grid.width(), grid.height());
         let farthest = farthest(diameter(&grid));
-        out += &format!("{:<12}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count());
-    }
-    out
+        format!("{:<12}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
+    });
+    std::iter::once(head).chain(lines).collect()
 }
 
 /// Validates a map or scenario file; the facts about it.

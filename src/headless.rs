@@ -33,14 +33,14 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
         signal_hook::flag::register_usize(number, signal.clone(), number as usize).into_diagnostic()?;
     }
     let mut session = Session { setup, args, progress: Progress::new(args) };
-    session.print(&Record::start(&session.setup))?;
+    print(&Record::start(&session.setup))?;
     let trained = session.train(&signal);
     let result = trained.and_then(|reason| session.finish(reason));
     // Whatever happened, what was learned is kept.
     let saved = args.save.as_deref().map(|path| train::save(&session.setup.trainer, path)).transpose();
     let (reason, evaluation) = result?;
     saved?;
-    session.print(&Record::end(reason, &session.setup.trainer))?;
+    print(&Record::end(reason, &session.setup.trainer))?;
     session.progress.finish();
     let number = signal.load(Ordering::Relaxed);
     if reason == EndReason::Interrupted {
@@ -55,6 +55,13 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     }
 }
 
+/// Writes one line to standard output.
+fn print(record: &Record) -> Result<(), Report> {
+    let line = serde_json::to_string(record).into_diagnostic()?;
+    let mut out = std::io::stdout().lock();
+    writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
+}
+
 /// Success by the method's own way of acting.
 fn success(evaluation: &Evaluation) -> f64 {
     evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).success
@@ -67,12 +74,6 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    fn print(&self, record: &Record) -> Result<(), Report> {
-        let line = serde_json::to_string(record).into_diagnostic()?;
-        let mut out = std::io::stdout().lock();
-        writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
-    }
-
     /// Trains until a limit or a signal ends it.
     fn train(&mut self, signal: &AtomicUsize) -> Result<EndReason, Report> {
         loop {
@@ -87,7 +88,7 @@ impl Session<'_> {
             }
             let updates = self.setup.trainer.counters().updates;
             if updates.is_multiple_of(PROGRESS_EVERY_UPDATES) {
-                self.print(&Record::progress(&self.setup.trainer))?;
+                print(&Record::progress(&self.setup.trainer))?;
                 self.progress.show(&self.setup.trainer);
             }
             let due = self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every));
@@ -108,7 +109,7 @@ impl Session<'_> {
             None => trainer.tasks(diameter.steps, self.args.eval_tasks as usize),
         };
         let evaluation = trainer.evaluate(&tasks).into_diagnostic()?;
-        self.print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
+        print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
         Ok(evaluation)
     }
 

@@ -20,7 +20,7 @@ mod settings;
 
 pub use batch::{Batch, BatchSampler};
 pub use encoder::Encoder;
-pub use learner::{Learner, LearnerState, Losses};
+pub use learner::{Learner, LearnerState, Losses, WholeGradient};
 pub use network::NetworkState;
 pub use policy::{Nets, Policy, Scratch};
 pub use reference::Reference;

@@ -1,3 +1,37 @@
+//! gdg-tui trains agents that learn *distance* instead of reward, and shows how they do it.
+//!
+//! # The idea
+//!
+//! A critic D(s,g) learns the smallest number of transitions from state s to goal g, a model f(s,a) learns what an
+//! action does, and an actor follows the gradient of D(f(s, mu(s,g)), g): the *goal-distance gradient* of
+//! "Reinforcement Learning with Goal-Distance Gradient". Bridge points b with D(s,b) + D(b,g) < D(s,g) split hard
+//! tasks into easy ones. No reward appears anywhere.
+//!
+//! # The layout
+//!
+//! Modules know those to their left and none to their right:
+//!
+//! ```text
+//! map <- env <- learn <- bridge <- train <- headless, tui
+//! ```
+//!
+//! * [`map`]: files to grids, and the true distances on them. Evaluation and display read these; learning never does.
+//! * [`env`](mod@env): a world of many agents behind an interface that says how states, goals and actions are sized
+//!   and scaled; the point maze.
+//! * [`learn`]: networks, losses, replay. `learn::kernel` holds the dense loops and the only unsafe code,
+//!   `learn::mlp` a perceptron on flat parameters, `learn::losses` the three losses and their gradients by hand;
+//!   [`learn::Reference`] computes the same by candle's autograd and is what the tests hold them against.
+//! * [`bridge`]: candidates, what experience shows between them, the graph, the planner, the published search.
+//! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints; and
+//!   [`train::Engine`], which runs a trainer on a thread of its own for a front end.
+//! * [`headless`] and [`tui`]: the front ends. [`cli`], [`setup`] and [`facts`] serve both.
+//!
+//! # What is held to
+//!
+//! Same seed, same run, bit for bit: whatever the number of threads, with or without a front end, evaluated or not,
+//! resumed or not. Each purpose has its own random stream; a batch is split into parts that do not depend on the number
+//! of threads and are summed in their order.
+
 pub mod bridge;
 pub mod cli;
 pub mod env;

@@ -30,7 +30,7 @@ pub struct Setup {
 /// See [`train::settings_from`].
 pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
     let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
-    Ok(train::settings_from(args.preset.into(), &overrides)?)
+    train::settings_from(args.preset.into(), &overrides).map_err(|e| Report::new(*e))
 }
 
 /// Loads map, scenario and checkpoint and prepares the run.
@@ -40,18 +40,13 @@ pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
 pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     let cores = || std::thread::available_parallelism().map_or(1, usize::from);
     let threads = args.threads.map_or_else(cores, usize::from);
-    let trainer = match &args.resume {
-        Some(path) => train::load(path, threads)?,
-        None => {
-            let run = Run {
-                method: args.method.into(),
-                preset: args.preset.into(),
-                seed: args.seed,
-                settings: settings(args)?,
-            };
-            let map = Arc::new(find_map(&args.map)?);
-            Trainer::new(run, map, threads).into_diagnostic()?
-        }
+    let trainer = if let Some(path) = &args.resume {
+        train::load(path, threads)?
+    } else {
+        let (method, preset) = (args.method.into(), args.preset.into());
+        let run = Run { method, preset, seed: args.seed, settings: settings(args)? };
+        let map = Arc::new(find_map(&args.map)?);
+        Trainer::new(run, map, threads).into_diagnostic()?
     };
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
@@ -86,6 +81,7 @@ pub fn diameter(grid: &Grid) -> Diameter {
 }
 
 /// A map error as a report.
+#[expect(clippy::boxed_local, reason = "it is how map errors come")]
 pub fn report(error: Box<MapError>) -> Report {
     Report::new(*error)
 }

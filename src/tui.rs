@@ -81,7 +81,7 @@ async fn event_loop(mut app: App, terminal: &mut Terminal, signal: &AtomicUsize)
         tokio::select! {
             event = events.next() => match event {
                 Some(event) => {
-                    app.on_event(event?);
+                    app.on_event(&event?);
                     changed = true;
                 }
                 // Nobody is left at the keyboard.

@@ -36,9 +36,11 @@ pub struct Experience {
 /// Everything an [`Experience`] knows, as plain numbers, for checkpoints.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ExperienceState {
+    /// Least distance between candidates.
     pub spacing: f32,
+    /// `(candidates, state_dim)`.
     pub states: Vec<f32>,
-    /// `(candidates, candidates)`.
+    /// Fewest steps from row to column, `(candidates, candidates)`.
     pub observed: Vec<u16>,
     /// Each agent's clock, number of visits, and visits.
     pub visits: Vec<u32>,
@@ -192,7 +194,7 @@ impl Experience {
     pub fn restore(&mut self, state: &ExperienceState) -> Result<(), String> {
         let misfit = || "the stored bridge candidates do not fit these settings".to_owned();
         let n = state.states.len() / self.spec.state_dim();
-        if n > self.most || state.observed.len() != n * n || state.states.len() % self.spec.state_dim() != 0 {
+        if n > self.most || state.observed.len() != n * n || !state.states.len().is_multiple_of(self.spec.state_dim()) {
             return Err(misfit());
         }
         self.spacing = state.spacing;

@@ -86,13 +86,7 @@ impl Walker {
     /// Among the candidates around, the one that minimises D(s,w) + steps(w,g); the goal itself where D(s,g) is
     /// below the cut-off and not longer than the way round. Where no verified link leads anywhere, unverified ones
     /// count; where the graph knows no way at all, the goal is approached directly.
-    fn choose(
-        &self,
-        state: &[f32],
-        graph: &BridgeGraph,
-        nets: &Nets,
-        scratch: &mut Scratch,
-    ) -> (Target, f32) {
+    fn choose(&self, state: &[f32], graph: &BridgeGraph, nets: &Nets, scratch: &mut Scratch) -> (Target, f32) {
         let around = graph.around(state);
         let mut goals: Vec<f32> = around.iter().flat_map(|i| graph.point(*i).iter().copied()).collect();
         goals.extend(&self.route.goal);

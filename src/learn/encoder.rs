@@ -25,10 +25,11 @@ impl Encoder {
     /// The features that `settings` ask for in an environment of `spec`.
     pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
         let dims = spec.goal_dim();
-        let grid = (spec.goals_are_positions && (1..=3).contains(&dims) && !settings.grid_cells.is_empty()).then(|| {
-            let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
-            GridShape::new(dims, settings.grid_channels, &settings.grid_cells, 2.0 * half / spec.goal_radius)
-        });
+        let grid =
+            (spec.goals_are_positions && (1..=3).contains(&dims) && !settings.grid_cells.is_empty()).then(|| {
+                let half = spec.achieved.iter().map(|i| spec.state_half_range[*i]).fold(0.0, f32::max);
+                GridShape::new(dims, settings.grid_channels, &settings.grid_cells, 2.0 * half / spec.goal_radius)
+            });
         Self {
             octaves: settings.fourier_octaves,
             relative: settings.relative_scales.iter().map(|c| 1.0 / (c * spec.goal_radius)).collect(),

@@ -67,6 +67,22 @@ struct Place {
     share: [f32; 3],
 }
 
+impl Level {
+    /// Where `position` falls.
+    fn place(self, position: &[f32]) -> Place {
+        let mut place = Place { corner: self.first, share: [0.0; 3] };
+        let mut stride = 1;
+        for (share, u) in place.share.iter_mut().zip(position) {
+            let at = ((u + 1.0) * 0.5).clamp(0.0, 1.0) * (self.corners - 1) as f32;
+            let lower = (at as usize).min(self.corners - 2);
+            *share = at - lower as f32;
+            place.corner += lower * stride;
+            stride *= self.corners;
+        }
+        place
+    }
+}
+
 impl GridShape {
     /// Tables for positions of `dims` axes; `cell_sizes` in units of which the range [-1, 1] holds `units`.
     ///
@@ -106,19 +122,6 @@ impl GridShape {
         (0..self.corners() * self.channels).map(|_| rng.random_range(-0.01..0.01)).collect()
     }
 
-    fn place(&self, level: Level, position: &[f32]) -> Place {
-        let mut place = Place { corner: level.first, share: [0.0; 3] };
-        let mut stride = 1;
-        for (share, u) in place.share.iter_mut().zip(position) {
-            let at = ((u + 1.0) * 0.5).clamp(0.0, 1.0) * (level.corners - 1) as f32;
-            let lower = (at as usize).min(level.corners - 2);
-            *share = at - lower as f32;
-            place.corner += lower * stride;
-            stride *= level.corners;
-        }
-        place
-    }
-
     /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` says upper along axis k.
     #[inline]
     fn around(&self, level: Level, place: &Place, mut visit: impl FnMut(usize, usize)) {
@@ -143,7 +146,7 @@ impl GridShape {
     pub fn encode(&self, table: TableView, position: &[f32], out: &mut [f32]) {
         out.fill(0.0);
         for (level, out) in self.levels.iter().zip(out.chunks_exact_mut(self.channels)) {
-            let place = self.place(*level, position);
+            let place = level.place(position);
             self.around(*level, &place, |corner, bits| {
                 let weight = self.weight(&place, bits);
                 let at = corner * self.channels..(corner + 1) * self.channels;
@@ -165,7 +168,7 @@ impl GridShape {
     /// Adds the encoding's gradient with respect to the scaled position to `d_position`, from `d_out` (`width`).
     pub fn position_gradient(&self, table: &[f32], position: &[f32], d_out: &[f32], d_position: &mut [f32]) {
         for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
-            let place = self.place(*level, position);
+            let place = level.place(position);
             let per_unit = 0.5 * (level.corners - 1) as f32;
             self.around(*level, &place, |corner, bits| {
                 let values = &table[corner * self.channels..(corner + 1) * self.channels];
@@ -186,7 +189,7 @@ impl GridShape {
     /// The table's gradient from `d_out` (`width`): calls `add(corner, weight, d_channels)` for each corner read.
     pub fn table_gradient(&self, position: &[f32], d_out: &[f32], mut add: impl FnMut(usize, f32, &[f32])) {
         for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
-            let place = self.place(*level, position);
+            let place = level.place(position);
             self.around(*level, &place, |corner, bits| add(corner, self.weight(&place, bits), d_out));
         }
     }

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::batch::Batch;
 use super::encoder::Encoder;
-use super::losses::{MOST_STATE_NUMBERS, Shapes, Workspace};
+use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, Shapes, Workspace};
 use super::network::{Gradient, Network, NetworkState, StepRates, Weights};
 use super::policy::{Nets, Policy};
 use super::settings::LearnSettings;
@@ -28,6 +28,9 @@ pub struct Losses {
     /// D(f(s, mu(s, g)), g) in steps.
     pub actor: f32,
 }
+
+/// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
+pub type WholeGradient = (Vec<f32>, Vec<f32>);
 
 /// Names and states of all networks, and the updates done.
 pub struct LearnerState {
@@ -85,10 +88,8 @@ impl Learner {
         let critics = critics.collect::<Result<Vec<_>>>()?;
         let model = Network::new(shapes.model, grid, None, rng)?;
         let actor = Network::new(shapes.actor, grid, Some(settings.tau), rng)?;
-        let parts = (0..settings.batch.div_ceil(PART_ROWS)).map(|_| Part {
-            critics: vec![Gradient::default(); settings.critics],
-            ..Part::default()
-        });
+        let parts = (0..settings.batch.div_ceil(PART_ROWS))
+            .map(|_| Part { critics: vec![Gradient::default(); settings.critics], ..Part::default() });
         Ok(Self { settings: settings.clone(), parts: parts.collect(), critics, model, actor, pool, shapes })
     }
 
@@ -143,7 +144,7 @@ impl Learner {
     ///
     /// # Errors
     /// What candle reports.
-    pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [(Vec<f32>, Vec<f32>); 3])> {
+    pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [WholeGradient; 3])> {
         self.critic_and_model_gradients(batch)?;
         self.actor_gradients(batch)?;
         let table = self.critics[0].table_size();
@@ -171,23 +172,22 @@ impl Learner {
             part.critic_gradients(shapes, &rows, &critics, &targets);
             part.model.clear(shapes.model.parameters());
             let transitions = (rows.from, rows.actions, rows.next);
-            part.losses.model =
-                shapes.model_gradient(model, transitions, rows.share, &mut part.model, &mut part.step);
+            part.losses.model = shapes.model_gradient(model, transitions, rows.share, &mut part.model, &mut part.step);
         });
         Ok(())
     }
 
     fn actor_gradients(&mut self, batch: &Batch) -> Result<()> {
         let (actor, model, critic) = (self.actor.lock(), self.model.lock(), self.critics[0].lock());
-        let nets = (actor.weights(false)?, model.weights(false)?, critic.weights(false)?);
+        let path =
+            ActorPath { actor: actor.weights(false)?, model: model.weights(false)?, critic: critic.weights(false)? };
         let shapes = &*self.shapes;
         run(self.pool.as_deref(), &mut self.parts, |i, part| {
             let rows = Rows::new(shapes, batch, i);
             part.actor.clear(shapes.actor.parameters());
             let buffers = (&mut part.act, &mut part.step, &mut part.judge);
-            let pairs = (rows.states, rows.goals);
-            part.losses.actor =
-                shapes.actor_gradient(nets, &part.plain, pairs, rows.share, &mut part.actor, buffers);
+            let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
+            part.losses.actor = shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
         });
         Ok(())
     }
@@ -257,15 +257,14 @@ fn run(pool: Option<&rayon::ThreadPool>, parts: &mut [Part], work: impl Fn(usize
 impl Part {
     /// Targets x = d + D'(s', g) of the part's rows, then each critic's gradient towards them.
     fn critic_gradients(&mut self, shapes: &Shapes, rows: &Rows, critics: &[Weights], targets: &[Weights]) {
-        let pairs = (rows.states, rows.goals);
         shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
         shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
         self.targets.clear();
         self.targets.resize(rows.steps.len(), 0.0);
         self.ahead.resize(rows.steps.len(), 0.0);
         for target in targets {
-            let ahead = (rows.ahead, rows.goals);
-            shapes.distances(*target, &self.plain_ahead, ahead, &mut self.ahead, &mut self.judge);
+            let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
+            shapes.distances(*target, ahead, &mut self.ahead, &mut self.judge);
             self.targets.iter_mut().zip(&self.ahead).for_each(|(x, d)| *x = x.max(*d));
         }
         for (i, x) in self.targets.iter_mut().enumerate() {
@@ -274,8 +273,9 @@ impl Part {
         self.losses.critic = 0.0;
         for (critic, gradient) in critics.iter().zip(&mut self.critics) {
             gradient.clear(shapes.critic.parameters());
-            let (plain, targets, ws) = (&self.plain, &self.targets, &mut self.judge);
-            let loss = shapes.critic_gradient(*critic, plain, pairs, targets, rows.share, gradient, ws);
+            let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
+            let (targets, ws) = (&self.targets, &mut self.judge);
+            let loss = shapes.critic_gradient(*critic, pairs, targets, rows.share, gradient, ws);
             self.losses.critic += loss / critics.len() as f32;
         }
     }

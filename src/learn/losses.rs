@@ -42,6 +42,27 @@ impl Shapes {
     }
 }
 
+/// (state, goal) pairs, one a row.
+#[derive(Clone, Copy)]
+pub struct Pairs<'a> {
+    /// Their plain rows, `(rows, plain_pair_width)`.
+    pub plain: &'a [f32],
+    /// `(rows, state_dim)`.
+    pub states: &'a [f32],
+    /// `(rows, goal_dim)`.
+    pub goals: &'a [f32],
+}
+
+/// The networks that an actor's loss goes through.
+pub struct ActorPath<'a> {
+    /// Trained.
+    pub actor: Weights<'a>,
+    /// Frozen.
+    pub model: Weights<'a>,
+    /// Frozen.
+    pub critic: Weights<'a>,
+}
+
 /// Buffers of one pass, grown to the largest batch seen.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
@@ -71,27 +92,20 @@ impl Shapes {
     }
 
     /// Full pair rows from plain ones and a network's table, `(rows, pair_width)`.
-    fn pairs(&self, plain: &[f32], states: &[f32], goals: &[f32], table: Option<TableView>, x: &mut Vec<f32>) {
+    fn rows(&self, pairs: Pairs, table: Option<TableView>, x: &mut Vec<f32>) {
         let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
         let width = self.encoder.pair_width();
-        let rows = sized(x, states.len() / s * width).chunks_exact_mut(width);
-        let plain = plain.chunks_exact(self.encoder.plain_pair_width());
-        let pairs = states.chunks_exact(s).zip(goals.chunks_exact(g));
-        for (((state, goal), plain), row) in pairs.zip(plain).zip(rows) {
+        let rows = sized(x, pairs.states.len() / s * width).chunks_exact_mut(width);
+        let plain = pairs.plain.chunks_exact(self.encoder.plain_pair_width());
+        let raw = pairs.states.chunks_exact(s).zip(pairs.goals.chunks_exact(g));
+        for (((state, goal), plain), row) in raw.zip(plain).zip(rows) {
             self.encoder.pair(plain, state, goal, table, row);
         }
     }
 
-    /// D(s, g) of each pair, `(rows)`; `plain` are the pairs' plain rows.
-    pub fn distances(
-        &self,
-        critic: Weights,
-        plain: &[f32],
-        (states, goals): (&[f32], &[f32]),
-        out: &mut [f32],
-        ws: &mut Workspace,
-    ) {
-        self.pairs(plain, states, goals, critic.table, &mut ws.x);
+    /// D(s, g) of each pair, `(rows)`.
+    pub fn distances(&self, critic: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+        self.rows(pairs, critic.table, &mut ws.x);
         let x = &ws.x[..out.len() * self.critic.inputs];
         self.critic.forward(critic.dense, x, out, &mut ws.acts);
         for z in out {
@@ -100,15 +114,8 @@ impl Shapes {
     }
 
     /// Actions mu(s, g), `(rows, action_dim)`.
-    pub fn actions(
-        &self,
-        actor: Weights,
-        plain: &[f32],
-        (states, goals): (&[f32], &[f32]),
-        out: &mut [f32],
-        ws: &mut Workspace,
-    ) {
-        self.pairs(plain, states, goals, actor.table, &mut ws.x);
+    pub fn actions(&self, actor: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+        self.rows(pairs, actor.table, &mut ws.x);
         let rows = out.len() / self.actor.outputs;
         let outputs = sized(&mut ws.outputs, out.len());
         self.actor.forward(actor.dense, &ws.x[..rows * self.actor.inputs], outputs, &mut ws.acts);
@@ -137,12 +144,11 @@ impl Shapes {
             let state = &states[i * s..(i + 1) * s];
             let (encoded, action) = row.split_at_mut(width - a);
             // A pair row begins with its state's row.
-            let plain_row = match plain {
-                Some((plain, stride)) => &plain[i * stride..i * stride + plain_width],
-                None => {
-                    self.encoder.plain_state(state, own);
-                    &*own
-                }
+            let plain_row = if let Some((plain, stride)) = plain {
+                &plain[i * stride..i * stride + plain_width]
+            } else {
+                self.encoder.plain_state(state, own);
+                &*own
             };
             self.encoder.state(plain_row, state, model.table, encoded);
             action.copy_from_slice(&actions[i * a..(i + 1) * a]);
@@ -157,15 +163,14 @@ impl Shapes {
     pub fn critic_gradient(
         &self,
         critic: Weights,
-        plain: &[f32],
-        (states, goals): (&[f32], &[f32]),
+        pairs: Pairs,
         targets: &[f32],
         share: f32,
         gradient: &mut Gradient,
         ws: &mut Workspace,
     ) -> f32 {
         let rows = targets.len();
-        self.pairs(plain, states, goals, critic.table, &mut ws.x);
+        self.rows(pairs, critic.table, &mut ws.x);
         let x = &ws.x[..rows * self.critic.inputs];
         let z = sized(&mut ws.y, rows);
         self.critic.forward(critic.dense, x, z, &mut ws.acts);
@@ -181,18 +186,18 @@ impl Shapes {
         let dx = (from < self.critic.inputs).then(|| (from, sized(&mut ws.dx, rows * (self.critic.inputs - from))));
         let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
         self.critic.backward(critic.dense, x, z, &mut ws.acts, wanted);
-        self.add_pair_corners(states, goals, &ws.dx, gradient);
+        self.add_pair_corners(pairs, &ws.dx, gradient);
         loss
     }
 
     /// Adds the table gradient of the encodings of states and goals; `dx` is `(rows, 2 * grid_width)`.
-    fn add_pair_corners(&self, states: &[f32], goals: &[f32], dx: &[f32], gradient: &mut Gradient) {
+    fn add_pair_corners(&self, pairs: Pairs, dx: &[f32], gradient: &mut Gradient) {
         let Some(grid) = self.encoder.grid() else { return };
         let spec = self.encoder.spec();
         let mut u = [0.0; 3];
         let u = &mut u[..grid.dims];
-        let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
-        for ((state, goal), d) in pairs.zip(dx.chunks_exact(2 * grid.width())) {
+        let raw = pairs.states.chunks_exact(spec.state_dim()).zip(pairs.goals.chunks_exact(spec.goal_dim()));
+        for ((state, goal), d) in raw.zip(dx.chunks_exact(2 * grid.width())) {
             let (of_state, of_goal) = d.split_at(grid.width());
             self.encoder.scaled_achieved(state, u);
             grid.table_gradient(u, of_state, |corner, weight, d| gradient.add_corner(corner, weight, d));
@@ -246,26 +251,26 @@ impl Shapes {
     /// mean D.
     pub fn actor_gradient(
         &self,
-        nets: (Weights, Weights, Weights),
-        plain: &[f32],
-        (states, goals): (&[f32], &[f32]),
+        path: &ActorPath,
+        pairs: Pairs,
         share: f32,
         gradient: &mut Gradient,
         (act, step, judge): (&mut Workspace, &mut Workspace, &mut Workspace),
     ) -> f32 {
-        let (actor, model, critic) = nets;
+        let ActorPath { actor, model, critic } = *path;
+        let Pairs { plain, states, goals } = pairs;
         let spec = self.encoder.spec();
         let (s, a) = (spec.state_dim(), spec.action_dim);
         let rows = states.len() / s;
         // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
         let mut action = std::mem::take(&mut act.y);
-        self.actions(actor, plain, (states, goals), sized(&mut action, rows * a), act);
+        self.actions(actor, pairs, sized(&mut action, rows * a), act);
         let mut next = std::mem::take(&mut step.y);
         let stride = Some((plain, self.encoder.plain_pair_width()));
         self.predict(model, states, &action[..rows * a], stride, sized(&mut next, rows * s), step);
         let mut next_plain = std::mem::take(&mut judge.plain);
         self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
-        self.pairs(&next_plain, &next[..rows * s], goals, critic.table, &mut judge.x);
+        self.rows(Pairs { plain: &next_plain, states: &next[..rows * s], goals }, critic.table, &mut judge.x);
         judge.plain = next_plain;
         let width = self.critic.inputs;
         let x = &judge.x[..rows * width];
@@ -306,7 +311,7 @@ impl Shapes {
         let x = &act.x[..rows * self.actor.inputs];
         self.actor.backward(actor.dense, x, &action[..rows * a], &mut act.acts, wanted);
         act.y = action;
-        self.add_pair_corners(states, goals, &act.dx, gradient);
+        self.add_pair_corners(pairs, &act.dx, gradient);
         loss
     }
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::grid::TableView;
-use super::losses::{Shapes, Workspace};
+use super::losses::{Pairs, Shapes, Workspace};
 use super::network::Weights;
 
 /// Rows that go through a network at once: their activations stay in the cache.
@@ -34,14 +34,15 @@ impl Nets<'_> {
         let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS));
         for ((states, goals), out) in chunks {
             self.shapes.plain_pairs(states, goals, &mut scratch.plain);
+            let pairs = Pairs { plain: &scratch.plain, states, goals };
             for (i, critic) in self.critics.iter().enumerate() {
                 if i == 0 {
-                    self.shapes.distances(*critic, &scratch.plain, (states, goals), out, &mut scratch.ws);
+                    self.shapes.distances(*critic, pairs, out, &mut scratch.ws);
                     continue;
                 }
                 scratch.second.resize(ROWS, 0.0);
                 let second = &mut scratch.second[..out.len()];
-                self.shapes.distances(*critic, &scratch.plain, (states, goals), second, &mut scratch.ws);
+                self.shapes.distances(*critic, pairs, second, &mut scratch.ws);
                 out.iter_mut().zip(second).for_each(|(d, e)| *d = d.max(*e));
             }
         }
@@ -61,7 +62,8 @@ impl Nets<'_> {
         let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * a));
         for ((states, goals), out) in chunks {
             self.shapes.plain_pairs(states, goals, &mut scratch.plain);
-            self.shapes.actions(self.actor, &scratch.plain, (states, goals), out, &mut scratch.ws);
+            let pairs = Pairs { plain: &scratch.plain, states, goals };
+            self.shapes.actions(self.actor, pairs, out, &mut scratch.ws);
         }
     }
 }

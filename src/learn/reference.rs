@@ -29,7 +29,7 @@ impl<'a> Reference<'a> {
     /// D(s, g) of critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`.
     ///
     /// # Errors
-    /// What candle reports, here and below.
+    /// What candle reports.
     pub fn distances(&self, k: usize, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let critic = &self.learner.critics()[k];
         let x = self.pair_rows(critic, states, goals)?;
@@ -38,6 +38,9 @@ impl<'a> Reference<'a> {
     }
 
     /// Actions mu(s, g), `(rows, action_dim)`.
+    ///
+    /// # Errors
+    /// What candle reports.
     pub fn actions(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         self.actor_outputs(states, goals)?.tanh()
     }
@@ -48,6 +51,9 @@ impl<'a> Reference<'a> {
     }
 
     /// Next states f(s, a), `(rows, state_dim)`.
+    ///
+    /// # Errors
+    /// What candle reports.
     pub fn predictions(&self, states: &Tensor, actions: &Tensor) -> Result<Tensor> {
         let model = self.learner.model();
         let encoder = &self.shapes().encoder;
@@ -62,6 +68,9 @@ impl<'a> Reference<'a> {
     }
 
     /// The loss of critic `k` towards `targets` `(rows)`.
+    ///
+    /// # Errors
+    /// What candle reports.
     pub fn critic_loss(&self, k: usize, states: &Tensor, goals: &Tensor, targets: &Tensor) -> Result<Tensor> {
         let distance = self.distances(k, states, goals)?;
         let scale = |d: &Tensor| match self.shapes().loss {
@@ -77,6 +86,9 @@ impl<'a> Reference<'a> {
     }
 
     /// The dynamics model's loss, in squared goal radii.
+    ///
+    /// # Errors
+    /// What candle reports.
     pub fn model_loss(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
         let radius = f64::from(self.shapes().encoder.spec().goal_radius);
         let error = ((self.predictions(states, actions)? - next)? / radius)?;
@@ -85,6 +97,9 @@ impl<'a> Reference<'a> {
 
     /// The actor's loss: mean D(f(s, mu(s, g)), g) by the first critic, and apart from it the weighted squared excess of
     /// its outputs over their bound.
+    ///
+    /// # Errors
+    /// What candle reports.
     pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<(Tensor, Tensor)> {
         let most = f64::from(self.shapes().actor_bound);
         let excess = (self.actor_outputs(states, goals)?.abs()? - most)?.relu()?;

@@ -27,8 +27,11 @@ pub struct Replay {
 /// Numbers in a state, a goal and an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
+    /// In a state.
     pub state: usize,
+    /// In a goal.
     pub goal: usize,
+    /// In an action.
     pub action: usize,
 }
 
@@ -41,19 +44,26 @@ impl From<(usize, usize, usize)> for Sizes {
 /// A stored moment: an agent and the number of its slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
+    /// The agent.
     pub agent: usize,
+    /// The number of its slot, counted from the beginning of training.
     pub slot: u64,
 }
 
 /// A replay's contents as plain numbers, for checkpoints.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReplayState {
+    /// Slots ever written by each agent.
     pub written: Vec<u64>,
+    /// Number of the first slot of each agent's episode.
     pub episode: Vec<u64>,
     /// `(slots, state_dim)`: each agent's slots, oldest first, one agent after the other.
     pub states: Vec<f32>,
+    /// `(slots, action_dim)`.
     pub actions: Vec<f32>,
+    /// `(slots, goal_dim)`.
     pub goals: Vec<f32>,
+    /// Steps from each slot to the end of its episode, where that has ended.
     pub left: Vec<u16>,
 }
 

@@ -111,14 +111,8 @@ impl SourceCode for Excerpt {
         let from = if alone { span.offset().min(self.text.len()) } else { 0 };
         let column = self.first_column + self.text[..from].chars().count();
         let data = &self.text.as_bytes()[from..];
-        let contents = MietteSpanContents::new_named(
-            self.file.clone(),
-            data,
-            (from, data.len()).into(),
-            self.line,
-            column,
-            1,
-        );
+        let contents =
+            MietteSpanContents::new_named(self.file.clone(), data, (from, data.len()).into(), self.line, column, 1);
         Ok(Box::new(contents))
     }
 }

@@ -44,10 +44,13 @@ impl Grid {
     /// # Panics
     /// If `free` does not hold `width * height` cells, or a start or goal is not a free cell: parsers check both.
     pub fn new(name: &str, width: usize, free: Vec<bool>, starts: Vec<Cell>, goals: Vec<Cell>) -> Self {
-        let height = if width == 0 { 0 } else { free.len() / width };
+        let height = free.len().checked_div(width).unwrap_or(0);
         assert_eq!(free.len(), width * height, "a grid needs whole rows");
         let grid = Self { name: name.to_owned(), width, height, free, starts, goals };
-        assert!(grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)), "starts and goals stand on free cells");
+        assert!(
+            grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)),
+            "starts and goals stand on free cells"
+        );
         grid
     }
 

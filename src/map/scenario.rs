@@ -54,9 +54,10 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
         from..from + fields[field].chars().count()
     };
     let number = |field: usize| {
-        fields[field].trim().parse::<usize>().map_err(|_| {
-            text.error(line, columns(field), format!("{:?} is not a whole number", fields[field]), FIELDS)
-        })
+        fields[field]
+            .trim()
+            .parse::<usize>()
+            .map_err(|_| text.error(line, columns(field), format!("{:?} is not a whole number", fields[field]), FIELDS))
     };
     let (stated_width, stated_height) = (number(2)?, number(3)?);
     let cell = |field: usize, which: &str| {
@@ -72,11 +73,13 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
         }
         let (x, y) = (cell.x, cell.y);
         let outside = x >= grid.width() || y >= grid.height();
-        let what = match outside {
-            true => format!("the {which} ({x}, {y}) lies off the map of {} x {}", grid.width(), grid.height()),
-            false => format!("the {which} ({x}, {y}) is a wall of {}", grid.name()),
+        let what = if outside {
+            format!("the {which} ({x}, {y}) lies off the map of {} x {}", grid.width(), grid.height())
+        } else {
+            format!("the {which} ({x}, {y}) is a wall of {}", grid.name())
         };
-        let right = "starts and goals are free cells as x, y from (0, 0) at the upper left; is this the map's scenario?";
+        let right =
+            "starts and goals are free cells as x, y from (0, 0) at the upper left; is this the map's scenario?";
         Err(text.error(line, columns(field).start..columns(field + 1).end, what, right))
     };
     let optimal_octile = fields[8].trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);

@@ -46,7 +46,7 @@ impl<'a> Text<'a> {
 }
 
 fn not_text(file: &str, bytes: &[u8], at: usize, found: &str) -> Box<MapError> {
-    let line = bytes[..at].iter().filter(|b| **b == b'\n').count();
+    let line = bytes[..at].split(|b| *b == b'\n').count() - 1;
     let from = bytes[..at].iter().rposition(|b| *b == b'\n').map_or(0, |i| i + 1);
     let to = bytes[at..].iter().position(|b| *b == b'\n').map_or(bytes.len(), |i| at + i);
     let before = String::from_utf8_lossy(&bytes[from..at]).chars().count();

@@ -174,12 +174,7 @@ impl Reader<'_> {
         self.numbers(name, Dtype::F32, f32::from_le_bytes)
     }
 
-    fn numbers<T, const N: usize>(
-        &self,
-        name: &str,
-        dtype: Dtype,
-        parse: fn([u8; N]) -> T,
-    ) -> Result<Vec<T>, String> {
+    fn numbers<T, const N: usize>(&self, name: &str, dtype: Dtype, parse: fn([u8; N]) -> T) -> Result<Vec<T>, String> {
         let view = self.0.tensor(name).map_err(|_| format!("holds no {name}"))?;
         if view.dtype() != dtype {
             return Err(format!("its {name} is of another type than {dtype:?}"));

@@ -36,21 +36,24 @@ pub struct ConfigError {
 }
 
 impl ConfigError {
-    fn new(what: String, right: String) -> Self {
-        Self { place: String::new(), what, right, source_code: None, span: None }
+    fn new(what: String, right: String) -> Box<Self> {
+        Box::new(Self { place: String::new(), what, right, source_code: None, span: None })
+    }
+
+    /// The same error, beginning with `place`.
+    fn of(mut self: Box<Self>, place: String) -> Box<Self> {
+        self.place = place;
+        self
     }
 
     /// The same error at a place of a file.
-    fn within(self, file: &str, text: &str, (offset, length): (usize, usize)) -> Self {
+    fn within(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
         let before = &text[..offset];
         let line = before.matches('\n').count() + 1;
         let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-        Self {
-            place: format!("{file}:{line}:{column}: "),
-            source_code: Some(NamedSource::new(file, text.to_owned())),
-            span: Some((offset, length).into()),
-            ..self
-        }
+        self.source_code = Some(NamedSource::new(file, text.to_owned()));
+        self.span = Some((offset, length).into());
+        self.of(format!("{file}:{line}:{column}: "))
     }
 }
 
@@ -58,7 +61,7 @@ impl ConfigError {
 ///
 /// # Errors
 /// A file that cannot be read or is no JSON object, unknown names, values of the wrong kind or out of range.
-pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, ConfigError> {
+pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(&preset.settings());
     if let Some(path) = overrides.config {
         apply_file(&mut values, path)?;
@@ -72,8 +75,7 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
         })?;
         // Words need no quotes: loss=sqrt.
         let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-        apply(&mut values, name.trim(), value)
-            .map_err(|e| ConfigError { place: format!("--set {assignment}: "), ..e })?;
+        apply(&mut values, name.trim(), &value).map_err(|e| e.of(format!("--set {assignment}: ")))?;
     }
     let settings = parse(&values)?;
     // Ranges that involve several settings can only be judged once all are known.
@@ -89,13 +91,13 @@ fn as_map(settings: &Settings) -> Map<String, Value> {
     }
 }
 
-fn parse(values: &Map<String, Value>) -> Result<Settings, ConfigError> {
+fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     serde_json::from_value(Value::Object(values.clone()))
         .map_err(|e| ConfigError::new(e.to_string(), "see --print-config for values of the right kind".to_owned()))
 }
 
 /// Sets one value, and checks it on its own.
-fn apply(values: &mut Map<String, Value>, name: &str, value: Value) -> Result<(), ConfigError> {
+fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(), Box<ConfigError>> {
     let Some(old) = values.get(name).cloned() else { return Err(unknown(values, name)) };
     values.insert(name.to_owned(), value.clone());
     let kind = |_| {
@@ -104,16 +106,16 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: Value) -> Result<()
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
     match settings.check() {
-        Err((wrong, right)) if wrong == name => Err(out_of_range(name, &value, right)),
+        Err((wrong, right)) if wrong == name => Err(out_of_range(name, value, right)),
         _ => Ok(()),
     }
 }
 
-fn out_of_range(name: &str, value: &Value, right: &str) -> ConfigError {
+fn out_of_range(name: &str, value: &Value, right: &str) -> Box<ConfigError> {
     ConfigError::new(format!("{name} cannot be {value}"), format!("{name} is {right}"))
 }
 
-fn unknown(values: &Map<String, Value>, name: &str) -> ConfigError {
+fn unknown(values: &Map<String, Value>, name: &str) -> Box<ConfigError> {
     let nearest = values
         .keys()
         .map(|known| (strsim::jaro_winkler(known, name), known))
@@ -133,11 +135,11 @@ struct Entries<'a>(#[serde(borrow)] BTreeMap<Key<'a>, &'a RawValue>);
 #[derive(Deserialize, PartialEq, Eq, PartialOrd, Ord)]
 struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
 
-fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), ConfigError> {
+fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
     let file = path.to_string_lossy();
     let text = std::fs::read_to_string(path).map_err(|e| {
         let right = "give a JSON file, as --print-config prints one".to_owned();
-        ConfigError { place: format!("{file}: "), ..ConfigError::new(format!("cannot be read: {e}"), right) }
+        ConfigError::new(format!("cannot be read: {e}"), right).of(format!("{file}: "))
     })?;
     let entries: Entries = serde_json::from_str(&text).map_err(|e| {
         let right = "a settings file is a JSON object of names and values, as --print-config prints it".to_owned();
@@ -154,7 +156,7 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Config
         let value = serde_json::from_str(raw.get())
             .map_err(|e| ConfigError::new(e.to_string(), "write a JSON value".to_owned()));
         value
-            .and_then(|value| apply(values, name, value))
+            .and_then(|value| apply(values, name, &value))
             .map_err(|e| e.within(&file, &text, place(if known { raw.get() } else { name })))?;
     }
     Ok(())

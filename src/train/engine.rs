@@ -234,9 +234,9 @@ impl Worker {
     fn carry_out(&mut self, command: Command) {
         match command {
             Command::Pause if self.current.phase == Phase::Running => self.current.phase = Phase::Paused,
-            Command::Pause => {}
+
             Command::Resume if self.current.phase == Phase::Paused => self.current.phase = Phase::Running,
-            Command::Resume => {}
+            Command::Pause | Command::Resume => {}
             Command::Save(path) => {
                 let text = match checkpoint::save(&self.trainer, &path) {
                     Ok(()) => format!("saved {} at update {}", path.display(), self.trainer.counters().updates),

@@ -105,9 +105,7 @@ fn walk(world: &PointMaze, set: &TaskSet, actor: &Actor, rng: &mut ChaCha8Rng) -
         env.place(i, &task.start.centre());
     }
     let mut walkers: Vec<Walker> = match actor {
-        Actor::Planned(nets, graph) => {
-            goals.iter().map(|g| Walker::new(graph.route(g, nets, &mut scratch))).collect()
-        }
+        Actor::Planned(nets, graph) => goals.iter().map(|g| Walker::new(graph.route(g, nets, &mut scratch))).collect(),
         _ => Vec::new(),
     };
     let mut taken: Vec<Option<u32>> = vec![None; set.tasks.len()];
@@ -166,8 +164,7 @@ fn distance_error(map: &Grid, nets: &Nets, rng: &mut ChaCha8Rng) -> DistanceErro
     for _ in 0..ERROR_PAIRS.0 {
         let goal = cells[rng.random_range(0..cells.len())];
         let steps = search.from(goal);
-        let around: Vec<usize> =
-            (0..steps.len()).filter(|i| (1..=NEAR_STEPS).contains(&steps[*i])).collect();
+        let around: Vec<usize> = (0..steps.len()).filter(|i| (1..=NEAR_STEPS).contains(&steps[*i])).collect();
         let mut push = |i: usize, only_near: bool| {
             if steps[i] == 0 {
                 return;

@@ -57,9 +57,11 @@ impl Preset {
     pub fn settings(self) -> Settings {
         match self {
             Self::Default => Settings::default(),
-            Self::Paper => {
-                Settings { learn: LearnSettings::paper(), bridge: BridgeSettings::paper(), train: TrainSettings::paper() }
-            }
+            Self::Paper => Settings {
+                learn: LearnSettings::paper(),
+                bridge: BridgeSettings::paper(),
+                train: TrainSettings::paper(),
+            },
         }
     }
 }

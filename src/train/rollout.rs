@@ -133,14 +133,7 @@ impl<E: Environment> Rollout<E> {
     }
 
     /// A random start and goal; with probability epsilon a bridge point is the first goal (Algorithm 1).
-    fn begin_episode(
-        &mut self,
-        i: usize,
-        method: Method,
-        settings: &Settings,
-        nets: &Nets,
-        experience: &Experience,
-    ) {
+    fn begin_episode(&mut self, i: usize, method: Method, settings: &Settings, nets: &Nets, experience: &Experience) {
         self.env.restart(i, &mut self.rng);
         let agent = &mut self.agents[i];
         agent.steps = 0;

@@ -76,12 +76,7 @@ impl TaskSet {
         let count = count.clamp(1, scenario.len());
         let chosen = (0..count).map(|i| scenario[i * scenario.len() / count]);
         let mut tasks: Vec<Task> = chosen
-            .map(|t| Task {
-                start: t.start,
-                goal: t.goal,
-                shortest: search.from(t.start)[map.index(t.goal)],
-                group: 0,
-            })
+            .map(|t| Task { start: t.start, goal: t.goal, shortest: search.from(t.start)[map.index(t.goal)], group: 0 })
             .filter(|t| t.shortest != UNREACHABLE)
             .collect();
         tasks.sort_by_key(|t| t.shortest);

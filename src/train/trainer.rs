@@ -320,9 +320,8 @@ impl Trainer {
     pub fn graph(&mut self) -> Result<BridgeGraph> {
         let bridge = &self.run.settings.bridge;
         let (spec, experience, scratch) = (self.world.spec(), &self.experience, &mut self.scratch);
-        self.learner.with_nets(bridge.averaged_weights, |nets| {
-            BridgeGraph::build(spec, bridge, experience, &nets, scratch)
-        })
+        self.learner
+            .with_nets(bridge.averaged_weights, |nets| BridgeGraph::build(spec, bridge, experience, &nets, scratch))
     }
 
     /// A frozen copy of the networks, as planning and evaluation use them.

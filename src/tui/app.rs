@@ -115,7 +115,7 @@ impl App {
     /// What remains of the run on the terminal when the screen is gone.
     pub fn summary(&self) -> String {
         let counters = self.snapshot.counters;
-        let mut text = format!(
+        let text = format!(
             "{} on {}, seed {}: {} updates in {:.0} s, {} episodes",
             self.run().method.name(),
             self.map().name(),
@@ -124,11 +124,9 @@ impl App {
             self.snapshot.seconds,
             counters.episodes
         );
-        if let Some((updates, e)) = self.snapshot.evaluations.last() {
-            let planned = e.planned.as_ref().map_or(String::new(), |p| format!("planned {:.2}, ", p.success));
-            text += &format!("; at update {updates} success {planned}greedy {:.2}", e.greedy.success);
-        }
-        text
+        let Some((updates, e)) = self.snapshot.evaluations.last() else { return text };
+        let planned = e.planned.as_ref().map_or(String::new(), |p| format!("planned {:.2}, ", p.success));
+        format!("{text}; at update {updates} success {planned}greedy {:.2}", e.greedy.success)
     }
 
     /// Takes a new snapshot.
@@ -160,10 +158,10 @@ impl App {
     }
 
     /// The user did something, or the terminal changed.
-    pub fn on_event(&mut self, event: Event) {
+    pub fn on_event(&mut self, event: &Event) {
         match event {
             Event::Key(key) if key.kind != KeyEventKind::Release => {
-                if let Some(action) = action_of(key) {
+                if let Some(action) = action_of(*key) {
                     self.act(action);
                 }
             }

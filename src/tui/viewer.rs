@@ -29,7 +29,7 @@ const REST_STEPS: u32 = 15;
 const TRAIL_STEPS: usize = 12;
 
 /// What the screen wants to see.
-#[derive(Clone, Debug)]
+#[derive(Clone, Copy, Debug)]
 pub enum Request {
     /// The goal that distances are shown to and the agent walks to.
     Goal(Cell),
@@ -92,7 +92,7 @@ impl Viewer {
         let (requests, inbox) = channel();
         let (publish, views) = watch::channel(Arc::new(View::default()));
         let world = PointMaze::new(engine.map().clone(), 1, 0.0);
-        let worker = Worker::new(world, engine, inbox, publish);
+        let worker = Worker::new(world, engine, (inbox, publish));
         std::thread::Builder::new().name("viewer".to_owned()).spawn(|| worker.run())?;
         Ok(Self { requests, views })
     }
@@ -129,12 +129,7 @@ struct Worker {
 }
 
 impl Worker {
-    fn new(
-        world: PointMaze,
-        engine: &Engine,
-        inbox: Receiver<Request>,
-        publish: watch::Sender<Arc<View>>,
-    ) -> Self {
+    fn new(world: PointMaze, engine: &Engine, (inbox, publish): (Receiver<Request>, watch::Sender<Arc<View>>)) -> Self {
         let snapshots = engine.snapshots();
         let networks = snapshots.borrow().networks.clone();
         let mut worker = Self {
@@ -179,9 +174,7 @@ impl Worker {
             }
             let latest = self.snapshots.borrow().networks.clone();
             let renewed = !Arc::ptr_eq(&latest, &self.networks);
-            let rested = self
-                .computed
-                .is_none_or(|(at, took)| at.elapsed() >= FIELD_EVERY.max(took * FIELD_SHARE));
+            let rested = self.computed.is_none_or(|(at, took)| at.elapsed() >= FIELD_EVERY.max(took * FIELD_SHARE));
             if self.computed.is_none() || renewed && rested {
                 self.networks = latest;
                 self.compute();
@@ -211,11 +204,9 @@ impl Worker {
         let networks = self.networks.clone();
         let nets = networks.0.nets();
         if self.method.plans() {
-            let graph =
-                BridgeGraph::build(self.world.spec(), &self.bridge, &networks.1, &nets, &mut self.scratch);
+            let graph = BridgeGraph::build(self.world.spec(), &self.bridge, &networks.1, &nets, &mut self.scratch);
             self.view.edges = graph.edges().len();
-            self.view.candidates =
-                Arc::new(networks.1.points().chunks_exact(2).map(|p| [p[0], p[1]]).collect());
+            self.view.candidates = Arc::new(networks.1.points().chunks_exact(2).map(|p| [p[0], p[1]]).collect());
             // Candidates may have changed places: the walk is planned anew.
             if let (Some(goal), false) = (self.view.goal, self.view.walk.arrived) {
                 self.walker = Some(Walker::new(graph.route(&goal.centre(), &nets, &mut self.scratch)));
@@ -256,8 +247,7 @@ impl Worker {
     fn begin_journey(&mut self) {
         let at = self.position();
         self.resting = 0;
-        self.view.walk =
-            Walk { start: at, journeys: self.view.walk.journeys, distance: f32::NAN, ..Walk::default() };
+        self.view.walk = Walk { start: at, journeys: self.view.walk.journeys, distance: f32::NAN, ..Walk::default() };
         self.walker = None;
         self.view.path.clear();
         if let Some(goal) = self.view.goal {

@@ -63,8 +63,7 @@ impl MapFrame {
     /// The pixel of a position on the map, in columns and rows.
     fn pixel_of(&self, [x, y]: [f32; 2]) -> Option<(usize, usize)> {
         let [left, top, width, height] = self.window;
-        let (column, row) =
-            ((x - left) / width * self.pixels.0 as f32, (y - top) / height * self.pixels.1 as f32);
+        let (column, row) = ((x - left) / width * self.pixels.0 as f32, (y - top) / height * self.pixels.1 as f32);
         let inside = column >= 0.0 && row >= 0.0 && (column as usize) < self.pixels.0 && (row as usize) < self.pixels.1;
         inside.then_some((column as usize, row as usize))
     }
@@ -97,8 +96,7 @@ struct Canvas {
 impl Canvas {
     fn new(place: &MapFrame, app: &App) -> Self {
         let (columns, rows) = place.pixels;
-        let mut canvas =
-            Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] };
+        let mut canvas = Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] };
         canvas.terrain(place, app.map());
         if app.view.pixels == place.pixels {
             canvas.field(&app.view);

@@ -78,7 +78,8 @@ fn success(app: &App) -> Vec<Line<'static>> {
 
 /// One bar for each distance, near to far.
 fn bars(by_distance: &[DistanceScore]) -> String {
-    const BARS: [char; 9] = [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}', '\u{2588}'];
+    const BARS: [char; 9] =
+        [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}', '\u{2588}'];
     by_distance.iter().map(|d| BARS[(d.success * 8.0).round() as usize]).collect()
 }
 
@@ -103,11 +104,7 @@ fn bridges(app: &App) -> Vec<Line<'static>> {
         Some((_, gain)) => format!("{} tried, gain {gain:.0}", s.tried),
         None => format!("{} tried, none", s.tried),
     });
-    vec![
-        fact("points", app.view.candidates.len()),
-        fact("edges", short(app.view.edges as f64)),
-        fact("search", search),
-    ]
+    vec![fact("points", app.view.candidates.len()), fact("edges", short(app.view.edges as f64)), fact("search", search)]
 }
 
 /// The critic's loss over time.
