@@ -12,6 +12,8 @@ enum Mark {
     Goal,
 }
 
+const CHARACTERS: &str = "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start and 'G' a goal";
+
 fn mark(c: char) -> Option<Mark> {
     match c {
         '.' | ' ' => Some(Mark::Free),
@@ -28,6 +30,9 @@ fn mark(c: char) -> Option<Mark> {
 /// Rows of different length, unknown characters, no free cell, more than [`MAX_CELLS`] cells.
 pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let width = text.lines[0].chars().count();
+    if width == 0 {
+        return Err(text.error(0, 0..0, "the first row is empty", "begin the file with the map's first row"));
+    }
     if width * text.lines.len() > MAX_CELLS {
         return Err(too_large(text, width, text.lines.len()));
     }
@@ -35,7 +40,7 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let (mut starts, mut goals) = (Vec::new(), Vec::new());
     for (y, line) in text.lines.iter().enumerate() {
         for (x, c) in line.chars().enumerate() {
-            let Some(mark) = mark(c) else { return Err(unknown_character(text, y, x, c)) };
+            let Some(mark) = mark(c) else { return Err(unknown_character(text, y, x, c, CHARACTERS)) };
             match mark {
                 Mark::Start => starts.push(Cell::new(x, y)),
                 Mark::Goal => goals.push(Cell::new(x, y)),
@@ -62,21 +67,13 @@ pub fn print_ascii(grid: &Grid) -> String {
 
 /// The error for a map of more than [`MAX_CELLS`] cells.
 pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
-    super::MapError::whole(
-        text.file,
-        format!("a map of {width} x {height} cells does not fit"),
-        format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has"),
-    )
+    let right = format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has");
+    text.line_error(0, format!("a map of {width} x {height} cells does not fit"), right)
 }
 
 /// The error for a character that no cell is written with.
-pub fn unknown_character(text: &Text, line: usize, column: usize, c: char) -> Box<super::MapError> {
-    text.error(
-        line,
-        column..column + 1,
-        format!("{c:?} is not a map character"),
-        "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start and 'G' a goal",
-    )
+pub fn unknown_character(text: &Text, line: usize, column: usize, c: char, known: &str) -> Box<super::MapError> {
+    text.error(line, column..column + 1, format!("{c:?} is not a map character"), known)
 }
 
 /// Checks that line `line` has `width` characters; `because` tells where that width comes from.

@@ -1,5 +1,7 @@
 //! Moving AI `.map` files, the benchmark format of the field (`type octile`).
 
+use std::num::IntErrorKind;
+
 use super::ascii::{check_row_length, check_some_free, too_large, unknown_character};
 use super::error::MapResult;
 use super::grid::{Cell, Grid, MAX_CELLS};
@@ -7,6 +9,8 @@ use super::text::Text;
 
 const HEADER: &str =
     "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
+
+const CHARACTERS: &str = "in a Moving AI map '.', 'G' and 'S' are passable, '@', 'O', 'T' and 'W' are not";
 
 /// Whether the text begins as a Moving AI map does.
 pub fn is_movingai(text: &Text) -> bool {
@@ -30,7 +34,7 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
             free.push(match c {
                 '.' | 'G' | 'S' => true,
                 '@' | 'O' | 'T' | 'W' => false,
-                _ => return Err(unknown_character(text, line, column, c)),
+                _ => return Err(unknown_character(text, line, column, c, CHARACTERS)),
             });
         }
     }
@@ -82,6 +86,7 @@ fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
         Ok(0) => Err(error("a map cannot have size 0".to_owned())),
         Ok(size) if size <= MAX_CELLS => Ok(size),
         Ok(_) => Err(error(format!("{value} cells do not fit"))),
+        Err(e) if *e.kind() == IntErrorKind::PosOverflow => Err(error(format!("{value} cells do not fit"))),
         Err(_) => Err(error(format!("{value:?} is not a size"))),
     }
 }

@@ -1,0 +1,323 @@
+//! Maps and scenarios: folders of valid and invalid files, properties of parsing and geometry, the built-in maps.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use gdg_tui::env::{Environment, PointMaze};
+use gdg_tui::map::{
+    self, BUILTIN, Cell, Grid, Obstacles, StepSearch, UNREACHABLE, obstacles_between, parse_map, print_ascii,
+    print_movingai,
+};
+use proptest::prelude::*;
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+fn folder(name: &str) -> Vec<PathBuf> {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps").join(name);
+    let mut files: Vec<PathBuf> = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path()).collect();
+    files.sort();
+    assert!(files.len() > 10, "the folder of {name} maps is there");
+    files
+}
+
+fn is_scenario(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "scen")
+}
+
+/// The map that the scenarios of both folders are for.
+fn plain() -> Grid {
+    parse_map("plain.txt", b"..#\n.#.\n...\n").unwrap()
+}
+
+#[test]
+fn every_valid_file_is_read() {
+    for path in folder("valid") {
+        if is_scenario(&path) {
+            let tasks = map::load_scenario(&path, &plain()).unwrap_or_else(|e| panic!("{e}"));
+            assert_eq!((tasks[0].start, tasks[0].goal), (Cell::new(0, 0), Cell::new(2, 2)), "{}", path.display());
+        } else {
+            let grid = map::load_map(&path).unwrap_or_else(|e| panic!("{e}"));
+            assert!(grid.free_count() > 0);
+        }
+    }
+}
+
+#[test]
+fn line_ends_and_byte_order_marks_change_nothing() {
+    let read = |name: &str| map::load_map(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid").join(name));
+    let expected = plain();
+    for name in ["crlf.txt", "no-final-newline.txt", "byte-order-mark.txt", "plain.txt"] {
+        assert_eq!(read(name).unwrap().named(expected.name()), expected, "{name}");
+    }
+    let marked = read("starts-and-goals.txt").unwrap();
+    assert_eq!(marked.starts(), [Cell::new(0, 0), Cell::new(2, 2)]);
+    assert_eq!(marked.goals(), [Cell::new(2, 0), Cell::new(0, 2)]);
+    let movingai = read("movingai.map").unwrap();
+    assert_eq!(print_ascii(&movingai), "..##\n...#\n##..\n");
+}
+
+/// The error that each invalid file gets: where, what, and what would be right.
+#[test]
+fn every_invalid_file_gets_its_error() {
+    let mut report = String::new();
+    for path in folder("invalid") {
+        let name = path.file_name().unwrap().to_string_lossy().into_owned();
+        let error = if is_scenario(&path) {
+            map::load_scenario(&path, &plain()).map(|_| ()).expect_err(&name)
+        } else {
+            map::load_map(&path).map(|_| ()).expect_err(&name)
+        };
+        assert!(error.to_string().contains(&name), "the error names the file: {error}");
+        assert!(!error.right.is_empty());
+        let place = error.at.map_or("whole file".to_owned(), |(line, column)| format!("{line}:{column}"));
+        report += &format!("{name}: {place}: {} [{}]\n", error.what, error.right);
+    }
+    let expected = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/invalid-errors.txt");
+    if std::env::var_os("UPDATE_EXPECTED").is_some() {
+        fs::write(&expected, &report).unwrap();
+    }
+    let expected = fs::read_to_string(expected).unwrap();
+    for (found, expected) in report.lines().zip(expected.lines()) {
+        assert_eq!(found, expected);
+    }
+    assert_eq!(report.lines().count(), expected.lines().count());
+}
+
+#[test]
+fn directories_and_missing_files_are_errors_not_panics() {
+    let directory = map::load_map(Path::new(env!("CARGO_MANIFEST_DIR"))).unwrap_err();
+    assert!(directory.what.contains("directory"), "{directory}");
+    let missing = map::load_map(Path::new("no/such.map")).unwrap_err();
+    assert!(missing.what.contains("cannot be read"), "{missing}");
+}
+
+#[test]
+fn a_map_of_2048_by_2048_is_read() {
+    let text = format!("{}\n", ".".repeat(2048)).repeat(2048);
+    let grid = parse_map("large", text.as_bytes()).unwrap();
+    assert_eq!((grid.width(), grid.height(), grid.free_count()), (2048, 2048, 2048 * 2048));
+}
+
+#[test]
+fn an_error_far_to_the_right_shows_only_its_surroundings() {
+    let mut row = ".".repeat(2000);
+    row.replace_range(1900..1901, "x");
+    let error = parse_map("wide", row.as_bytes()).unwrap_err();
+    assert_eq!(error.at, Some((1, 1901)));
+    let shown = format!("{:?}", miette::Report::new(*error));
+    assert!(shown.lines().all(|l| l.chars().count() < 120), "{shown}");
+    assert!(shown.contains("wide:1:1901"), "{shown}");
+}
+
+fn built_in(name: &str) -> Grid {
+    map::builtin(name).unwrap()
+}
+
+#[test]
+fn built_in_maps_have_their_farthest_distances() {
+    let farthest = |name: &str| {
+        let grid = built_in(name);
+        let diameter = StepSearch::new(&grid).diameter(&grid, 100_000);
+        assert!(diameter.exact, "{name}");
+        diameter.steps
+    };
+    assert!((119..=120).contains(&farthest("fourrooms")), "{}", farthest("fourrooms"));
+    assert!((235..=245).contains(&farthest("city")), "{}", farthest("city"));
+    assert_eq!(BUILTIN.len(), 3);
+}
+
+#[test]
+fn fourrooms_is_the_11_by_11_map_enlarged_eight_times() {
+    let grid = built_in("fourrooms");
+    assert_eq!((grid.width(), grid.height()), (88, 88));
+    let small = [
+        ".....#.....",
+        ".....#.....",
+        "...........",
+        ".....#.....",
+        ".....#.....",
+        "#.####.....",
+        ".....###.##",
+        ".....#.....",
+        ".....#.....",
+        "...........",
+        ".....#.....",
+    ];
+    for y in 0..88 {
+        for x in 0..88 {
+            assert_eq!(grid.is_free(Cell::new(x, y)), small[y / 8].as_bytes()[x / 8] == b'.', "({x}, {y})");
+        }
+    }
+}
+
+/// An obstacle (an 8-connected group of wall cells) has to be got round when the straight line from start to goal
+/// runs through it. Counted for every pair of free cells on one colour of the chessboard, so that every other line
+/// runs beside a counted one.
+#[test]
+fn no_task_of_the_city_has_more_than_nine_obstacles_to_get_round() {
+    let grid = built_in("city");
+    let obstacles = Obstacles::new(&grid);
+    let cells: Vec<Cell> = grid.free_cells().filter(|c| (c.x + c.y).is_multiple_of(2)).collect();
+    let mut most = 0;
+    for (i, a) in cells.iter().enumerate() {
+        for b in &cells[i + 1..] {
+            most = most.max(obstacles_between(&grid, &obstacles, *a, *b));
+        }
+    }
+    assert!(most <= 9, "a task has {most} obstacles");
+    assert!(most >= 8, "the city is not nearly empty: {most}");
+}
+
+/// Within ten steps of the start there is a cell of a dead end nearer to the goal than the start and everything
+/// around it; the way round takes more than 80 steps.
+#[test]
+fn the_trap_is_a_local_optimum() {
+    let grid = built_in("trap");
+    let (start, goal) = (grid.starts()[0], grid.goals()[0]);
+    let mut search = StepSearch::new(&grid);
+    let to_goal = search.from(goal)[grid.index(start)];
+    assert!(to_goal > 80 && to_goal != UNREACHABLE, "{to_goal}");
+    let straight = |c: Cell| (c.x as f64 - goal.x as f64).hypot(c.y as f64 - goal.y as f64);
+    let near: Vec<Cell> = {
+        let steps = search.from(start).to_vec();
+        grid.free_cells().filter(|c| steps[grid.index(*c)] <= 10).collect()
+    };
+    let end = *near.iter().min_by(|a, b| straight(**a).total_cmp(&straight(**b))).unwrap();
+    assert!(straight(end) < straight(start));
+    // Even within ten steps of that end, nothing is nearer: it is a local optimum, and the start lies in its basin.
+    let around = search.from(end).to_vec();
+    assert!(grid.free_cells().filter(|c| around[grid.index(*c)] <= 10).all(|c| straight(c) >= straight(end)));
+}
+
+/// A random map of up to `most` by `most` cells with at least one free one.
+fn grids(most: usize) -> impl Strategy<Value = Grid> {
+    (1..=most, 1..=most)
+        .prop_flat_map(|(w, h)| {
+            (Just(w), prop::collection::vec(prop::sample::select(vec![b'.', b'#', b'S', b'G']), w * h))
+        })
+        .prop_filter("a free cell", |(_, cells)| cells.iter().any(|c| *c != b'#'))
+        .prop_map(|(width, cells)| {
+            let text: Vec<u8> = cells.chunks(width).flat_map(|row| [row, b"\n"].concat()).collect();
+            parse_map("random", &text).unwrap()
+        })
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn parsing_what_was_printed_gives_the_same_map(grid in grids(20)) {
+        prop_assert_eq!(&parse_map("random", print_ascii(&grid).as_bytes()).unwrap(), &grid);
+        let movingai = parse_map("random", print_movingai(&grid).as_bytes()).unwrap();
+        prop_assert_eq!(movingai.free(), grid.free());
+        prop_assert_eq!(movingai.width(), grid.width());
+    }
+
+    #[test]
+    fn parsing_any_bytes_never_panics(bytes in prop::collection::vec(any::<u8>(), 0..200)) {
+        let _ = parse_map("random", &bytes);
+    }
+
+    #[test]
+    fn steps_agree_with_a_library_search(grid in grids(12)) {
+        let mut search = StepSearch::new(&grid);
+        let start = grid.free_cells().next().unwrap();
+        let steps = search.from(start).to_vec();
+        for goal in grid.free_cells() {
+            let path = pathfinding::directed::bfs::bfs(&start, |c| grid.neighbours(*c).collect::<Vec<_>>(), |c| *c == goal);
+            let expected = path.map_or(UNREACHABLE, |p| p.len() as u32 - 1);
+            prop_assert_eq!(steps[grid.index(goal)], expected);
+        }
+    }
+
+    #[test]
+    fn the_diameter_is_that_of_all_pairs(grid in grids(10)) {
+        let mut search = StepSearch::new(&grid);
+        let components = search.components(&grid);
+        let largest = components.largest();
+        let within: Vec<Cell> =
+            grid.free_cells().filter(|c| components.of_cell[grid.index(*c)] == Some(largest)).collect();
+        let farthest = within.iter().flat_map(|a| {
+            search.from(*a).iter().copied().filter(|s| *s != UNREACHABLE).collect::<Vec<_>>()
+        }).max().unwrap();
+        let diameter = search.diameter(&grid, usize::MAX);
+        prop_assert!(diameter.exact);
+        prop_assert_eq!(diameter.steps, farthest);
+    }
+
+    #[test]
+    fn no_agent_is_ever_inside_a_wall(
+        grid in grids(8),
+        seed in any::<u64>(),
+        actions in prop::collection::vec(-1.5f32..1.5, 8..120),
+    ) {
+        let grid = Arc::new(grid);
+        let mut rng = ChaCha8Rng::seed_from_u64(seed);
+        let mut world = PointMaze::new(grid.clone(), 2, 0.3);
+        world.restart(0, &mut rng);
+        world.restart(1, &mut rng);
+        let components = StepSearch::new(&grid).components(&grid);
+        let component = |x: f32, y: f32| components.of_cell[grid.index(Cell::new(x as usize, y as usize))];
+        for action in actions.chunks_exact(4) {
+            let before: Vec<f32> = world.states().to_vec();
+            world.step(action, &mut rng);
+            for (at, before) in world.states().chunks_exact(2).zip(before.chunks_exact(2)) {
+                prop_assert!(grid.is_free_at(at[0], at[1]), "at {at:?}");
+                prop_assert_eq!(component(at[0], at[1]), component(before[0], before[1]), "through a wall");
+                // At most one cell per axis and step.
+                prop_assert!((at[0] - before[0]).abs() <= 1.001 && (at[1] - before[1]).abs() <= 1.001);
+            }
+        }
+    }
+}
+
+#[test]
+fn an_agent_slides_along_walls_and_one_in_a_wall_is_moved_out() {
+    let grid = Arc::new(parse_map("wall", b"...\n###\n...\n").unwrap());
+    let mut rng = ChaCha8Rng::seed_from_u64(1);
+    let mut world = PointMaze::new(grid, 1, 0.0);
+    world.place(0, &[0.5, 0.5]);
+    world.step(&[1.0, 1.0], &mut rng);
+    let at = world.states();
+    assert!((at[0] - 1.5).abs() < 1e-3, "it slides to the right: {at:?}");
+    assert!(at[1] < 1.0, "the wall holds: {at:?}");
+    world.place(0, &[1.5, 1.4]);
+    assert_eq!(world.states(), [1.5, 0.5]);
+}
+
+fn shared(file: &str) -> Option<PathBuf> {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared/data/movingai").join(file);
+    if path.is_file() {
+        return Some(path);
+    }
+    println!("skipped: {} is not here", path.display());
+    None
+}
+
+#[test]
+fn real_maps_and_scenarios_are_read() {
+    let Some(path) = shared("Berlin_0_256.map") else { return };
+    let grid = map::load_map(&path).unwrap();
+    assert_eq!((grid.width(), grid.height()), (256, 256));
+    assert!((grid.free_count() as f64 / 65536.0 - 0.735).abs() < 0.001);
+    let components = StepSearch::new(&grid).components(&grid);
+    let share = components.sizes[components.largest() as usize] as f64 / grid.free_count() as f64;
+    assert!((share - 0.955).abs() < 0.001, "{share}");
+    assert!(StepSearch::new(&grid).diameter(&grid, 2_000).steps >= 316);
+    let pairs = [
+        ("Berlin_0_256.map", "Berlin_0_256.map.scen"),
+        ("room-32-32-4.map", "room-32-32-4-random-1.scen"),
+        ("maze-32-32-2.map", "maze-32-32-2-even-1.scen"),
+    ];
+    for (map_file, scenario) in pairs {
+        let grid = map::load_map(&shared(map_file).unwrap()).unwrap();
+        let tasks = map::load_scenario(&shared(scenario).unwrap(), &grid).unwrap();
+        let mut search = StepSearch::new(&grid);
+        for task in tasks.iter().step_by(7) {
+            let steps = f64::from(search.from(task.start)[grid.index(task.goal)]);
+            // An octile length counts a diagonal sqrt 2 where a step count counts it 1.
+            assert!(steps <= task.optimal_octile + 1e-6 && task.optimal_octile <= steps * 2f64.sqrt() + 1e-6);
+        }
+    }
+}
