@@ -3,6 +3,9 @@
 use super::graph::{BridgeGraph, Route};
 use crate::learn::{Nets, Scratch};
 
+/// So many late targets in a row mean that an agent is stuck.
+const STUCK: u32 = 2;
+
 /// What a walker heads for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Target {
@@ -21,6 +24,11 @@ pub struct Walker {
     clock: u32,
     /// Step at which the target is late.
     deadline: u32,
+    /// Steps from the last waypoint reached to the goal: the next one must be nearer, or the walk could go to and fro
+    /// between two waypoints for ever. Infinite at the start and after a target was late.
+    remaining: f32,
+    /// Targets in a row that were late.
+    strikes: u32,
     /// Targets that were late, and until when they are banned.
     banned: Vec<(Target, u32)>,
 }
@@ -28,7 +36,7 @@ pub struct Walker {
 impl Walker {
     /// A walk along `route`.
     pub fn new(route: Route) -> Self {
-        Self { route, target: None, clock: 0, deadline: 0, banned: Vec::new() }
+        Self { route, target: None, clock: 0, deadline: 0, remaining: f32::INFINITY, strikes: 0, banned: Vec::new() }
     }
 
     /// The ways that it walks by.
@@ -62,8 +70,17 @@ impl Walker {
         if let Some(current) = target {
             let reached = graph.spec().reached(state, self.aim(graph, current));
             let late = settings.progress_check && self.clock >= self.deadline;
-            if late && !reached {
-                self.banned.push((current, self.clock + settings.ban_steps));
+            match current {
+                Target::Candidate(i) if reached => {
+                    self.remaining = self.route.steps[i];
+                    self.strikes = 0;
+                }
+                _ if late && !reached => {
+                    self.banned.push((current, self.clock + settings.ban_steps));
+                    self.remaining = f32::INFINITY;
+                    self.strikes += 1;
+                }
+                _ => {}
             }
             if late || reached {
                 target = None;
@@ -103,11 +120,14 @@ impl Walker {
                 };
                 let total = cost + self.route.steps[*i];
                 let usable = total.is_finite()
+                    && self.route.steps[*i] < self.remaining
                     && allowed(Target::Candidate(*i))
                     && !graph.spec().reached(state, graph.point(*i));
                 usable.then_some((*i, *d, total))
             });
-            options.min_by(|a, b| a.2.total_cmp(&b.2))
+            // An agent that got nowhere twice stands where the actor does not move: the shortest hop away from there.
+            let key = |option: &(usize, f32, f32)| if self.strikes >= STUCK { option.1 } else { option.2 };
+            options.min_by(|a, b| key(a).total_cmp(&key(b)))
         };
         let waypoint = best(true).or_else(|| best(false));
         let direct = graph.link(here, self.route.nearest, to_goal).filter(|_| allowed(Target::Goal));
