@@ -18,6 +18,8 @@ mod app;
 mod colour;
 mod render;
 mod terminal;
+#[cfg(test)]
+mod tests;
 mod viewer;
 
 use std::sync::Arc;

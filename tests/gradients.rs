@@ -1,5 +1,7 @@
 //! The fused gradients against candle's autograd, over several shapes, odd sizes and batch 1.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 use candle_core::{Device, Tensor};
 use gdg_tui::env::Spec;
 use gdg_tui::learn::{Batch, LearnSettings, Learner, LossScale, Reference};

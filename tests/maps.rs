@@ -1,5 +1,7 @@
 //! Maps and scenarios: folders of valid and invalid files, properties of parsing and geometry, the built-in maps.
 
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;

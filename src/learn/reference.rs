@@ -2,6 +2,7 @@
 //! devices that the fused kernels do not know.
 
 use candle_core::{D, Device, Result, Tensor};
+use candle_nn::{Linear, Module};
 
 use super::encoder::Encoder;
 use super::grid::GridShape;
@@ -206,10 +207,10 @@ fn mlp(shape: &Mlp, parameters: &Tensor, x: &Tensor) -> Result<Tensor> {
     let mut h = x.clone();
     for layer in 0..shape.layers {
         let w = part(shape.weights(layer))?.reshape((shape.layer_inputs(layer), shape.hidden))?;
-        h = h.matmul(&w)?.broadcast_add(&part(shape.bias(layer))?)?.relu()?;
+        h = Linear::new(w.t()?, Some(part(shape.bias(layer))?)).forward(&h)?.relu()?;
     }
     let w = part(shape.output_weights())?.reshape((shape.outputs, shape.hidden))?;
-    h.matmul(&w.t()?)?.broadcast_add(&part(shape.output_bias())?)
+    Linear::new(w, Some(part(shape.output_bias())?)).forward(&h)
 }
 
 /// ln(1 + e^z), without overflow.

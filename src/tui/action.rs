@@ -63,7 +63,7 @@ pub const BINDINGS: &[Binding] = &[
         action: Action::MoveGoal(-1, 0),
         keys: &[(KeyCode::Left, NONE), (KeyCode::Char('h'), NONE)],
         shown: "\u{2190}\u{2193}\u{2191}\u{2192}/click",
-        short: "move goal",
+        short: "goal",
         long: "move the goal (also h j k l, or click on the map)",
     },
     Binding {
@@ -105,7 +105,7 @@ pub const BINDINGS: &[Binding] = &[
         action: Action::ToggleAgents,
         keys: &[(KeyCode::Char('a'), NONE)],
         shown: "a",
-        short: "agents",
+        short: "",
         long: "show or hide the exploring agents",
     },
     Binding {

@@ -1,0 +1,282 @@
+//! The program as it is run from a shell: records, exit statuses, errors.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::time::{Duration, Instant};
+
+use assert_cmd::Command as Assert;
+use serde_json::Value;
+
+fn gdg() -> Assert {
+    let mut command = Assert::cargo_bin("gdg-tui").unwrap();
+    command.env("NO_COLOR", "1");
+    command
+}
+
+/// Arguments that make a run small.
+const SMALL: [&str; 8] =
+    ["--set", "hidden=16", "--set", "replay_capacity=20000", "--set", "candidates=50", "--set", "warmup_env_steps=500"];
+
+fn records(output: &[u8]) -> Vec<Value> {
+    let text = std::str::from_utf8(output).unwrap();
+    text.lines().map(|line| serde_json::from_str(line).expect("every line is JSON")).collect()
+}
+
+fn run(args: &[&str]) -> Vec<Value> {
+    let output = gdg().arg("--no-ui").args(args).args(SMALL).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    assert!(output.stderr.is_empty(), "nothing but records when all is well");
+    records(&output.stdout)
+}
+
+fn file(name: &str) -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps").join(name).to_string_lossy().into_owned()
+}
+
+#[test]
+fn records_have_their_form() {
+    let all =
+        run(&["trap", "--seed", "5", "--max-updates", "1000", "--eval-tasks", "2", "--eval-every-updates", "500"]);
+    let of = |event: &str| all.iter().filter(|r| r["event"] == event).collect::<Vec<_>>();
+    let start = of("start")[0];
+    assert_eq!(start["map"]["name"], "trap");
+    assert_eq!(start["map"]["width"], 53);
+    assert_eq!(start["map"]["diameter_steps"], 95);
+    assert_eq!(
+        (&start["method"], &start["preset"], &start["seed"]),
+        (&"gdg-bridge".into(), &"default".into(), &5.into())
+    );
+    let progress = of("progress")[0];
+    assert_eq!(progress["updates"], 1000);
+    for field in ["seconds", "env_steps", "episodes", "updates_per_second"] {
+        assert!(progress[field].is_number(), "{field}");
+    }
+    for loss in ["critic", "model", "actor"] {
+        assert!(progress["losses"][loss].as_f64().unwrap() > 0.0, "{loss}");
+    }
+    let evaluations = of("evaluation");
+    assert_eq!(evaluations.len(), 2, "one on the way, one at the end");
+    let last = evaluations[1];
+    for score in [&last["greedy"], &last["planned"]] {
+        assert!((0.0..=1.0).contains(&score["success"].as_f64().unwrap()));
+        let groups = score["by_distance"].as_array().unwrap();
+        assert_eq!(groups.len(), 6);
+        assert!(groups.iter().all(|g| g["tasks"] == 2 && g["spl"].is_number() && g["distance_steps"].is_number()));
+    }
+    for field in ["mape", "near_mape", "bias", "spearman"] {
+        assert!(last["distance_error"][field].is_number(), "{field}");
+    }
+    for field in ["candidates", "edges", "false_edges"] {
+        assert!(last["bridges"][field].is_number(), "{field}");
+    }
+    let end = all.last().unwrap();
+    assert_eq!((&end["event"], &end["reason"], &end["updates"]), (&"end".into(), &"max-updates".into(), &1000.into()));
+}
+
+/// The records without times and rates.
+fn timeless(mut records: Vec<Value>) -> Vec<Value> {
+    for record in &mut records {
+        let object = record.as_object_mut().unwrap();
+        object.remove("seconds");
+        object.remove("updates_per_second");
+        object.remove("threads");
+    }
+    records
+}
+
+#[test]
+fn the_same_seed_prints_the_same_whatever_the_threads() {
+    let args = ["trap", "--seed", "9", "--max-updates", "1200", "--eval-tasks", "2"];
+    let once = timeless(run(&[&args[..], &["--threads", "1"]].concat()));
+    let again = timeless(run(&[&args[..], &["--threads", "2"]].concat()));
+    assert_eq!(once, again);
+}
+
+#[test]
+fn other_methods_and_the_paper_preset_run() {
+    for args in [["--method", "gdg"], ["--method", "random"], ["--preset", "paper"]] {
+        let all = run(&["trap", "--max-updates", "200", "--eval-tasks", "1", args[0], args[1]]);
+        let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
+        assert_eq!(evaluation["planned"].is_null(), args[0] == "--method", "{args:?}");
+        assert_eq!(evaluation["bridges"].is_null(), args[0] == "--method", "{args:?}");
+    }
+}
+
+#[test]
+fn limits_count_from_the_beginning_of_training_when_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let (half, whole) = (folder.path().join("half.safetensors"), folder.path().join("whole.safetensors"));
+    let (half, whole) = (half.to_str().unwrap(), whole.to_str().unwrap());
+    run(&["trap", "--seed", "2", "--max-updates", "300", "--eval-tasks", "1", "--save", half]);
+    let output = gdg()
+        .args(["--no-ui", "--resume", half, "--max-updates", "500", "--eval-tasks", "1", "--save", whole])
+        .output()
+        .unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let resumed = records(&output.stdout);
+    assert_eq!(resumed[0]["updates"], 300);
+    assert_eq!(resumed.last().unwrap()["updates"], 500);
+    let straight = run(&["trap", "--seed", "2", "--max-updates", "500", "--eval-tasks", "1"]);
+    let evaluation = |all: &[Value]| timeless(all.to_vec()).into_iter().find(|r| r["event"] == "evaluation");
+    assert_eq!(evaluation(&straight), evaluation(&resumed));
+    let conflict = gdg().args(["--resume", half, "--seed", "3"]).output().unwrap();
+    assert_eq!(conflict.status.code(), Some(2));
+}
+
+#[test]
+fn episodes_and_seconds_end_a_run_too() {
+    let all = run(&["trap", "--max-episodes", "40", "--eval-tasks", "1"]);
+    assert_eq!(all.last().unwrap()["reason"], "max-episodes");
+    let all = run(&["trap", "--max-seconds", "0.3", "--eval-tasks", "1"]);
+    assert_eq!(all.last().unwrap()["reason"], "max-seconds");
+    assert!(all.last().unwrap()["seconds"].as_f64().unwrap() >= 0.3);
+}
+
+#[test]
+fn success_that_is_not_reached_is_status_3() {
+    let args = ["--no-ui", "trap", "--max-updates", "10", "--eval-tasks", "2", "--method", "random"];
+    gdg().args(args).args(SMALL).args(["--require-success", "1"]).assert().code(3);
+    gdg().args(args).args(SMALL).args(["--require-success", "0"]).assert().code(0);
+}
+
+#[test]
+fn a_scenario_is_evaluated_in_six_ranges() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("tasks.scen");
+    let tasks: String = (0..12).map(|i| format!("0\ttrap\t53\t41\t0\t0\t{i}\t0\t{i}\n")).collect();
+    std::fs::write(&path, format!("version 1\n{tasks}")).unwrap();
+    let args = ["trap", "--max-updates", "10", "--eval-tasks", "2", "--scen", path.to_str().unwrap()];
+    let all = run(&args);
+    let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
+    let means: Vec<f64> = evaluation["greedy"]["by_distance"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|g| g["distance_steps"].as_f64().unwrap())
+        .collect();
+    assert_eq!(means, [0.5, 2.5, 4.5, 6.5, 8.5, 10.5]);
+}
+
+#[cfg(unix)]
+#[test]
+fn signals_end_a_run_in_order() {
+    let folder = tempfile::tempdir().unwrap();
+    for (signal, status) in [("INT", 130), ("TERM", 143)] {
+        let saved = folder.path().join(format!("{signal}.safetensors"));
+        let mut child = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"))
+            .args(["--no-ui", "trap", "--save", saved.to_str().unwrap()])
+            .args(SMALL)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        // The first record says that it listens; then it trains without end.
+        let mut out = std::io::BufReader::new(child.stdout.take().unwrap());
+        let mut text = String::new();
+        std::io::BufRead::read_line(&mut out, &mut text).unwrap();
+        Command::new("kill").args([format!("-{signal}"), child.id().to_string()]).status().unwrap();
+        let asked = Instant::now();
+        std::io::Read::read_to_string(&mut out, &mut text).unwrap();
+        assert_eq!(child.wait().unwrap().code(), Some(status));
+        assert!(asked.elapsed() < Duration::from_secs(20));
+        let all = records(text.as_bytes());
+        assert_eq!(all.last().unwrap()["reason"], "interrupted");
+        assert!(all.iter().all(|r| r["event"] != "evaluation"), "the final evaluation is skipped");
+        assert!(saved.is_file());
+    }
+}
+
+/// Arguments that cannot be used, and what the error must say.
+#[test]
+fn bad_usage_and_input_are_status_2_with_a_hint() {
+    let bad: &[(&[&str], &[&str])] = &[
+        (&["--no-ui", "fourroms"], &["neither a built-in map nor a file", "did you mean fourrooms"]),
+        (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read"]),
+        (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
+        (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
+        (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "set like 64"]),
+        (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "\"sqrt\""]),
+        (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
+        (&["--no-ui", "--config", "no-such.json"], &["no-such.json", "cannot be read"]),
+        (&["--no-ui", "--resume", "no-such.safetensors"], &["no-such.safetensors", "cannot be read"]),
+        (&["--no-ui", "--method", "gpg"], &["gpg", "possible values"]),
+        (&["--no-ui", "--max-updates", "-3"], &["-3"]),
+        (&["--no-ui", "--require-success", "2"], &["share from 0 to 1"]),
+        (&["--no-ui", "--max-seconds", "soon"], &["number of seconds"]),
+        (&["--nonsense"], &["--nonsense"]),
+    ];
+    for (args, expected) in bad {
+        let output = gdg().args(*args).output().unwrap();
+        let message = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
+        assert!(output.stdout.is_empty());
+        for part in *expected {
+            assert!(message.contains(part), "{args:?}: {part:?} is not in {message}");
+        }
+    }
+}
+
+#[test]
+fn a_settings_file_names_the_place_of_its_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("settings.json");
+    let error = |text: &str| {
+        std::fs::write(&path, text).unwrap();
+        let mut command = gdg();
+        let output =
+            command.current_dir(&folder).args(["--print-config", "--config", "settings.json"]).output().unwrap();
+        assert_eq!(output.status.code(), Some(2));
+        String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ")
+    };
+    assert!(
+        error("{\n  \"tau\": 0.1,\n  \"hiden\": 3\n}").contains("settings.json:3:4: there is no setting \"hiden\"")
+    );
+    assert!(error("{\n  \"tau\": \"x\"\n}").contains("settings.json:2:10: tau cannot be \"x\""));
+    assert!(error("{\n  \"tau\": 0.1\n  \"batch\": 3\n}").contains("settings.json:3:3: expected"));
+    assert!(error("[]").contains("settings.json:1:"));
+}
+
+#[test]
+fn printed_settings_can_be_read_back() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("settings.json");
+    let printed = gdg().args(["--print-config", "--preset", "paper", "--set", "tau=0.25"]).output().unwrap();
+    assert!(printed.status.success());
+    std::fs::write(&path, &printed.stdout).unwrap();
+    let again = gdg().args(["--print-config", "--config", path.to_str().unwrap()]).output().unwrap();
+    assert_eq!(String::from_utf8_lossy(&printed.stdout), String::from_utf8_lossy(&again.stdout));
+    assert!(String::from_utf8_lossy(&again.stdout).contains("\"tau\": 0.25"));
+}
+
+#[test]
+fn maps_lists_and_check_judges() {
+    let maps = gdg().arg("maps").output().unwrap();
+    let text = String::from_utf8_lossy(&maps.stdout).into_owned();
+    for (name, size, farthest) in [("fourrooms", "88x88", "120"), ("city", "101x101", "240"), ("trap", "53x41", "95")] {
+        let line = text.lines().find(|l| l.starts_with(name)).unwrap();
+        assert!(line.contains(size) && line.ends_with(farthest), "{line}");
+    }
+    let good = gdg().args(["check", &file("valid/starts-and-goals.txt")]).output().unwrap();
+    assert!(good.status.success());
+    let text = String::from_utf8_lossy(&good.stdout).into_owned();
+    assert!(text.contains("3 x 3") && text.contains("components: 1") && text.contains("2 starts, 2 goals"), "{text}");
+    let scenario = gdg().args(["check", &file("valid/plain.scen")]).output().unwrap();
+    assert!(String::from_utf8_lossy(&scenario.stdout).contains("1 tasks"));
+    let lost =
+        gdg().args(["check", &file("invalid/off-the-map.scen"), "--map", &file("valid/plain.txt")]).output().unwrap();
+    assert_eq!(lost.status.code(), Some(2));
+    let bad = gdg().args(["check", &file("invalid/short-row.txt")]).output().unwrap();
+    assert_eq!(bad.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&bad.stderr).contains("short-row.txt:2:3"));
+}
+
+#[test]
+fn help_tells_how_to_begin() {
+    let help = gdg().arg("--help").output().unwrap();
+    let text = String::from_utf8_lossy(&help.stdout).into_owned();
+    for part in ["Examples:", "--no-ui", "--require-success", "Exit status", "maps", "check"] {
+        assert!(text.contains(part), "{part}");
+    }
+}

@@ -1,0 +1,235 @@
+//! Training: the same run whatever surrounds it, and learning that works.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::path::Path;
+use std::sync::Arc;
+
+use gdg_tui::learn::Scratch;
+use gdg_tui::map::{StepSearch, parse_map};
+use gdg_tui::train::{self, Method, Preset, Run, Settings, Tick, Trainer};
+
+/// Two rooms joined by a door: the straight way between them is mostly wall.
+const TWO_ROOMS: &str = "\
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+.....................
+.....................
+..........#..........
+..........#..........
+";
+
+/// Small networks and a small graph: quick, and enough for two rooms.
+fn settings() -> Settings {
+    let mut settings = Settings::default();
+    settings.learn.hidden = 64;
+    settings.learn.replay_capacity = 100_000;
+    settings.bridge.candidates = 80;
+    settings.bridge.graph_every_updates = 200;
+    settings
+}
+
+fn trainer(settings: Settings, seed: u64, threads: usize) -> Trainer {
+    let map = parse_map("two-rooms", TWO_ROOMS.as_bytes()).unwrap();
+    let run = Run { method: Method::GdgBridge, preset: Preset::Default, seed, settings };
+    Trainer::new(run, Arc::new(map), threads).unwrap()
+}
+
+fn train_to(trainer: &mut Trainer, updates: u64) {
+    while trainer.counters().updates < updates {
+        trainer.tick().unwrap();
+    }
+}
+
+/// All that a run has changed, bit by bit, but for the time that it took.
+fn everything(trainer: &Trainer) -> Vec<(String, Vec<u32>)> {
+    let bits = |values: &[f32]| values.iter().map(|v| v.to_bits()).collect::<Vec<u32>>();
+    let mut all = Vec::new();
+    for (network, parts) in trainer.learner().state().unwrap().networks {
+        all.extend(parts.iter().map(|(part, values)| (format!("{network}.{part}"), bits(values))));
+    }
+    let replay = trainer.replay().state_of_all();
+    all.push(("replay".to_owned(), bits(&[replay.states, replay.actions, replay.goals].concat())));
+    let experience = trainer.experience().state();
+    all.push(("candidates".to_owned(), bits(&experience.states)));
+    all.push(("visits".to_owned(), experience.visits));
+    all.push(("observed".to_owned(), experience.observed.iter().map(|o| u32::from(*o)).collect()));
+    let state = train_state_without_time(trainer);
+    all.push(("trainer".to_owned(), state.bytes().map(u32::from).collect()));
+    all
+}
+
+fn train_state_without_time(trainer: &Trainer) -> String {
+    let mut state = serde_json::to_value(trainer.state()).unwrap();
+    state.as_object_mut().unwrap().remove("seconds").unwrap();
+    state.to_string()
+}
+
+fn assert_same(a: &Trainer, b: &Trainer) {
+    for ((name, a), (_, b)) in everything(a).iter().zip(&everything(b)) {
+        assert!(a == b, "{name} differs");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_and_another_seed_another() {
+    let mut runs = [trainer(settings(), 1, 1), trainer(settings(), 1, 1), trainer(settings(), 2, 1)];
+    runs.iter_mut().for_each(|run| train_to(run, 450));
+    assert_same(&runs[0], &runs[1]);
+    assert!(everything(&runs[0]) != everything(&runs[2]));
+}
+
+#[test]
+fn the_number_of_threads_changes_nothing() {
+    let mut runs = [trainer(settings(), 3, 1), trainer(settings(), 3, 2), trainer(settings(), 3, 4)];
+    runs.iter_mut().for_each(|run| train_to(run, 450));
+    assert_same(&runs[0], &runs[1]);
+    assert_same(&runs[0], &runs[2]);
+}
+
+#[test]
+fn evaluation_changes_nothing() {
+    let (mut watched, mut alone) = (trainer(settings(), 4, 1), trainer(settings(), 4, 1));
+    for updates in [150, 300, 450] {
+        train_to(&mut watched, updates);
+        let tasks = watched.tasks(20, 3);
+        watched.evaluate(&tasks).unwrap();
+    }
+    train_to(&mut alone, 450);
+    assert_same(&watched, &alone);
+}
+
+#[test]
+fn a_resumed_run_goes_on_as_if_it_had_never_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("new folder/half.safetensors");
+    let mut straight = trainer(settings(), 5, 1);
+    train_to(&mut straight, 700);
+    let mut first = trainer(settings(), 5, 1);
+    // In the middle of things: between an update that was due and the next.
+    train_to(&mut first, 333);
+    train::save(&first, &path).unwrap();
+    let mut resumed = train::load(&path, 2).unwrap();
+    assert_same(&first, &resumed);
+    assert_eq!(resumed.map(), straight.map());
+    train_to(&mut resumed, 700);
+    assert_same(&straight, &resumed);
+}
+
+#[test]
+fn a_full_replay_is_resumed_too() {
+    let mut small = settings();
+    small.learn.replay_capacity = 5_000;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("full.safetensors");
+    let mut straight = trainer(small.clone(), 6, 1);
+    train_to(&mut straight, 500);
+    assert_eq!(straight.replay().len(), straight.replay().capacity(), "the replay is full");
+    let mut first = trainer(small, 6, 1);
+    train_to(&mut first, 400);
+    train::save(&first, &path).unwrap();
+    let mut resumed = train::load(&path, 1).unwrap();
+    train_to(&mut resumed, 500);
+    assert_same(&straight, &resumed);
+}
+
+#[test]
+fn files_that_are_no_checkpoints_are_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let whole = folder.path().join("whole.safetensors");
+    let mut run = trainer(settings(), 7, 1);
+    train_to(&mut run, 10);
+    train::save(&run, &whole).unwrap();
+    let bytes = std::fs::read(&whole).unwrap();
+    let text = |path: &Path| train::load(path, 1).err().expect("an error").to_string();
+    assert!(text(&folder.path().join("missing")).contains("cannot be read"));
+    assert!(text(&write("text", b"hello")).contains("not a safetensors file"));
+    assert!(text(&write("empty", b"")).contains("not a safetensors file"));
+    assert!(text(&write("cut", &bytes[..bytes.len() / 2])).contains("not a safetensors file"));
+    let foreign = safetensors::serialize(Vec::<(String, safetensors::tensor::TensorView)>::new(), None).unwrap();
+    assert!(text(&write("foreign", &foreign)).contains("not a checkpoint"));
+    // A header that names other sizes than these settings have.
+    let mut changed = bytes.clone();
+    let at = bytes.windows(12).position(|w| w == b"\\\"hidden\\\":6").unwrap();
+    changed[at + 11] = b'3';
+    assert!(text(&write("changed", &changed)).contains("do not fit"));
+}
+
+/// Planned and greedy success after `updates`.
+fn success(settings: Settings, updates: u64) -> (f64, f64) {
+    let mut run = trainer(settings, 11, 2);
+    train_to(&mut run, updates);
+    let diameter = StepSearch::new(run.map()).diameter(&run.map().clone(), 10_000).steps;
+    let tasks = run.tasks(diameter, 20);
+    let found = run.evaluate(&tasks).unwrap();
+    let bridges = found.bridges.unwrap();
+    assert_eq!(bridges.false_edges, 0);
+    assert!(bridges.candidates > 10 && bridges.edges > bridges.candidates);
+    (found.planned.unwrap().success, found.greedy.success)
+}
+
+#[test]
+fn two_rooms_are_learned() {
+    let (planned, greedy) = success(settings(), 4_000);
+    assert!(planned >= 0.9, "planned {planned}");
+    assert!(greedy >= 0.6, "greedy {greedy}");
+}
+
+/// The test above tells learning from its absence: networks that hardly change stay far below its marks.
+#[test]
+fn two_rooms_are_not_learned_without_learning() {
+    let mut idle = settings();
+    idle.learn.learning_rate = 1e-8;
+    idle.learn.grid_learning_rate = 1e-8;
+    let (planned, greedy) = success(idle, 4_000);
+    assert!(planned < 0.6 && greedy < 0.3, "planned {planned}, greedy {greedy}");
+}
+
+#[test]
+fn distances_of_a_trained_run_bend_round_the_wall() {
+    let mut run = trainer(settings(), 12, 2);
+    train_to(&mut run, 4_000);
+    let policy = run.policy().unwrap();
+    let distance = |from: [f32; 2], to: [f32; 2]| policy.nets().distance(&from, &to, &mut Scratch::default());
+    // Side by side, with the wall between: 2 steps through it, 17 round it.
+    let (through, round) = (distance([9.5, 0.5], [11.5, 0.5]), distance([9.5, 0.5], [7.5, 0.5]));
+    assert!(through > 8.0, "across the wall D is {through}");
+    assert!(round < 5.0, "along the wall D is {round}");
+}
+
+#[test]
+fn an_update_follows_every_so_many_steps_after_the_warm_up() {
+    let mut run = trainer(settings(), 13, 1);
+    let mut updates = 0;
+    while updates < 100 {
+        updates += u64::from(run.tick().unwrap() == Tick::Update);
+    }
+    let settings = &run.run().settings.train;
+    let due = (run.counters().env_steps - settings.warmup_env_steps) / settings.env_steps_per_update;
+    assert!(due - updates <= 2, "{due} due, {updates} done");
+}
+
+#[test]
+fn the_paper_preset_updates_as_often_as_it_stepped_after_each_episode() {
+    let map = parse_map("two-rooms", TWO_ROOMS.as_bytes()).unwrap();
+    let mut settings = Preset::Paper.settings();
+    settings.train.warmup_env_steps = 0;
+    let run = Run { method: Method::GdgBridge, preset: Preset::Paper, seed: 1, settings };
+    let mut run = Trainer::new(run, Arc::new(map), 1).unwrap();
+    let episode = u64::from(run.run().settings.train.episode_steps);
+    for tick in 0..2 * episode {
+        assert_eq!(run.tick().unwrap(), if tick < episode { Tick::Step } else { Tick::Update }, "tick {tick}");
+    }
+    assert_eq!(run.tick().unwrap(), Tick::Step, "the next episode begins");
+    assert_eq!((run.counters().updates, run.counters().episodes), (episode, 1));
+}
