@@ -16,6 +16,7 @@
 mod action;
 mod app;
 mod colour;
+mod raster;
 mod render;
 mod terminal;
 #[cfg(test)]

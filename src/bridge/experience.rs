@@ -13,8 +13,8 @@ pub const NEVER: u16 = u16::MAX;
 ///
 /// Candidates persist: a state farther than the spacing from all of them becomes one; when there would be too many,
 /// the spacing grows and those that are now too close retire (farthest-point sampling on a stream). *Near* a
-/// candidate is within the goal radius, which is what the environment itself calls being there: straight-line
-/// nearness beyond it would reach across thin walls.
+/// candidate is within a quarter of the spacing, but never more than the goal radius (what the environment itself
+/// calls being there) nor less than half of it: straight-line nearness reaches across thin walls and touching corners.
 #[derive(Clone, Debug)]
 pub struct Experience {
     spec: Spec,
@@ -92,10 +92,15 @@ impl Experience {
         self.spacing
     }
 
+    /// Within this distance of a candidate an agent is said to be there.
+    fn near_radius(&self) -> f32 {
+        (self.spacing / 4.0).clamp(0.5 * self.spec.goal_radius, self.spec.goal_radius)
+    }
+
     /// Takes note of the next state of `agent`'s episode.
     pub fn visit(&mut self, agent: usize, state: &[f32]) {
         let (nearest, distance) = self.nearest(state);
-        let mut near = (distance < self.spec.goal_radius).then_some(nearest);
+        let mut near = (distance < self.near_radius()).then_some(nearest);
         if distance > self.spacing {
             near = self.add(state);
         }

@@ -1,6 +1,5 @@
 //! The state of the screen, and what events do to it.
 
-use std::collections::VecDeque;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -22,8 +21,8 @@ use crate::train::{Command, Engine, Phase, Snapshot, Trainer};
 /// How long a notice is shown.
 const NOTICE: Duration = Duration::from_secs(4);
 
-/// Loss values kept for the curve, one each time a snapshot comes with new updates.
-const CURVE: usize = 400;
+/// Most loss values kept for the curve; where there would be more, every other one goes.
+const CURVE: usize = 1024;
 
 /// Everything that the screen shows.
 pub struct App {
@@ -33,8 +32,10 @@ pub struct App {
     pub view: Arc<View>,
     /// The goal that distances are shown to.
     pub goal: Cell,
-    /// Critic losses, oldest first.
-    pub losses: VecDeque<f32>,
+    /// The critic's loss from the beginning on, at equal distances.
+    pub losses: Vec<f32>,
+    /// Snapshots that one value of the curve stands for, and those since the last.
+    curve_every: (usize, usize),
     pub show_help: bool,
     pub show_bridges: bool,
     pub show_agents: bool,
@@ -58,7 +59,8 @@ impl App {
             snapshot,
             view,
             goal: Cell::new(0, 0),
-            losses: VecDeque::new(),
+            losses: Vec::new(),
+            curve_every: (1, 0),
             show_help: false,
             show_bridges: true,
             show_agents: true,
@@ -132,9 +134,18 @@ impl App {
     /// Takes a new snapshot.
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
         if snapshot.counters.updates > self.snapshot.counters.updates {
-            self.losses.push_back(snapshot.losses.critic);
+            self.curve_every.1 += 1;
+            if self.curve_every.1 >= self.curve_every.0 {
+                self.curve_every.1 = 0;
+                self.losses.push(snapshot.losses.critic);
+            }
             if self.losses.len() > CURVE {
-                self.losses.pop_front();
+                let mut keep = false;
+                self.losses.retain(|_| {
+                    keep = !keep;
+                    keep
+                });
+                self.curve_every.0 *= 2;
             }
         }
         if snapshot.notice.0 > self.snapshot.notice.0 {
@@ -239,7 +250,7 @@ impl App {
     /// The map is now drawn at `frame`: the viewer computes its field for it.
     pub fn set_frame(&mut self, frame: MapFrame) {
         if self.frame.as_ref() != Some(&frame) {
-            self.viewer.ask(Request::Window(frame.window, frame.pixels));
+            self.viewer.ask(Request::Window(frame.raster));
             self.frame = Some(frame);
         }
     }

@@ -179,11 +179,14 @@ fn the_field_is_light_at_the_goal_and_dark_far_away() {
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.snapshot.counters.updates > 3_000 && !app.view.field.is_empty());
     let field = app.view.field.clone();
-    let (columns, rows) = app.view.pixels;
-    assert_eq!(field.len(), columns * rows);
+    let raster = app.view.raster.expect("a raster");
+    assert_eq!(field.len(), raster.pixels.0 * raster.pixels.1);
     // The goal is in the lower right corner, the wall in the middle.
-    let near = field[columns * rows - columns - 2];
-    let far = field[columns];
+    let at = |position: [f32; 2]| {
+        let (column, row) = raster.pixel_of(position).expect("on the map");
+        field[row * raster.pixels.0 + column]
+    };
+    let (near, far) = (at([18.5, 4.5]), at([1.5, 0.5]));
     assert!(near.is_finite() && far.is_finite() && near < far, "{near} and {far}");
     assert!(field.iter().any(|d| d.is_nan()), "walls have no distance");
 }

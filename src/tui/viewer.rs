@@ -9,6 +9,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use tokio::sync::watch;
 
+use super::raster::{Ground, Raster};
 use crate::bridge::{BridgeGraph, Experience, Target, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Nets, Policy, Scratch};
@@ -35,8 +36,8 @@ pub enum Request {
     Goal(Cell),
     /// The walking agent starts from a random place.
     NewStart,
-    /// The part of the map shown, in cells (left, top, width, height), and its pixels (columns, rows).
-    Window([f32; 4], (usize, usize)),
+    /// The pixels that the map is shown by.
+    Window(Raster),
 }
 
 /// What can be seen at one moment.
@@ -44,10 +45,10 @@ pub enum Request {
 pub struct View {
     /// The goal.
     pub goal: Option<Cell>,
-    /// D(pixel, goal) in steps, row by row, and how many columns and rows there are.
+    /// D(pixel, goal) in steps, row by row; NaN at walls.
     pub field: Arc<Vec<f32>>,
-    /// Columns and rows of the field.
-    pub pixels: (usize, usize),
+    /// The pixels of the field.
+    pub raster: Option<Raster>,
     /// Bridge candidates, as positions.
     pub candidates: Arc<Vec<[f32; 2]>>,
     /// Edges of the bridge graph.
@@ -120,7 +121,7 @@ struct Worker {
     networks: Arc<(Policy, Experience)>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
-    window: Option<([f32; 4], (usize, usize))>,
+    window: Option<Raster>,
     view: View,
     resting: u32,
     scratch: Scratch,
@@ -191,8 +192,8 @@ impl Worker {
                 self.computed = None;
             }
             Request::NewStart => self.restart(),
-            Request::Window(cells, pixels) => {
-                self.window = Some((cells, pixels));
+            Request::Window(raster) => {
+                self.window = Some(raster);
                 self.computed = None;
             }
         }
@@ -213,27 +214,27 @@ impl Worker {
             }
             self.graph = Some(graph);
         }
-        if let (Some(goal), Some(([left, top, width, height], (columns, rows)))) = (self.view.goal, self.window) {
-            let pixel = |i: usize| {
-                let (column, row) = (i % columns, i / columns);
-                let share = |i: usize, n: usize| (i as f32 + 0.5) / n as f32;
-                [left + share(column, columns) * width, top + share(row, rows) * height]
-            };
-            let shown: Vec<usize> = (0..columns * rows)
-                .filter(|i| {
-                    let [x, y] = pixel(*i);
-                    self.world.map().is_free_at(x, y)
-                })
-                .collect();
-            let states: Vec<f32> = shown.iter().flat_map(|i| pixel(*i)).collect();
-            let mut distances = vec![0.0; shown.len()];
-            nets.distances(&states, &goal.centre().repeat(shown.len()), &mut distances, &mut self.scratch);
-            let mut field = vec![f32::NAN; columns * rows];
-            shown.iter().zip(distances).for_each(|(i, d)| field[*i] = d);
-            self.view.field = Arc::new(field);
-            self.view.pixels = (columns, rows);
+        if let (Some(goal), Some(raster)) = (self.view.goal, self.window) {
+            self.view.field = Arc::new(self.field(raster, goal.centre(), &nets));
+            self.view.raster = Some(raster);
         }
         self.computed = Some((Instant::now(), began.elapsed()));
+    }
+
+    /// D(pixel, goal) of every pixel that shows free ground.
+    fn field(&mut self, raster: Raster, goal: [f32; 2], nets: &Nets) -> Vec<f32> {
+        let (columns, rows) = raster.pixels;
+        let map = self.world.map();
+        let shown = (0..columns * rows).filter_map(|i| match raster.ground(map, i % columns, i / columns) {
+            Ground::Free(position) => Some((i, position)),
+            _ => None,
+        });
+        let (shown, positions): (Vec<usize>, Vec<[f32; 2]>) = shown.unzip();
+        let mut distances = vec![0.0; shown.len()];
+        nets.distances(positions.as_flattened(), &goal.repeat(shown.len()), &mut distances, &mut self.scratch);
+        let mut field = vec![f32::NAN; columns * rows];
+        shown.iter().zip(distances).for_each(|(i, d)| field[*i] = d);
+        field
     }
 
     /// The walking agent at a random place.

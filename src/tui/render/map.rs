@@ -8,6 +8,7 @@ use ratatui::style::{Modifier, Style};
 use crate::map::{Cell, Grid};
 use crate::tui::app::App;
 use crate::tui::colour::{self, Depth, Rgb};
+use crate::tui::raster::{Ground, Raster};
 use crate::tui::viewer::View;
 
 /// Where the map lies on the screen.
@@ -15,15 +16,16 @@ use crate::tui::viewer::View;
 pub struct MapFrame {
     /// The characters it covers.
     pub area: Rect,
-    /// The part of the map shown, in cells: left, top, width, height.
-    pub window: [f32; 4],
-    /// Columns and rows of pixels.
-    pub pixels: (usize, usize),
+    /// What its pixels show.
+    pub raster: Raster,
 }
 
 /// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
 const CONTOUR_STEPS: f32 = 10.0;
 const MOST_CONTOURS: f32 = 14.0;
+
+/// Bridge candidates are drawn from so many pixels a cell on.
+const LEAST_SCALE_FOR_BRIDGES: f32 = 0.75;
 
 impl MapFrame {
     /// The whole map, as large as `area` allows without changing its proportions.
@@ -33,8 +35,8 @@ impl MapFrame {
         }
         let (width, height) = (map.width() as f32, map.height() as f32);
         let scale = (f32::from(area.width) / width).min(2.0 * f32::from(area.height) / height);
-        // Whole pixels a cell look best; below one the map shrinks.
-        let scale = if scale >= 1.0 { scale.floor() } else { scale };
+        // Whole pixels a cell look best, where that costs little room.
+        let scale = if scale >= 1.0 && scale.floor() >= 0.9 * scale { scale.floor() } else { scale };
         let columns = ((width * scale).round() as u16).clamp(1, area.width);
         let rows = ((height * scale / 2.0).ceil() as u16).clamp(1, area.height);
         let pixels = (usize::from(columns), 2 * usize::from(rows));
@@ -45,7 +47,7 @@ impl MapFrame {
             height: rows,
         };
         let shown = pixels.1 as f32 / scale;
-        Some(Self { area, window: [0.0, 0.0, width, shown], pixels })
+        Some(Self { area, raster: Raster { window: [0.0, 0.0, width, shown], pixels } })
     }
 
     /// The cell at a place on the screen.
@@ -53,19 +55,11 @@ impl MapFrame {
         if !self.area.contains(at) {
             return None;
         }
-        let [left, top, width, height] = self.window;
+        let [left, top, width, height] = self.raster.window;
         let share = |i: u16, n: u16| (f32::from(i) + 0.5) / f32::from(n);
         let x = left + share(at.x - self.area.x, self.area.width) * width;
         let y = top + share(at.y - self.area.y, self.area.height) * height;
         Some(Cell::new((x as usize).min(map.width() - 1), (y as usize).min(map.height() - 1)))
-    }
-
-    /// The pixel of a position on the map, in columns and rows.
-    fn pixel_of(&self, [x, y]: [f32; 2]) -> Option<(usize, usize)> {
-        let [left, top, width, height] = self.window;
-        let (column, row) = ((x - left) / width * self.pixels.0 as f32, (y - top) / height * self.pixels.1 as f32);
-        let inside = column >= 0.0 && row >= 0.0 && (column as usize) < self.pixels.0 && (row as usize) < self.pixels.1;
-        inside.then_some((column as usize, row as usize))
     }
 }
 
@@ -95,13 +89,14 @@ struct Canvas {
 
 impl Canvas {
     fn new(place: &MapFrame, app: &App) -> Self {
-        let (columns, rows) = place.pixels;
+        let (columns, rows) = place.raster.pixels;
         let mut canvas = Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] };
-        canvas.terrain(place, app.map());
-        if app.view.pixels == place.pixels {
+        canvas.terrain(&place.raster, app.map());
+        if app.view.raster == Some(place.raster) {
             canvas.field(&app.view);
         }
-        if app.show_bridges {
+        // On a shrunken map they would hide the rest.
+        if app.show_bridges && place.raster.scale() >= LEAST_SCALE_FOR_BRIDGES {
             for point in app.view.candidates.iter() {
                 canvas.dot(place, *point, colour::CANDIDATE, '.');
             }
@@ -121,28 +116,16 @@ impl Canvas {
         canvas
     }
 
-    /// Walls and floor. Where a pixel covers several cells it is a wall when half of them are.
-    fn terrain(&mut self, place: &MapFrame, map: &Grid) {
-        let [left, top, width, height] = place.window;
-        let (columns, rows) = place.pixels;
-        let span = |i: usize, n: usize, from: f32, size: f32| {
-            let at = |i: usize| from + i as f32 / n as f32 * size;
-            let first = at(i) as usize;
-            first..((at(i + 1) - 1e-3) as usize + 1).max(first + 1)
-        };
-        for row in 0..rows {
-            let ys = span(row, rows, top, height);
-            if ys.start >= map.height() {
-                continue;
-            }
-            for column in 0..columns {
-                let xs = span(column, columns, left, width);
-                let cells = ys.clone().flat_map(|y| xs.clone().map(move |x| Cell::new(x, y)));
-                let (free, all) = cells.fold((0, 0), |(free, all), c| (free + usize::from(map.is_free(c)), all + 1));
-                let wall = 2 * free <= all;
-                self.pixels[row * columns + column] = Some(if wall { colour::WALL } else { colour::UNKNOWN });
-                self.marks[row * columns + column] = if wall { '#' } else { ' ' };
-            }
+    /// Walls and floor.
+    fn terrain(&mut self, raster: &Raster, map: &Grid) {
+        for i in 0..self.pixels.len() {
+            let (colour, mark) = match raster.ground(map, i % self.columns, i / self.columns) {
+                Ground::Outside => (None, ' '),
+                Ground::Wall => (Some(colour::WALL), '#'),
+                Ground::Free(_) => (Some(colour::UNKNOWN), ' '),
+            };
+            self.pixels[i] = colour;
+            self.marks[i] = mark;
         }
     }
 
@@ -170,7 +153,7 @@ impl Canvas {
     }
 
     fn dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
-        if let Some((column, row)) = place.pixel_of(at) {
+        if let Some((column, row)) = place.raster.pixel_of(at) {
             self.pixels[row * self.columns + column] = Some(rgb);
             self.marks[row * self.columns + column] = mark;
         }
@@ -178,7 +161,7 @@ impl Canvas {
 
     fn line(&mut self, place: &MapFrame, from: [f32; 2], to: [f32; 2]) {
         let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-        let samples = (cells * place.pixels.0 as f32 / place.window[2]).ceil().max(1.0) as usize;
+        let samples = (cells * place.raster.scale()).ceil().max(1.0) as usize;
         for i in 0..=samples {
             let t = i as f32 / samples as f32;
             let at = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
@@ -224,7 +207,7 @@ struct Glyphs<'a> {
 
 impl Glyphs<'_> {
     fn put(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
-        let Some((column, row)) = self.place.pixel_of(at) else { return };
+        let Some((column, row)) = self.place.raster.pixel_of(at) else { return };
         let at = Position::new(self.place.area.x + column as u16, self.place.area.y + row as u16 / 2);
         let Some(cell) = self.buffer.cell_mut(at) else { return };
         let style = match self.depth {

@@ -107,15 +107,18 @@ fn bridges(app: &App) -> Vec<Line<'static>> {
     vec![fact("points", app.view.candidates.len()), fact("edges", short(app.view.edges as f64)), fact("search", search)]
 }
 
-/// The critic's loss over time.
+/// The critic's loss from the beginning on, on a logarithmic scale.
 fn curve(frame: &mut Frame, area: Rect, app: &App) {
-    let block = pane("D loss over time");
+    let block = pane("D loss, log scale");
     let inner = block.inner(area);
     frame.render_widget(block, area);
     let width = usize::from(inner.width).max(1);
-    let recent = app.losses.iter().skip(app.losses.len().saturating_sub(width));
-    // A sparkline counts in whole numbers.
-    let data: Vec<u64> = recent.map(|l| (l.max(0.0) * 1e5) as u64).collect();
+    let count = app.losses.len();
+    let shown = (0..width.min(count)).map(|i| app.losses[i * count / width.min(count)].max(1e-6).ln());
+    let shown: Vec<f32> = shown.collect();
+    let (low, high) = shown.iter().fold((f32::MAX, f32::MIN), |(low, high), l| (low.min(*l), high.max(*l)));
+    // A sparkline counts in whole numbers; the lowest value still shows.
+    let data: Vec<u64> = shown.iter().map(|l| 10 + (90.0 * (l - low) / (high - low).max(1e-3)) as u64).collect();
     let height = inner.height.min(5);
     frame.render_widget(Sparkline::default().data(data), Rect { height, ..inner });
 }

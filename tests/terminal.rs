@@ -1,0 +1,173 @@
+//! The real program in a pseudo-terminal: what a user sees, presses, and is left with.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::io::{Read, Write};
+use std::num::NonZero;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::{Duration, Instant};
+
+use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
+
+/// The program on a terminal of its own.
+struct Session {
+    child: Box<dyn Child + Send + Sync>,
+    master: Box<dyn MasterPty + Send>,
+    keys: Box<dyn Write + Send>,
+    screen: Arc<Mutex<vt100::Parser>>,
+    /// Everything that the program wrote.
+    raw: Arc<Mutex<Vec<u8>>>,
+}
+
+fn some(n: u16) -> NonZero<u16> {
+    NonZero::new(n).unwrap()
+}
+
+fn size(cols: u16, rows: u16) -> PtySize {
+    PtySize { rows, cols, pixel_width: 0, pixel_height: 0 }
+}
+
+impl Session {
+    fn start(folder: &Path, args: &[&str]) -> Self {
+        let pty = native_pty_system().openpty(size(80, 24)).unwrap();
+        let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        command.args(args);
+        command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "replay_capacity=20000"]);
+        command.cwd(folder);
+        command.env("TERM", "xterm-256color");
+        let child = pty.slave.spawn_command(command).unwrap();
+        let screen = Arc::new(Mutex::new(vt100::Parser::new(some(24), some(80), 0)));
+        let raw = Arc::new(Mutex::new(Vec::new()));
+        let mut reader = pty.master.try_clone_reader().unwrap();
+        let (parser, bytes) = (screen.clone(), raw.clone());
+        std::thread::spawn(move || {
+            let mut chunk = [0; 65536];
+            while let Ok(n @ 1..) = reader.read(&mut chunk) {
+                parser.lock().unwrap().process(&chunk[..n]);
+                bytes.lock().unwrap().extend(&chunk[..n]);
+            }
+        });
+        let keys = pty.master.take_writer().unwrap();
+        Self { child, master: pty.master, keys, screen, raw }
+    }
+
+    fn press(&mut self, keys: &str) {
+        self.keys.write_all(keys.as_bytes()).unwrap();
+        self.keys.flush().unwrap();
+    }
+
+    fn shows(&self) -> String {
+        self.screen.lock().unwrap().screen().contents()
+    }
+
+    fn wait_for(&self, text: &str) {
+        let began = Instant::now();
+        while !self.shows().contains(text) {
+            assert!(began.elapsed() < Duration::from_secs(60), "{text:?} did not come:\n{}", self.shows());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    fn wait_until_gone(&self, text: &str) {
+        let began = Instant::now();
+        while self.shows().contains(text) {
+            assert!(began.elapsed() < Duration::from_secs(60), "{text:?} stayed:\n{}", self.shows());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Waits for the program's end; its exit status, and whether it gave the terminal back.
+    fn end(mut self) -> u32 {
+        let began = Instant::now();
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status.exit_code();
+            }
+            if began.elapsed() > Duration::from_secs(60) {
+                let shown = self.shows();
+                self.child.kill().unwrap();
+                panic!("it did not end:\n{shown}");
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        };
+        // What was written last is still on its way.
+        std::thread::sleep(Duration::from_millis(200));
+        let raw = self.raw.lock().unwrap();
+        let last = |sequence: &[u8]| raw.windows(sequence.len()).rposition(|w| w == sequence);
+        for (taken, given_back) in [
+            (&b"\x1b[?1049h"[..], &b"\x1b[?1049l"[..]),
+            (b"\x1b[?1000h", b"\x1b[?1000l"),
+            (b"\x1b[?2004h", b"\x1b[?2004l"),
+            (b"\x1b[?25l", b"\x1b[?25h"),
+        ] {
+            assert!(last(taken).is_some() && last(given_back) > last(taken), "{given_back:?} is missing");
+        }
+        status
+    }
+}
+
+#[test]
+fn it_opens_pauses_helps_saves_and_leaves_a_summary() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::start(folder.path(), &["trap", "--seed", "4"]);
+    session.wait_for("gdg-tui");
+    session.wait_for("training");
+    session.wait_for("quit");
+    session.press("?");
+    session.wait_for("pause training, or go on");
+    // An escape with something right behind it would be another key.
+    session.press("\x1b");
+    session.wait_until_gone("pause training, or go on");
+    session.press(" ");
+    session.wait_for("paused");
+    session.press("s");
+    session.wait_for("saved saves/trap-gdg-bridge-seed4.safetensors");
+    session.press("n");
+    session.press("q");
+    let screen = session.screen.clone();
+    assert_eq!(session.end(), 0);
+    let left = screen.lock().unwrap().screen().contents();
+    assert!(left.contains("gdg-bridge on trap, seed 4"), "{left}");
+    assert!(folder.path().join("saves/trap-gdg-bridge-seed4.safetensors").is_file());
+    let mut short = Session::start(folder.path(), &["--max-updates", "1"]);
+    short.wait_for("done");
+    short.press("\x03");
+    assert_eq!(short.end(), 0);
+}
+
+#[test]
+fn resizes_keys_and_a_paste_leave_it_alive() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::start(folder.path(), &["trap"]);
+    session.wait_for("quit");
+    for (cols, rows) in [(1, 1), (200, 60), (3, 2), (40, 10), (1, 50), (80, 24)] {
+        session.master.resize(size(cols, rows)).unwrap();
+        session.screen.lock().unwrap().screen_mut().set_size(some(rows), some(cols));
+        std::thread::sleep(Duration::from_millis(40));
+    }
+    session.press("\x1b[200~");
+    session.press(&"q".repeat(100_000));
+    session.press("\x1b[201~");
+    // Mouse: press, drag and release all over the map, and beyond the screen.
+    for i in 1..200 {
+        session.press(&format!("\x1b[<0;{i};{}M\x1b[<32;{i};{}M\x1b[<0;{i};{i}m", i % 30 + 1, i % 24 + 1));
+    }
+    session.wait_for("updates");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+}
+
+#[test]
+fn a_signal_gives_the_terminal_back_and_keeps_the_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    for (signal, status) in [("TERM", 143), ("HUP", 129)] {
+        let session = Session::start(folder.path(), &["trap", "--save", "kept.safetensors"]);
+        session.wait_for("quit");
+        let id = session.child.process_id().unwrap();
+        std::process::Command::new("kill").args([format!("-{signal}"), id.to_string()]).status().unwrap();
+        assert_eq!(session.end(), status);
+        assert!(folder.path().join("kept.safetensors").is_file());
+        std::fs::remove_file(folder.path().join("kept.safetensors")).unwrap();
+    }
+}
