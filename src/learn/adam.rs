@@ -34,8 +34,8 @@ pub fn modify(var: &Var, change: impl FnOnce(&mut [f32])) -> Result<()> {
     var.inplace_op1(&Modify(RefCell::new(Some(change))))
 }
 
-/// One dense Adam step; the gradient is cleared.
-pub fn adam_step(var: &Var, moments: &mut Moments, gradient: &mut [f32], rate: AdamRate) -> Result<()> {
+/// One dense Adam step.
+pub fn adam_step(var: &Var, moments: &mut Moments, gradient: &[f32], rate: AdamRate) -> Result<()> {
     modify(var, |w| kernel::adam(w, &mut moments.m, &mut moments.v, gradient, rate))
 }
 

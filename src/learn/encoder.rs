@@ -2,7 +2,7 @@
 
 use std::f32::consts::PI;
 
-use super::grid::{GridShape, TableView};
+use super::grid::{GridShape, Places, TableView};
 use super::settings::LearnSettings;
 use crate::env::Spec;
 
@@ -138,28 +138,30 @@ impl Encoder {
         }
     }
 
-    /// A pair row: its plain part copied, state and goal read from `table`.
-    pub fn pair(&self, plain: &[f32], state: &[f32], goal: &[f32], table: Option<TableView>, row: &mut [f32]) {
-        let (copy, encoded) = row.split_at_mut(self.plain_pair_width());
-        copy.copy_from_slice(plain);
-        if let (Some(grid), Some(table)) = (&self.grid, table) {
-            let (of_state, of_goal) = encoded.split_at_mut(grid.width());
+    /// Adds where the grid encoding of `state`'s achieved goal is read.
+    pub fn locate_state(&self, state: &[f32], places: &mut Places) {
+        if let Some(grid) = &self.grid {
             let mut u = [0.0; 3];
             self.scaled_achieved(state, &mut u[..grid.dims]);
-            grid.encode(table, &u[..grid.dims], of_state);
-            self.scaled_goal(goal, &mut u[..grid.dims]);
-            grid.encode(table, &u[..grid.dims], of_goal);
+            grid.locate(&u[..grid.dims], places);
         }
     }
 
-    /// A state row from its plain part (`plain_state_width` numbers) and `table`.
-    pub fn state(&self, plain: &[f32], state: &[f32], table: Option<TableView>, row: &mut [f32]) {
-        let (copy, encoded) = row.split_at_mut(self.plain_state_width());
-        copy.copy_from_slice(plain);
-        if let (Some(grid), Some(table)) = (&self.grid, table) {
+    /// Adds where the grid encoding of `goal` is read.
+    pub fn locate_goal(&self, goal: &[f32], places: &mut Places) {
+        if let Some(grid) = &self.grid {
             let mut u = [0.0; 3];
-            self.scaled_achieved(state, &mut u[..grid.dims]);
-            grid.encode(table, &u[..grid.dims], encoded);
+            self.scaled_goal(goal, &mut u[..grid.dims]);
+            grid.locate(&u[..grid.dims], places);
+        }
+    }
+
+    /// Writes the encodings of the positions at row `i` of each of `places`, one behind the other.
+    pub fn encode(&self, table: Option<TableView>, places: &[&Places], i: usize, out: &mut [f32]) {
+        if let (Some(grid), Some(table)) = (&self.grid, table) {
+            for (places, out) in places.iter().zip(out.chunks_exact_mut(grid.width())) {
+                grid.encode(table, places, i, out);
+            }
         }
     }
 

@@ -83,6 +83,28 @@ impl Level {
     }
 }
 
+/// Where tables are read for each of many positions: the corners around it in every level, and their weights.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    /// `(positions, levels, 2^dims)`.
+    pub corners: Vec<u32>,
+    /// `(positions, levels, 2^dims)`.
+    pub weights: Vec<f32>,
+}
+
+impl Places {
+    /// Forgets all positions.
+    pub fn clear(&mut self) {
+        self.corners.clear();
+        self.weights.clear();
+    }
+
+    fn row(&self, row: usize, reads: usize) -> (&[u32], &[f32]) {
+        let at = row * reads..(row + 1) * reads;
+        (&self.corners[at.clone()], &self.weights[at])
+    }
+}
+
 impl GridShape {
     /// Tables for positions of `dims` axes; `cell_sizes` in units of which the range [-1, 1] holds `units`.
     ///
@@ -138,30 +160,87 @@ impl GridShape {
         }
     }
 
-    fn weight(&self, place: &Place, bits: usize) -> f32 {
-        (0..self.dims).map(|axis| axis_weight(place, bits, axis)).product()
+    /// Corners around each position, and their weights.
+    fn corners_around(&self) -> usize {
+        1 << self.dims
     }
 
-    /// Encodes `position` (`dims`, scaled) into `out` (`width`).
-    pub fn encode(&self, table: TableView, position: &[f32], out: &mut [f32]) {
-        out.fill(0.0);
-        for (level, out) in self.levels.iter().zip(out.chunks_exact_mut(self.channels)) {
+    /// Adds the place of `position` (`dims`, scaled) to `places`: where all tables of this shape are read for it.
+    pub fn locate(&self, position: &[f32], places: &mut Places) {
+        for level in &self.levels {
             let place = level.place(position);
             self.around(*level, &place, |corner, bits| {
-                let weight = self.weight(&place, bits);
-                let at = corner * self.channels..(corner + 1) * self.channels;
-                let current = &table.current[at.clone()];
-                match &table.average {
-                    None => out.iter_mut().zip(current).for_each(|(o, c)| *o += weight * c),
-                    Some(lazy) => {
-                        let remaining = lazy.remaining(corner);
-                        let stored = &lazy.stored[at];
-                        for ((o, c), s) in out.iter_mut().zip(current).zip(stored) {
-                            *o += weight * (c + (s - c) * remaining);
-                        }
-                    }
-                }
+                places.corners.push(corner as u32);
+                places.weights.push((0..self.dims).map(|axis| axis_weight(&place, bits, axis)).product());
             });
+        }
+    }
+
+    /// Corners that one position is read at, in all levels.
+    fn reads(&self) -> usize {
+        self.levels.len() * self.corners_around()
+    }
+
+    /// Encodes the position at `row` of `places` into `out` (`width`).
+    pub fn encode(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
+        match self.channels {
+            // The default, in vectors of four.
+            4 => self.encode_fixed::<4>(table, places, row, out),
+            2 => self.encode_fixed::<2>(table, places, row, out),
+            8 => self.encode_fixed::<8>(table, places, row, out),
+            _ => self.encode_any(table, places, row, out),
+        }
+    }
+
+    fn encode_fixed<const C: usize>(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
+        let around = self.corners_around();
+        let (corners, weights) = places.row(row, self.reads());
+        let (current, _) = table.current.as_chunks::<C>();
+        let (out, _) = out.as_chunks_mut::<C>();
+        let levels = corners.chunks_exact(around).zip(weights.chunks_exact(around)).zip(out);
+        match table.average {
+            None => {
+                for ((corners, weights), out) in levels {
+                    let mut sum = [0.0; C];
+                    for (corner, weight) in corners.iter().zip(weights) {
+                        let values = &current[*corner as usize];
+                        (0..C).for_each(|c| sum[c] += weight * values[c]);
+                    }
+                    *out = sum;
+                }
+            }
+            Some(lazy) => {
+                let (stored, _) = lazy.stored.as_chunks::<C>();
+                for ((corners, weights), out) in levels {
+                    let mut sum = [0.0; C];
+                    for (corner, weight) in corners.iter().zip(weights) {
+                        let corner = *corner as usize;
+                        let (values, stored) = (&current[corner], &stored[corner]);
+                        let remaining = lazy.remaining(corner);
+                        (0..C).for_each(|c| sum[c] += weight * (values[c] + (stored[c] - values[c]) * remaining));
+                    }
+                    *out = sum;
+                }
+            }
+        }
+    }
+
+    fn encode_any(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
+        let around = self.corners_around();
+        let (corners, weights) = places.row(row, self.reads());
+        out.fill(0.0);
+        let levels = corners.chunks_exact(around).zip(weights.chunks_exact(around));
+        for ((corners, weights), out) in levels.zip(out.chunks_exact_mut(self.channels)) {
+            for (corner, weight) in corners.iter().zip(weights) {
+                let corner = *corner as usize;
+                let at = corner * self.channels..(corner + 1) * self.channels;
+                let remaining = table.average.map_or(0.0, |lazy| lazy.remaining(corner));
+                let stored = table.average.map_or(table.current, |lazy| lazy.stored);
+                let values = table.current[at.clone()].iter().zip(&stored[at]);
+                for (o, (c, s)) in out.iter_mut().zip(values) {
+                    *o += weight * (c + (s - c) * remaining);
+                }
+            }
         }
     }
 
@@ -183,14 +262,6 @@ impl GridShape {
                     }
                 }
             });
-        }
-    }
-
-    /// The table's gradient from `d_out` (`width`): calls `add(corner, weight, d_channels)` for each corner read.
-    pub fn table_gradient(&self, position: &[f32], d_out: &[f32], mut add: impl FnMut(usize, f32, &[f32])) {
-        for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
-            let place = level.place(position);
-            self.around(*level, &place, |corner, bits| add(corner, self.weight(&place, bits), d_out));
         }
     }
 }

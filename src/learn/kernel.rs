@@ -29,8 +29,8 @@ impl<'a> Matrix<'a> {
     }
 }
 
-/// `out = a b`, or `out += a b`; `out` is `(a.rows, b.cols)` row-major.
-pub fn product(a: Matrix, b: Matrix, accumulate: bool, out: &mut [f32]) {
+/// `out = a b`; `out` is `(a.rows, b.cols)` row-major.
+pub fn product(a: Matrix, b: Matrix, out: &mut [f32]) {
     let (m, k, n) = (a.rows, a.cols, b.cols);
     assert_eq!(k, b.rows, "inner sizes differ");
     assert!(out.len() >= m * n, "{} numbers for {m} x {n}", out.len());
@@ -47,7 +47,7 @@ pub fn product(a: Matrix, b: Matrix, accumulate: bool, out: &mut [f32]) {
             out.as_mut_ptr(),
             1,
             n as isize,
-            accumulate,
+            false,
             a.data.as_ptr(),
             a.col_stride as isize,
             a.row_stride as isize,
@@ -91,11 +91,12 @@ pub fn relu_backward(d: &mut [f32], y: &[f32]) {
     );
 }
 
-/// `sums[c] += sum over rows of x[r][c]`.
-pub fn add_column_sums(x: &[f32], sums: &mut [f32]) {
+/// `sums[c] = sum over rows of x[r][c]`.
+pub fn column_sums(x: &[f32], sums: &mut [f32]) {
     Arch::new().dispatch(
         #[inline(always)]
         || {
+            sums.fill(0.0);
             for row in x.chunks_exact(sums.len()) {
                 for (s, v) in sums.iter_mut().zip(row) {
                     *s += v;
@@ -151,13 +152,15 @@ pub fn thin_backward_input(dy: &[f32], w: &[f32], outputs: usize, dx: &mut [f32]
     );
 }
 
-/// `dw[o][h] += sum_r dy[r][o] x[r][h]` and `db[o] += sum_r dy[r][o]`.
+/// `dw[o][h] = sum_r dy[r][o] x[r][h]` and `db[o] = sum_r dy[r][o]`.
 pub fn thin_backward_weights(dy: &[f32], x: &[f32], dw: &mut [f32], db: &mut [f32]) {
     let outputs = db.len();
     let inputs = dw.len() / outputs;
     Arch::new().dispatch(
         #[inline(always)]
         || {
+            dw.fill(0.0);
+            db.fill(0.0);
             for (x, dy) in x.chunks_exact(inputs).zip(dy.chunks_exact(outputs)) {
                 for ((dy, dw), db) in dy.iter().zip(dw.chunks_exact_mut(inputs)).zip(db.iter_mut()) {
                     *db += dy;
@@ -199,25 +202,38 @@ pub const BETA: (f32, f32) = (0.9, 0.999);
 /// Moments below this are 0: those of dead units would decay into denormals, which are very slow.
 const TINY: f32 = 1e-20;
 
-/// One Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`, clearing `gradient`.
-pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &mut [f32], rate: AdamRate) {
+/// One Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`.
+pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
     Arch::new().dispatch(
         #[inline(always)]
-        || adam_few(w, m, v, gradient, rate),
+        || {
+            for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
+                adam_one(w, m, v, *g, rate);
+            }
+        },
     );
 }
 
 /// [`adam`] for a handful of numbers, where a dispatch would cost more than the step.
 #[inline(always)]
-pub fn adam_few(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &mut [f32], rate: AdamRate) {
-    for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
-        let m1 = BETA.0 * *m + (1.0 - BETA.0) * *g;
-        let v1 = BETA.1 * *v + (1.0 - BETA.1) * (*g * *g);
-        *m = if m1.abs() < TINY { 0.0 } else { m1 };
-        *v = if v1 < TINY { 0.0 } else { v1 };
-        *w -= rate.rate * *m / (v.sqrt() + rate.epsilon);
-        *g = 0.0;
+pub fn adam_few(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
+    let ((w4, w), (m4, m)) = (w.as_chunks_mut::<4>(), m.as_chunks_mut::<4>());
+    let ((v4, v), (g4, g)) = (v.as_chunks_mut::<4>(), gradient.as_chunks::<4>());
+    for (((w, m), v), g) in w4.iter_mut().zip(m4).zip(v4).zip(g4) {
+        (0..4).for_each(|c| adam_one(&mut w[c], &mut m[c], &mut v[c], g[c], rate));
     }
+    for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(g) {
+        adam_one(w, m, v, *g, rate);
+    }
+}
+
+#[inline(always)]
+fn adam_one(w: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: AdamRate) {
+    let m1 = BETA.0 * *m + (1.0 - BETA.0) * g;
+    let v1 = BETA.1 * *v + (1.0 - BETA.1) * (g * g);
+    *m = if m1.abs() < TINY { 0.0 } else { m1 };
+    *v = if v1 < TINY { 0.0 } else { v1 };
+    *w -= rate.rate * *m / (v.sqrt() + rate.epsilon);
 }
 
 /// `average += tau (w - average)` (Polyak averaging).

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 
 use super::batch::Batch;
 use super::encoder::Encoder;
-use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, Shapes, Workspace};
+use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Workspace};
 use super::network::{Gradient, Network, NetworkState, StepRates, Weights};
 use super::policy::{Nets, Policy};
 use super::settings::LearnSettings;
@@ -54,8 +54,8 @@ pub struct Learner {
 /// What one task of an update works with.
 #[derive(Default)]
 struct Part {
-    plain: Vec<f32>,
-    plain_ahead: Vec<f32>,
+    plain: PlainPairs,
+    plain_ahead: PlainPairs,
     targets: Vec<f32>,
     ahead: Vec<f32>,
     critics: Vec<Gradient>,
@@ -170,7 +170,7 @@ impl Learner {
         run(self.pool.as_deref(), &mut self.parts, |i, part| {
             let rows = Rows::new(shapes, batch, i);
             part.critic_gradients(shapes, &rows, &critics, &targets);
-            part.model.clear(shapes.model.parameters());
+            part.model.prepare(shapes.model.parameters());
             let transitions = (rows.from, rows.actions, rows.next);
             part.losses.model = shapes.model_gradient(model, transitions, rows.share, &mut part.model, &mut part.step);
         });
@@ -184,7 +184,7 @@ impl Learner {
         let shapes = &*self.shapes;
         run(self.pool.as_deref(), &mut self.parts, |i, part| {
             let rows = Rows::new(shapes, batch, i);
-            part.actor.clear(shapes.actor.parameters());
+            part.actor.prepare(shapes.actor.parameters());
             let buffers = (&mut part.act, &mut part.step, &mut part.judge);
             let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
             part.losses.actor = shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
@@ -272,7 +272,7 @@ impl Part {
         }
         self.losses.critic = 0.0;
         for (critic, gradient) in critics.iter().zip(&mut self.critics) {
-            gradient.clear(shapes.critic.parameters());
+            gradient.prepare(shapes.critic.parameters());
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
             let (targets, ws) = (&self.targets, &mut self.judge);
             let loss = shapes.critic_gradient(*critic, pairs, targets, rows.share, gradient, ws);

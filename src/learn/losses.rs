@@ -1,7 +1,7 @@
 //! Losses and gradients of one part of a batch, by hand (see [`super::Reference`] for the same by autograd).
 
 use super::encoder::Encoder;
-use super::grid::TableView;
+use super::grid::{Places, TableView};
 use super::mlp::{Activations, Mlp, Wanted};
 use super::network::{Gradient, Weights};
 use super::settings::{LearnSettings, LossScale};
@@ -42,11 +42,22 @@ impl Shapes {
     }
 }
 
+/// What does not depend on any network's parameters: computed once for all that read it.
+#[derive(Clone, Debug, Default)]
+pub struct PlainPairs {
+    /// `(rows, plain_pair_width)`.
+    rows: Vec<f32>,
+    /// Where grid encodings of the states are read.
+    states: Places,
+    /// Where grid encodings of the goals are read.
+    goals: Places,
+}
+
 /// (state, goal) pairs, one a row.
 #[derive(Clone, Copy)]
 pub struct Pairs<'a> {
-    /// Their plain rows, `(rows, plain_pair_width)`.
-    pub plain: &'a [f32],
+    /// What all networks share of their inputs.
+    pub plain: &'a PlainPairs,
     /// `(rows, state_dim)`.
     pub states: &'a [f32],
     /// `(rows, goal_dim)`.
@@ -66,7 +77,7 @@ pub struct ActorPath<'a> {
 /// Buffers of one pass, grown to the largest batch seen.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    plain: Vec<f32>,
+    plain: PlainPairs,
     x: Vec<f32>,
     y: Vec<f32>,
     /// The actor's outputs before tanh, `(rows, action_dim)`.
@@ -81,25 +92,30 @@ fn sized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
 }
 
 impl Shapes {
-    /// Plain pair rows, `(rows, plain_pair_width)`.
-    pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut Vec<f32>) {
+    /// Everything of the pairs' inputs that all networks share.
+    pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut PlainPairs) {
         let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
         let width = self.encoder.plain_pair_width();
-        let rows = sized(plain, states.len() / s * width).chunks_exact_mut(width);
+        let rows = sized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
+        plain.states.clear();
+        plain.goals.clear();
         for ((state, goal), row) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(rows) {
             self.encoder.plain_pair(state, goal, row);
+            self.encoder.locate_state(state, &mut plain.states);
+            self.encoder.locate_goal(goal, &mut plain.goals);
         }
     }
 
     /// Full pair rows from plain ones and a network's table, `(rows, pair_width)`.
     fn rows(&self, pairs: Pairs, table: Option<TableView>, x: &mut Vec<f32>) {
-        let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
-        let width = self.encoder.pair_width();
-        let rows = sized(x, pairs.states.len() / s * width).chunks_exact_mut(width);
-        let plain = pairs.plain.chunks_exact(self.encoder.plain_pair_width());
-        let raw = pairs.states.chunks_exact(s).zip(pairs.goals.chunks_exact(g));
-        for (((state, goal), plain), row) in raw.zip(plain).zip(rows) {
-            self.encoder.pair(plain, state, goal, table, row);
+        let (width, plain_width) = (self.encoder.pair_width(), self.encoder.plain_pair_width());
+        let count = pairs.states.len() / self.encoder.spec().state_dim();
+        let places = [&pairs.plain.states, &pairs.plain.goals];
+        let plain = pairs.plain.rows.chunks_exact(plain_width);
+        for ((i, row), plain) in sized(x, count * width).chunks_exact_mut(width).enumerate().zip(plain) {
+            let (copy, encoded) = row.split_at_mut(plain_width);
+            copy.copy_from_slice(plain);
+            self.encoder.encode(table, &places, i, encoded);
         }
     }
 
@@ -124,34 +140,26 @@ impl Shapes {
         }
     }
 
-    /// Next states f(s, a) = s + radius * network, `(rows, state_dim)`; keeps the pass for [`Self::model_backward`].
+    /// Next states f(s, a) = s + radius * network, `(rows, state_dim)`; keeps the pass for its backward half. `plain` are
+    /// the rows that begin with the states' plain rows, and the length of each.
     fn predict(
         &self,
         model: Weights,
-        states: &[f32],
-        actions: &[f32],
-        plain: Option<(&[f32], usize)>,
+        (states, actions): (&[f32], &[f32]),
+        (plain, stride, places): (&[f32], usize, &Places),
         next: &mut [f32],
         ws: &mut Workspace,
     ) {
         let spec = self.encoder.spec();
-        let (s, a) = (spec.state_dim(), spec.action_dim);
         let (plain_width, width) = (self.encoder.plain_state_width(), self.model.inputs);
-        let rows = states.len() / s;
-        let x = sized(&mut ws.x, rows * width);
-        let own = sized(&mut ws.plain, plain_width);
-        for (i, row) in x.chunks_exact_mut(width).enumerate() {
-            let state = &states[i * s..(i + 1) * s];
-            let (encoded, action) = row.split_at_mut(width - a);
-            // A pair row begins with its state's row.
-            let plain_row = if let Some((plain, stride)) = plain {
-                &plain[i * stride..i * stride + plain_width]
-            } else {
-                self.encoder.plain_state(state, own);
-                &*own
-            };
-            self.encoder.state(plain_row, state, model.table, encoded);
-            action.copy_from_slice(&actions[i * a..(i + 1) * a]);
+        let x = sized(&mut ws.x, states.len() / spec.state_dim() * width);
+        let rows = x.chunks_exact_mut(width).zip(plain.chunks_exact(stride)).zip(actions.chunks_exact(spec.action_dim));
+        for (i, ((row, plain), action)) in rows.enumerate() {
+            let (copy, rest) = row.split_at_mut(plain_width);
+            copy.copy_from_slice(&plain[..plain_width]);
+            let (encoded, last) = rest.split_at_mut(self.encoder.grid_width());
+            self.encoder.encode(model.table, &[places], i, encoded);
+            last.copy_from_slice(action);
         }
         self.model.forward(model.dense, x, next, &mut ws.acts);
         for (next, state) in next.iter_mut().zip(states) {
@@ -192,17 +200,11 @@ impl Shapes {
 
     /// Adds the table gradient of the encodings of states and goals; `dx` is `(rows, 2 * grid_width)`.
     fn add_pair_corners(&self, pairs: Pairs, dx: &[f32], gradient: &mut Gradient) {
-        let Some(grid) = self.encoder.grid() else { return };
-        let spec = self.encoder.spec();
-        let mut u = [0.0; 3];
-        let u = &mut u[..grid.dims];
-        let raw = pairs.states.chunks_exact(spec.state_dim()).zip(pairs.goals.chunks_exact(spec.goal_dim()));
-        for ((state, goal), d) in raw.zip(dx.chunks_exact(2 * grid.width())) {
-            let (of_state, of_goal) = d.split_at(grid.width());
-            self.encoder.scaled_achieved(state, u);
-            grid.table_gradient(u, of_state, |corner, weight, d| gradient.add_corner(corner, weight, d));
-            self.encoder.scaled_goal(goal, u);
-            grid.table_gradient(u, of_goal, |corner, weight, d| gradient.add_corner(corner, weight, d));
+        let width = self.encoder.grid_width();
+        if width > 0 {
+            let dx = &dx[..pairs.states.len() / self.encoder.spec().state_dim() * 2 * width];
+            gradient.add_encoded(&pairs.plain.states, dx, (0, width, 2 * width));
+            gradient.add_encoded(&pairs.plain.goals, dx, (width, width, 2 * width));
         }
     }
 
@@ -219,8 +221,16 @@ impl Shapes {
         let spec = self.encoder.spec();
         let (s, radius) = (spec.state_dim(), spec.goal_radius);
         let rows = states.len() / s;
+        let (plain_width, mut plain) = (self.encoder.plain_state_width(), std::mem::take(&mut ws.plain));
+        let rows_of_states = sized(&mut plain.rows, rows * plain_width).chunks_exact_mut(plain_width);
+        plain.states.clear();
+        for (state, row) in states.chunks_exact(s).zip(rows_of_states) {
+            self.encoder.plain_state(state, row);
+            self.encoder.locate_state(state, &mut plain.states);
+        }
         let mut predicted = std::mem::take(&mut ws.y);
-        self.predict(model, states, actions, None, sized(&mut predicted, rows * s), ws);
+        let shared = (&plain.rows[..], plain_width, &plain.states);
+        self.predict(model, (states, actions), shared, sized(&mut predicted, rows * s), ws);
         let mut loss = 0.0;
         for (p, n) in predicted[..rows * s].iter_mut().zip(next) {
             let error = (*p - n) / radius;
@@ -234,15 +244,10 @@ impl Shapes {
         let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
         self.model.backward(model.dense, x, &predicted[..rows * s], &mut ws.acts, wanted);
         ws.y = predicted;
-        if let Some(grid) = self.encoder.grid() {
-            let mut u = [0.0; 3];
-            let u = &mut u[..grid.dims];
-            for (state, d) in states.chunks_exact(s).zip(ws.dx.chunks_exact(columns)) {
-                self.encoder.scaled_achieved(state, u);
-                let d = &d[..grid_width];
-                grid.table_gradient(u, d, |corner, weight, d| gradient.add_corner(corner, weight, d));
-            }
+        if grid_width > 0 {
+            gradient.add_encoded(&plain.states, &ws.dx[..rows * columns], (0, grid_width, columns));
         }
+        ws.plain = plain;
         loss
     }
 
@@ -266,8 +271,8 @@ impl Shapes {
         let mut action = std::mem::take(&mut act.y);
         self.actions(actor, pairs, sized(&mut action, rows * a), act);
         let mut next = std::mem::take(&mut step.y);
-        let stride = Some((plain, self.encoder.plain_pair_width()));
-        self.predict(model, states, &action[..rows * a], stride, sized(&mut next, rows * s), step);
+        let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
+        self.predict(model, (states, &action[..rows * a]), shared, sized(&mut next, rows * s), step);
         let mut next_plain = std::mem::take(&mut judge.plain);
         self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
         self.rows(Pairs { plain: &next_plain, states: &next[..rows * s], goals }, critic.table, &mut judge.x);

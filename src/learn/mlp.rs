@@ -29,7 +29,7 @@ pub struct Activations {
 
 /// Which gradients a backward pass computes: what nobody reads costs nothing.
 pub struct Wanted<'a> {
-    /// Gradient of the flat parameters, added to.
+    /// Gradient of the flat parameters, overwritten.
     pub parameters: Option<&'a mut [f32]>,
     /// Gradient of the input columns from `.0` on, `(rows, inputs - .0)`, overwritten.
     pub inputs: Option<(usize, &'a mut [f32])>,
@@ -101,7 +101,6 @@ impl Mlp {
             kernel::product(
                 Matrix::new(input, rows, inputs),
                 Matrix::new(&parameters[self.weights(layer)], inputs, self.hidden),
-                false,
                 out,
             );
             kernel::add_bias_relu(out, &parameters[self.bias(layer)]);
@@ -134,16 +133,15 @@ impl Mlp {
                 kernel::product(
                     Matrix::new(input, rows, width).transposed(),
                     d_out,
-                    true,
                     &mut gradient[self.weights(layer)],
                 );
-                kernel::add_column_sums(&d[..size], &mut gradient[self.bias(layer)]);
+                kernel::column_sums(&d[..size], &mut gradient[self.bias(layer)]);
             }
             let d_out = Matrix::new(&d[..size], rows, self.hidden);
             let weights = &parameters[self.weights(layer)];
             if layer > 0 {
                 let w = Matrix::new(weights, width, self.hidden).transposed();
-                kernel::product(d_out, w, false, &mut d_below[..size]);
+                kernel::product(d_out, w, &mut d_below[..size]);
                 std::mem::swap(&mut d, &mut d_below);
             }
         }
@@ -154,7 +152,7 @@ impl Mlp {
                 kernel::thin_forward(&d[..size], weights, &[0.0; 4][..columns], &mut dx[..rows * columns]);
             } else {
                 let w = Matrix::new(weights, columns, self.hidden).transposed();
-                kernel::product(Matrix::new(&d[..size], rows, self.hidden), w, false, &mut dx[..rows * columns]);
+                kernel::product(Matrix::new(&d[..size], rows, self.hidden), w, &mut dx[..rows * columns]);
             }
         }
         acts.d_hidden = [d, d_below];

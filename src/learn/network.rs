@@ -5,7 +5,7 @@ use parking_lot::RwLockReadGuard;
 use rand_chacha::ChaCha8Rng;
 
 use super::adam::{Moments, adam_rate, adam_step, modify};
-use super::grid::{GridShape, LazyView, TableView};
+use super::grid::{GridShape, LazyView, Places, TableView};
 use super::kernel;
 use super::mlp::Mlp;
 
@@ -23,19 +23,18 @@ pub struct Weights<'a> {
 pub struct Gradient {
     /// Of the flat parameters.
     pub dense: Vec<f32>,
-    /// Corners of the table that were read, in order, repeats included.
-    corners: Vec<u32>,
-    /// Their gradients, `(corners, channels)`.
-    channels: Vec<f32>,
+    /// Where the table was read, in order, repeats included.
+    places: Places,
+    /// Gradient of each level's encoding at each position read, `(positions, levels, channels)`.
+    encoded: Vec<f32>,
 }
 
 impl Gradient {
-    /// Empties the gradient for a network of `parameters` flat parameters.
-    pub fn clear(&mut self, parameters: usize) {
+    /// Prepares for a network of `parameters` flat parameters, which a backward pass will overwrite.
+    pub fn prepare(&mut self, parameters: usize) {
         self.dense.resize(parameters, 0.0);
-        self.dense.fill(0.0);
-        self.corners.clear();
-        self.channels.clear();
+        self.places.clear();
+        self.encoded.clear();
     }
 
     /// The whole gradient of several parts: flat parameters, and a table of `(corners, channels)`.
@@ -44,18 +43,34 @@ impl Gradient {
         for part in parts {
             dense.resize(part.dense.len(), 0.0);
             kernel::add_into(&mut dense, &part.dense);
-            for (corner, d) in part.corners.iter().zip(part.channels.chunks_exact(table.1.max(1))) {
-                kernel::add_into(&mut values[*corner as usize * table.1..][..table.1], d);
-            }
+            part.for_each_corner(table.1.max(1), |corner, weight, d| {
+                let sum = &mut values[corner * table.1..][..table.1];
+                sum.iter_mut().zip(d).for_each(|(s, d)| *s += weight * d);
+            });
         }
         (dense, values)
     }
 
-    /// Adds `weight * d` at `corner` of the table.
-    #[inline]
-    pub fn add_corner(&mut self, corner: usize, weight: f32, d: &[f32]) {
-        self.corners.push(corner as u32);
-        self.channels.extend(d.iter().map(|d| weight * d));
+    /// Adds the gradient of the encodings of the positions of `places`, of which `d` holds one a row from column
+    /// `from` on, `(positions, stride)`.
+    pub fn add_encoded(&mut self, places: &Places, d: &[f32], (from, width, stride): (usize, usize, usize)) {
+        self.places.corners.extend(&places.corners);
+        self.places.weights.extend(&places.weights);
+        self.encoded.extend(d.chunks_exact(stride).flat_map(|row| &row[from..from + width]));
+    }
+
+    /// Calls `add(corner, weight, d)` for each corner read, `d` being the gradient of its level's encoding.
+    #[inline(always)]
+    fn for_each_corner(&self, channels: usize, mut add: impl FnMut(usize, f32, &[f32])) {
+        let levels = self.encoded.len() / channels;
+        if levels == 0 {
+            return;
+        }
+        let around = self.places.corners.len() / levels;
+        let read = self.places.corners.chunks_exact(around).zip(self.places.weights.chunks_exact(around));
+        for ((corners, weights), d) in read.zip(self.encoded.chunks_exact(channels)) {
+            corners.iter().zip(weights).for_each(|(corner, weight)| add(*corner as usize, *weight, d));
+        }
     }
 }
 
@@ -203,7 +218,7 @@ impl Network {
             kernel::add_into(&mut first.dense, &part.dense);
         }
         let rate = adam_rate(rates.dense, self.steps);
-        adam_step(&self.dense, &mut self.dense_moments, &mut first.dense, rate)?;
+        adam_step(&self.dense, &mut self.dense_moments, &first.dense, rate)?;
         if let Some(average) = &mut self.dense_average {
             let (storage, _) = self.dense.storage_and_layout();
             kernel::soft_update(average, slice(&storage)?, rates.tau);
@@ -316,14 +331,27 @@ pub struct StepRates {
 
 impl Table {
     fn add(&mut self, part: &Gradient) {
-        for (corner, d) in part.corners.iter().zip(part.channels.chunks_exact(self.channels)) {
-            let at = *corner as usize;
-            if !self.is_touched[at] {
-                self.is_touched[at] = true;
-                self.touched.push(*corner);
+        let Self { channels, sum, touched, is_touched, .. } = self;
+        let mut touch = |corner: usize| {
+            if !is_touched[corner] {
+                is_touched[corner] = true;
+                touched.push(corner as u32);
             }
-            let sum = &mut self.sum[at * self.channels..(at + 1) * self.channels];
-            sum.iter_mut().zip(d).for_each(|(s, d)| *s += d);
+        };
+        if *channels == 4 {
+            // The default, in vectors of four.
+            let (sum, _) = sum.as_chunks_mut::<4>();
+            part.for_each_corner(4, |corner, weight, d| {
+                touch(corner);
+                let sum = &mut sum[corner];
+                (0..4).for_each(|c| sum[c] += weight * d[c]);
+            });
+        } else {
+            part.for_each_corner(*channels, |corner, weight, d| {
+                touch(corner);
+                let sum = &mut sum[corner * *channels..(corner + 1) * *channels];
+                sum.iter_mut().zip(d).for_each(|(s, d)| *s += weight * d);
+            });
         }
     }
 
@@ -335,20 +363,30 @@ impl Table {
             for corner in touched.drain(..) {
                 let corner = corner as usize;
                 let at = corner * *channels..(corner + 1) * *channels;
+                is_touched[corner] = false;
                 if let Some(average) = average {
-                    // As of the update before: with this one the average makes its own step towards the new value.
-                    let elapsed = steps as u32 - 1 - average.last[corner];
-                    let remaining = average.decay.get(elapsed as usize).copied().unwrap_or(0.0);
-                    for (stored, current) in average.stored[at.clone()].iter_mut().zip(&w[at.clone()]) {
-                        *stored = current + (*stored - current) * remaining;
-                    }
-                    average.last[corner] = steps as u32 - 1;
+                    average.bring_up_to(steps as u32 - 1, corner, &w[at.clone()]);
                 }
                 let (m, v) = (&mut moments.m[at.clone()], &mut moments.v[at.clone()]);
-                kernel::adam_few(&mut w[at.clone()], m, v, &mut sum[at], rate);
-                is_touched[corner] = false;
+                let (w, sum) = (&mut w[at.clone()], &mut sum[at]);
+                kernel::adam_few(w, m, v, sum, rate);
+                sum.fill(0.0);
             }
         })
+    }
+}
+
+impl LazyAverage {
+    /// Stores the average of `corner`, whose value has been `current` since its last change, as of `update`: the
+    /// update that changes it then makes the average's own step towards the new value.
+    #[inline]
+    fn bring_up_to(&mut self, update: u32, corner: usize, current: &[f32]) {
+        let remaining = self.decay.get((update - self.last[corner]) as usize).copied().unwrap_or(0.0);
+        let stored = &mut self.stored[corner * current.len()..(corner + 1) * current.len()];
+        for (stored, current) in stored.iter_mut().zip(current) {
+            *stored = current + (*stored - current) * remaining;
+        }
+        self.last[corner] = update;
     }
 }
 

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use super::grid::TableView;
-use super::losses::{Pairs, Shapes, Workspace};
+use super::losses::{Pairs, PlainPairs, Shapes, Workspace};
 use super::network::Weights;
 
 /// Rows that go through a network at once: their activations stay in the cache.
@@ -12,7 +12,7 @@ const ROWS: usize = 128;
 /// Buffers for using networks, one for each thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    plain: Vec<f32>,
+    plain: PlainPairs,
     second: Vec<f32>,
     ws: Workspace,
 }
