@@ -17,6 +17,7 @@ mod policy;
 mod reference;
 mod replay;
 mod settings;
+mod table;
 
 pub use batch::{Batch, BatchSampler};
 pub use encoder::Encoder;

@@ -71,7 +71,9 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let expected: Vec<(Tensor, Option<Tensor>)> = networks
         .iter()
         .zip(&grads)
-        .map(|(n, g)| (g.get(n.dense()).unwrap().clone(), n.table().map(|t| g.get(t).unwrap().clone())))
+        .map(|(n, g)| {
+            (g.get(n.dense()).unwrap().clone(), n.table().map(|t| g.get(t).unwrap().narrow(1, 0, 1).unwrap()))
+        })
         .collect();
     let (found_losses, found) = learner.gradients(&batch).unwrap();
     let found_losses = [found_losses.critic, found_losses.model, found_losses.actor];

@@ -42,7 +42,7 @@ impl Session {
         let mut reader = pty.master.try_clone_reader().unwrap();
         let (parser, bytes) = (screen.clone(), raw.clone());
         std::thread::spawn(move || {
-            let mut chunk = [0; 65536];
+            let mut chunk = [0; 4096];
             while let Ok(n @ 1..) = reader.read(&mut chunk) {
                 parser.lock().unwrap().process(&chunk[..n]);
                 bytes.lock().unwrap().extend(&chunk[..n]);

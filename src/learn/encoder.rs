@@ -172,7 +172,7 @@ impl Encoder {
         state: &[f32],
         row: &[f32],
         d_row: &[f32],
-        table: Option<&[f32]>,
+        table: Option<TableView>,
         d_state: &mut [f32],
     ) {
         let (state_dim, goal_dim) = (self.spec.state_dim(), self.spec.goal_dim());

@@ -4,6 +4,8 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use super::table::Note;
+
 /// A level whose table would have more corners than this gets larger cells instead.
 const MOST_CORNERS: usize = 1 << 19;
 
@@ -27,12 +29,14 @@ pub struct Level {
     pub first: usize,
 }
 
-/// Read access to a table: the current one, or its running average.
+/// Read access to a table: its values, or their running average.
 #[derive(Clone, Copy)]
 pub struct TableView<'a> {
-    /// `(corners, channels)`.
-    pub current: &'a [f32],
-    /// The average, stored lazily: what it was when its corner last changed.
+    /// A line for each corner: its value `(channels)`; behind it, where there is an average, what is stored of that.
+    pub lines: &'a [f32],
+    /// Numbers in a line.
+    pub stride: usize,
+    /// For reading the average: what it was when its corner last changed, and how much of that remains.
     pub average: Option<LazyView<'a>>,
 }
 
@@ -42,10 +46,8 @@ pub struct TableView<'a> {
 /// average at any later time follows from the one at its last change: only changed corners cost work.
 #[derive(Clone, Copy)]
 pub struct LazyView<'a> {
-    /// `(corners, channels)`, each as it was after update `last`.
-    pub stored: &'a [f32],
     /// Update up to which each corner's average is stored, `(corners)`.
-    pub last: &'a [u32],
+    pub notes: &'a [Note],
     /// Updates done so far.
     pub now: u32,
     /// `decay[k] = (1 - tau)^k`; 0 beyond its end.
@@ -56,7 +58,7 @@ impl LazyView<'_> {
     /// By how much corner `corner` still differs from its current value, as a share of the stored difference.
     #[inline]
     pub fn remaining(&self, corner: usize) -> f32 {
-        self.decay.get((self.now - self.last[corner]) as usize).copied().unwrap_or(0.0)
+        self.decay.get((self.now - self.notes[corner].last) as usize).copied().unwrap_or(0.0)
     }
 }
 
@@ -183,45 +185,41 @@ impl GridShape {
 
     /// Encodes the position at `row` of `places` into `out` (`width`).
     pub fn encode(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
-        match self.channels {
-            // The default, in vectors of four.
-            4 => self.encode_fixed::<4>(table, places, row, out),
-            2 => self.encode_fixed::<2>(table, places, row, out),
-            8 => self.encode_fixed::<8>(table, places, row, out),
+        match (self.channels, table.stride) {
+            // The default, in vectors of four: from a table in training, and from a copy.
+            (4, 16) => self.encode_fixed::<4, 16>(table, places, row, out),
+            (4, 4) => self.encode_fixed::<4, 4>(table, places, row, out),
             _ => self.encode_any(table, places, row, out),
         }
     }
 
-    fn encode_fixed<const C: usize>(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
+    fn encode_fixed<const C: usize, const STRIDE: usize>(
+        &self,
+        table: TableView,
+        places: &Places,
+        row: usize,
+        out: &mut [f32],
+    ) {
         let around = self.corners_around();
         let (corners, weights) = places.row(row, self.reads());
-        let (current, _) = table.current.as_chunks::<C>();
+        let (lines, _) = table.lines.as_chunks::<STRIDE>();
         let (out, _) = out.as_chunks_mut::<C>();
         let levels = corners.chunks_exact(around).zip(weights.chunks_exact(around)).zip(out);
-        match table.average {
-            None => {
-                for ((corners, weights), out) in levels {
-                    let mut sum = [0.0; C];
-                    for (corner, weight) in corners.iter().zip(weights) {
-                        let values = &current[*corner as usize];
-                        (0..C).for_each(|c| sum[c] += weight * values[c]);
+        for ((corners, weights), out) in levels {
+            let mut sum = [0.0; C];
+            for (corner, weight) in corners.iter().zip(weights) {
+                let line = &lines[*corner as usize];
+                match table.average {
+                    None => (0..C).for_each(|c| sum[c] += weight * line[c]),
+                    Some(lazy) => {
+                        let remaining = lazy.remaining(*corner as usize);
+                        // A copy has no average of its own, and no line so long.
+                        let stored = |c: usize| if STRIDE > C { line[(C + c) % STRIDE] } else { line[c] };
+                        (0..C).for_each(|c| sum[c] += weight * (line[c] + (stored(c) - line[c]) * remaining));
                     }
-                    *out = sum;
                 }
             }
-            Some(lazy) => {
-                let (stored, _) = lazy.stored.as_chunks::<C>();
-                for ((corners, weights), out) in levels {
-                    let mut sum = [0.0; C];
-                    for (corner, weight) in corners.iter().zip(weights) {
-                        let corner = *corner as usize;
-                        let (values, stored) = (&current[corner], &stored[corner]);
-                        let remaining = lazy.remaining(corner);
-                        (0..C).for_each(|c| sum[c] += weight * (values[c] + (stored[c] - values[c]) * remaining));
-                    }
-                    *out = sum;
-                }
-            }
+            *out = sum;
         }
     }
 
@@ -233,24 +231,28 @@ impl GridShape {
         for ((corners, weights), out) in levels.zip(out.chunks_exact_mut(self.channels)) {
             for (corner, weight) in corners.iter().zip(weights) {
                 let corner = *corner as usize;
-                let at = corner * self.channels..(corner + 1) * self.channels;
-                let remaining = table.average.map_or(0.0, |lazy| lazy.remaining(corner));
-                let stored = table.average.map_or(table.current, |lazy| lazy.stored);
-                let values = table.current[at.clone()].iter().zip(&stored[at]);
-                for (o, (c, s)) in out.iter_mut().zip(values) {
-                    *o += weight * (c + (s - c) * remaining);
+                let line = &table.lines[corner * table.stride..(corner + 1) * table.stride];
+                let (value, stored) = line.split_at(self.channels);
+                match table.average {
+                    None => out.iter_mut().zip(value).for_each(|(o, w)| *o += weight * w),
+                    Some(lazy) => {
+                        let remaining = lazy.remaining(corner);
+                        for ((o, w), s) in out.iter_mut().zip(value).zip(stored) {
+                            *o += weight * (w + (s - w) * remaining);
+                        }
+                    }
                 }
             }
         }
     }
 
     /// Adds the encoding's gradient with respect to the scaled position to `d_position`, from `d_out` (`width`).
-    pub fn position_gradient(&self, table: &[f32], position: &[f32], d_out: &[f32], d_position: &mut [f32]) {
+    pub fn position_gradient(&self, table: TableView, position: &[f32], d_out: &[f32], d_position: &mut [f32]) {
         for (level, d_out) in self.levels.iter().zip(d_out.chunks_exact(self.channels)) {
             let place = level.place(position);
             let per_unit = 0.5 * (level.corners - 1) as f32;
             self.around(*level, &place, |corner, bits| {
-                let values = &table[corner * self.channels..(corner + 1) * self.channels];
+                let values = &table.lines[corner * table.stride..][..self.channels];
                 let along: f32 = values.iter().zip(d_out).map(|(v, d)| v * d).sum();
                 for (axis, d) in d_position.iter_mut().enumerate().take(self.dims) {
                     let others: f32 =

@@ -290,12 +290,11 @@ impl Shapes {
         let dx = sized(&mut judge.dx, rows * width);
         let wanted = Wanted { parameters: None, inputs: Some((0, &mut *dx)) };
         self.critic.backward(critic.dense, x, z, &mut judge.acts, wanted);
-        let table = critic.table.map(|t| t.current);
         let mut d_state = [0.0; MOST_STATE_NUMBERS];
         let d_state = &mut d_state[..s];
         for (i, next) in next[..rows * s].chunks_exact_mut(s).enumerate() {
             let at = i * width..(i + 1) * width;
-            self.encoder.pair_state_gradient(next, &x[at.clone()], &dx[at], table, d_state);
+            self.encoder.pair_state_gradient(next, &x[at.clone()], &dx[at], critic.table, d_state);
             for (next, d) in next.iter_mut().zip(&*d_state) {
                 *next = spec.goal_radius * d;
             }

@@ -5,9 +5,10 @@ use parking_lot::RwLockReadGuard;
 use rand_chacha::ChaCha8Rng;
 
 use super::adam::{Moments, adam_rate, adam_step, modify};
-use super::grid::{GridShape, LazyView, Places, TableView};
+use super::grid::{GridShape, Places, TableView};
 use super::kernel;
 use super::mlp::Mlp;
+use super::table::Table;
 
 /// A network's weights as slices: what the kernels read.
 #[derive(Clone, Copy)]
@@ -61,7 +62,7 @@ impl Gradient {
 
     /// Calls `add(corner, weight, d)` for each corner read, `d` being the gradient of its level's encoding.
     #[inline(always)]
-    fn for_each_corner(&self, channels: usize, mut add: impl FnMut(usize, f32, &[f32])) {
+    pub fn for_each_corner(&self, channels: usize, mut add: impl FnMut(usize, f32, &[f32])) {
         let levels = self.encoded.len() / channels;
         if levels == 0 {
             return;
@@ -88,15 +89,7 @@ impl Locked<'_> {
     /// What candle reports.
     pub fn weights(&self, averaged: bool) -> Result<Weights<'_>> {
         let table = match (&self.network.table, &self.table) {
-            (Some(table), Some(storage)) => Some(TableView {
-                current: slice(storage)?,
-                average: table.average.as_ref().filter(|_| averaged).map(|a| LazyView {
-                    stored: &a.stored,
-                    last: &a.last,
-                    now: self.network.steps as u32,
-                    decay: &a.decay,
-                }),
-            }),
+            (Some(table), Some(lines)) => Some(table.view(slice(lines)?, averaged, self.network.steps)),
             _ => None,
         };
         let dense = match self.network.dense_average.as_deref().filter(|_| averaged) {
@@ -118,35 +111,8 @@ pub struct Network {
     steps: u64,
 }
 
-/// A grid table; only corners that a batch touches cost work.
-#[derive(Debug)]
-struct Table {
-    channels: usize,
-    /// `(corners, channels)`.
-    values: Var,
-    moments: Moments,
-    average: Option<LazyAverage>,
-    /// Sum of the parts' gradients at `touched` corners; zero elsewhere.
-    sum: Vec<f32>,
-    touched: Vec<u32>,
-    is_touched: Vec<bool>,
-}
-
-#[derive(Debug)]
-struct LazyAverage {
-    stored: Vec<f32>,
-    last: Vec<u32>,
-    decay: Vec<f32>,
-}
-
 /// A network's trainable state as plain numbers, for checkpoints: name and values.
 pub type NetworkState = Vec<(&'static str, Vec<f32>)>;
-
-/// Updates after which an average has arrived for all that f32 can tell.
-fn decay_table(tau: f32) -> Vec<f32> {
-    let keep = 1.0 - f64::from(tau);
-    (0..1 << 13).map(|k| keep.powi(k) as f32).take_while(|d| *d > 1e-9).collect()
-}
 
 impl Network {
     /// A fresh network; `tau` for a running average, none without it.
@@ -155,28 +121,13 @@ impl Network {
     /// What candle reports.
     pub fn new(mlp: Mlp, grid: Option<&GridShape>, tau: Option<f32>, rng: &mut ChaCha8Rng) -> Result<Self> {
         let dense = mlp.initial(rng);
-        let table = grid.map(|grid| {
-            let values = grid.initial(rng);
-            Ok::<_, candle_core::Error>(Table {
-                channels: grid.channels,
-                moments: Moments::new(values.len()),
-                average: tau.map(|tau| LazyAverage {
-                    stored: values.clone(),
-                    last: vec![0; grid.corners()],
-                    decay: decay_table(tau),
-                }),
-                sum: vec![0.0; values.len()],
-                touched: Vec::new(),
-                is_touched: vec![false; grid.corners()],
-                values: variable(values, (grid.corners(), grid.channels))?,
-            })
-        });
+        let table = grid.map(|grid| Table::new(&grid.initial(rng), grid.channels, tau)).transpose()?;
         Ok(Self {
             mlp,
             dense_moments: Moments::new(dense.len()),
             dense_average: tau.map(|_| dense.clone()),
-            dense: variable(dense.clone(), dense.len())?,
-            table: table.transpose()?,
+            dense: Var::from_tensor(&Tensor::from_vec(dense.clone(), dense.len(), &Device::Cpu)?)?,
+            table,
             steps: 0,
         })
     }
@@ -191,19 +142,19 @@ impl Network {
         &self.dense
     }
 
-    /// The grid table as a candle variable, `(corners, channels)`.
+    /// The grid table as a candle variable `(corners, 4, channels)`, of whose rows the first is the value.
     pub fn table(&self) -> Option<&Var> {
-        self.table.as_ref().map(|t| &t.values)
+        self.table.as_ref().map(Table::lines)
     }
 
     /// Corners of the grid table and channels of each.
     pub fn table_size(&self) -> (usize, usize) {
-        self.table.as_ref().map_or((0, 0), |t| (t.is_touched.len(), t.channels))
+        self.table.as_ref().map_or((0, 0), Table::size)
     }
 
     /// Locks the weights for reading.
     pub fn lock(&self) -> Locked<'_> {
-        let table = self.table.as_ref().map(|t| t.values.storage_and_layout().0);
+        let table = self.table.as_ref().map(|t| t.lines().storage_and_layout().0);
         Locked { network: self, dense: self.dense.storage_and_layout().0, table }
     }
 
@@ -235,21 +186,9 @@ impl Network {
     /// # Errors
     /// What candle reports.
     pub fn copy(&self, averaged: bool) -> Result<(Vec<f32>, Vec<f32>)> {
-        let locked = self.lock();
-        let weights = locked.weights(averaged)?;
-        let table = weights.table.map_or(Vec::new(), |t| match &t.average {
-            None => t.current.to_vec(),
-            Some(lazy) => {
-                let channels = t.current.len() / lazy.last.len();
-                let rows = t.current.chunks_exact(channels).zip(lazy.stored.chunks_exact(channels)).enumerate();
-                let values = rows.flat_map(|(corner, (current, stored))| {
-                    let remaining = lazy.remaining(corner);
-                    current.iter().zip(stored).map(move |(c, s)| c + (s - c) * remaining)
-                });
-                values.collect()
-            }
-        });
-        Ok((weights.dense.to_vec(), table))
+        let dense = self.lock().weights(averaged)?.dense.to_vec();
+        let table = self.table.as_ref().map(|t| t.copy(averaged, self.steps)).transpose()?;
+        Ok((dense, table.unwrap_or_default()))
     }
 
     /// Everything that training changed, for a checkpoint.
@@ -257,19 +196,12 @@ impl Network {
     /// # Errors
     /// What candle reports.
     pub fn state(&self) -> Result<NetworkState> {
-        let (dense, values) = self.copy(false)?;
+        let dense = self.lock().weights(false)?.dense.to_vec();
         let mut state = vec![("dense", dense), ("dense_m", self.dense_moments.m.clone())];
         state.push(("dense_v", self.dense_moments.v.clone()));
         state.extend(self.dense_average.clone().map(|a| ("dense_average", a)));
         if let Some(table) = &self.table {
-            state.push(("table", values));
-            state.push(("table_m", table.moments.m.clone()));
-            state.push(("table_v", table.moments.v.clone()));
-            if let Some(average) = &table.average {
-                state.push(("table_average", average.stored.clone()));
-                // Update numbers go through f32 by their bits.
-                state.push(("table_average_last", average.last.iter().map(|l| f32::from_bits(*l)).collect()));
-            }
+            state.extend(table.state()?);
         }
         Ok(state)
     }
@@ -297,17 +229,7 @@ impl Network {
             fill("dense_average", average)?;
         }
         if let Some(table) = &mut self.table {
-            let mut result = Ok(());
-            modify(&table.values, |w| result = fill("table", w))?;
-            result?;
-            fill("table_m", &mut table.moments.m)?;
-            fill("table_v", &mut table.moments.v)?;
-            if let Some(average) = &mut table.average {
-                fill("table_average", &mut average.stored)?;
-                let mut last = vec![0.0; average.last.len()];
-                fill("table_average_last", &mut last)?;
-                average.last = last.into_iter().map(f32::to_bits).collect();
-            }
+            table.restore(fill)?;
         }
         Ok(())
     }
@@ -329,72 +251,11 @@ pub struct StepRates {
     pub tau: f32,
 }
 
-impl Table {
-    fn add(&mut self, part: &Gradient) {
-        let Self { channels, sum, touched, is_touched, .. } = self;
-        let mut touch = |corner: usize| {
-            if !is_touched[corner] {
-                is_touched[corner] = true;
-                touched.push(corner as u32);
-            }
-        };
-        if *channels == 4 {
-            // The default, in vectors of four.
-            let (sum, _) = sum.as_chunks_mut::<4>();
-            part.for_each_corner(4, |corner, weight, d| {
-                touch(corner);
-                let sum = &mut sum[corner];
-                (0..4).for_each(|c| sum[c] += weight * d[c]);
-            });
-        } else {
-            part.for_each_corner(*channels, |corner, weight, d| {
-                touch(corner);
-                let sum = &mut sum[corner * *channels..(corner + 1) * *channels];
-                sum.iter_mut().zip(d).for_each(|(s, d)| *s += weight * d);
-            });
-        }
-    }
-
-    /// Adam on the touched corners (the others' moments rest), and their averages brought up to date.
-    fn step(&mut self, steps: u64, rates: StepRates) -> Result<()> {
-        let Self { channels, values, moments, average, sum, touched, is_touched } = self;
-        let rate = adam_rate(rates.table, steps);
-        modify(values, |w| {
-            for corner in touched.drain(..) {
-                let corner = corner as usize;
-                let at = corner * *channels..(corner + 1) * *channels;
-                is_touched[corner] = false;
-                if let Some(average) = average {
-                    average.bring_up_to(steps as u32 - 1, corner, &w[at.clone()]);
-                }
-                let (m, v) = (&mut moments.m[at.clone()], &mut moments.v[at.clone()]);
-                let (w, sum) = (&mut w[at.clone()], &mut sum[at]);
-                kernel::adam_few(w, m, v, sum, rate);
-                sum.fill(0.0);
-            }
-        })
-    }
-}
-
-impl LazyAverage {
-    /// Stores the average of `corner`, whose value has been `current` since its last change, as of `update`: the
-    /// update that changes it then makes the average's own step towards the new value.
-    #[inline]
-    fn bring_up_to(&mut self, update: u32, corner: usize, current: &[f32]) {
-        let remaining = self.decay.get((update - self.last[corner]) as usize).copied().unwrap_or(0.0);
-        let stored = &mut self.stored[corner * current.len()..(corner + 1) * current.len()];
-        for (stored, current) in stored.iter_mut().zip(current) {
-            *stored = current + (*stored - current) * remaining;
-        }
-        self.last[corner] = update;
-    }
-}
-
-fn variable(values: Vec<f32>, shape: impl Into<candle_core::Shape>) -> Result<Var> {
-    Var::from_tensor(&Tensor::from_vec(values, shape.into(), &Device::Cpu)?)
-}
-
-fn slice(storage: &Storage) -> Result<&[f32]> {
+/// A variable's numbers.
+///
+/// # Errors
+/// Where they are no f32 on the CPU.
+pub fn slice(storage: &Storage) -> Result<&[f32]> {
     match storage {
         Storage::Cpu(CpuStorage::F32(data)) => Ok(data),
         _ => bail!("the fused kernels read f32 on the CPU"),

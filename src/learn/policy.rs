@@ -94,7 +94,8 @@ impl Policy {
     }
 
     fn weights<'a>(&self, (dense, table): &'a Owned) -> Weights<'a> {
-        let table = self.shapes.encoder.grid().map(|_| TableView { current: table, average: None });
+        let grid = self.shapes.encoder.grid();
+        let table = grid.map(|grid| TableView { lines: table, stride: grid.channels, average: None });
         Weights { dense, table }
     }
 }

@@ -61,7 +61,7 @@ impl<'a> Reference<'a> {
         let u = scaled(encoder, states)?;
         let mut columns = vec![state_row(encoder, &u)?];
         if let (Some(grid), Some(table)) = (encoder.grid(), model.table()) {
-            columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
+            columns.push(encode(grid, &values(table)?, &achieved(encoder, &u)?)?);
         }
         columns.push(actions.clone());
         let change = mlp(&self.shapes().model, model.dense(), &Tensor::cat(&columns, 1)?)?;
@@ -125,8 +125,8 @@ impl<'a> Reference<'a> {
             }
         }
         if let (Some(grid), Some(table)) = (encoder.grid(), network.table()) {
-            columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
-            columns.push(encode(grid, table, &v)?);
+            columns.push(encode(grid, &values(table)?, &achieved(encoder, &u)?)?);
+            columns.push(encode(grid, &values(table)?, &v)?);
         }
         Tensor::cat(&columns, 1)
     }
@@ -168,6 +168,11 @@ fn fourier(encoder: &Encoder, u: &Tensor) -> Result<Tensor> {
         }
     }
     Tensor::cat(&columns, 1)
+}
+
+/// Values of a table, `(corners, channels)`: the first rows of its lines.
+fn values(lines: &Tensor) -> Result<Tensor> {
+    lines.narrow(1, 0, 1)?.squeeze(1)?.contiguous()
 }
 
 /// The grid encoding by index and interpolation, `(rows, levels * channels)`.
