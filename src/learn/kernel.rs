@@ -220,7 +220,10 @@ pub fn adam_few(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], r
     let ((w4, w), (m4, m)) = (w.as_chunks_mut::<4>(), m.as_chunks_mut::<4>());
     let ((v4, v), (g4, g)) = (v.as_chunks_mut::<4>(), gradient.as_chunks::<4>());
     for (((w, m), v), g) in w4.iter_mut().zip(m4).zip(v4).zip(g4) {
-        (0..4).for_each(|c| adam_one(&mut w[c], &mut m[c], &mut v[c], g[c], rate));
+        // All loads before all stores: only then does this become one vector.
+        let (mut w1, mut m1, mut v1) = (*w, *m, *v);
+        (0..4).for_each(|c| adam_one(&mut w1[c], &mut m1[c], &mut v1[c], g[c], rate));
+        (*w, *m, *v) = (w1, m1, v1);
     }
     for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(g) {
         adam_one(w, m, v, *g, rate);

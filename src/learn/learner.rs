@@ -113,6 +113,12 @@ impl Learner {
         &self.actor
     }
 
+    /// The threads that share an update's work. A caller that updates often had best do so within
+    /// [`rayon::ThreadPool::install`]: entering from outside hands the work to another thread every time.
+    pub fn pool(&self) -> Option<Arc<rayon::ThreadPool>> {
+        self.pool.clone()
+    }
+
     /// Updates done.
     pub fn updates(&self) -> u64 {
         self.actor.steps()
@@ -129,11 +135,7 @@ impl Learner {
             tau: self.settings.tau,
         };
         self.critic_and_model_gradients(batch)?;
-        for (k, critic) in self.critics.iter_mut().enumerate() {
-            let mut parts: Vec<&mut Gradient> = self.parts.iter_mut().map(|p| &mut p.critics[k]).collect();
-            critic.step(&mut parts, rates)?;
-        }
-        self.model.step(&mut self.parts.iter_mut().map(|p| &mut p.model).collect::<Vec<_>>(), rates)?;
+        self.step_critics_and_model(rates)?;
         self.actor_gradients(batch)?;
         self.actor.step(&mut self.parts.iter_mut().map(|p| &mut p.actor).collect::<Vec<_>>(), rates)?;
         Ok(self.losses())
@@ -158,6 +160,25 @@ impl Learner {
             model: sum.model + part.losses.model,
             actor: sum.actor + part.losses.actor,
         })
+    }
+
+    /// Each network's step is independent of the others'.
+    fn step_critics_and_model(&mut self, rates: StepRates) -> Result<()> {
+        let mut gradients: Vec<Vec<&mut Gradient>> = self.critics.iter().map(|_| Vec::new()).collect();
+        let mut of_model = Vec::new();
+        for part in &mut self.parts {
+            gradients.iter_mut().zip(&mut part.critics).for_each(|(all, own)| all.push(own));
+            of_model.push(&mut part.model);
+        }
+        gradients.push(of_model);
+        let networks = self.critics.iter_mut().chain([&mut self.model]);
+        let mut steps: Vec<_> = networks.zip(gradients).collect();
+        match &self.pool {
+            Some(pool) => {
+                pool.install(|| steps.par_iter_mut().try_for_each(|(network, parts)| network.step(parts, rates)))
+            }
+            None => steps.iter_mut().try_for_each(|(network, parts)| network.step(parts, rates)),
+        }
     }
 
     fn critic_and_model_gradients(&mut self, batch: &Batch) -> Result<()> {

@@ -142,18 +142,15 @@ impl Table {
                 let remaining = decay.get((before - note.last) as usize).copied().unwrap_or(0.0);
                 *note = Note { last: before, slot: UNTOUCHED };
                 let line = &mut lines[corner * ROWS * *channels..(corner + 1) * ROWS * *channels];
-                match (line.as_chunks_mut::<4>(), sum.as_array::<4>()) {
-                    (([value, average, m, v], []), Some(sum)) => {
-                        (0..4).for_each(|c| average[c] = value[c] + (average[c] - value[c]) * remaining);
-                        kernel::adam_few(value, m, v, sum, rate);
-                    }
-                    _ => {
-                        let (value, rest) = line.split_at_mut(*channels);
-                        let (average, moments) = rest.split_at_mut(*channels);
-                        let (m, v) = moments.split_at_mut(*channels);
-                        average.iter_mut().zip(&*value).for_each(|(a, w)| *a = w + (*a - w) * remaining);
-                        kernel::adam_few(value, m, v, sum, rate);
-                    }
+                if let (([value, average, m, v], []), ([sum], [])) = (line.as_chunks_mut::<4>(), sum.as_chunks::<4>()) {
+                    (0..4).for_each(|c| average[c] = value[c] + (average[c] - value[c]) * remaining);
+                    kernel::adam_few(value, m, v, sum, rate);
+                } else {
+                    let (value, rest) = line.split_at_mut(*channels);
+                    let (average, moments) = rest.split_at_mut(*channels);
+                    let (m, v) = moments.split_at_mut(*channels);
+                    average.iter_mut().zip(&*value).for_each(|(a, w)| *a = w + (*a - w) * remaining);
+                    kernel::adam_few(value, m, v, sum, rate);
                 }
             }
         })?;
