@@ -9,7 +9,6 @@ mod error;
 mod grid;
 mod load;
 mod movingai;
-mod obstacles;
 mod scenario;
 mod text;
 
@@ -20,5 +19,4 @@ pub use error::{MapError, MapResult};
 pub use grid::{Cell, Grid, MAX_CELLS};
 pub use load::{load_map, load_scenario, parse_map};
 pub use movingai::print_movingai;
-pub use obstacles::{Obstacles, obstacles_between};
 pub use scenario::{ScenarioTask, parse_scenario};

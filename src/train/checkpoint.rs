@@ -11,7 +11,8 @@ use std::sync::Arc;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::de::DeserializeOwned;
 
-use super::trainer::{Run, Trainer, TrainerState};
+use super::run::Run;
+use super::trainer::{Trainer, TrainerState};
 use crate::bridge::ExperienceState;
 use crate::learn::ReplayState;
 use crate::map::{parse_map, print_ascii};

@@ -9,7 +9,8 @@ use tokio::sync::watch;
 
 use super::checkpoint;
 use super::evaluate::Evaluation;
-use super::trainer::{Counters, Limits, Run, Tick, Trainer};
+use super::run::{Counters, Limits, Run, Tick};
+use super::trainer::Trainer;
 use crate::bridge::{Experience, SearchOutcome};
 use crate::learn::{Losses, Policy};
 use crate::map::Grid;

@@ -9,9 +9,10 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::evaluate::{Evaluation, evaluate, evaluate_random};
-use super::method::{Method, Preset};
+use super::method::Method;
 use super::rollout::{Rollout, RolloutState};
-use super::settings::{Settings, UpdateWhen};
+use super::run::{Counters, EndReason, Limits, Run, Tick};
+use super::settings::UpdateWhen;
 use super::tasks::TaskSet;
 use crate::bridge::{BridgeGraph, Distilled, Experience, SearchOutcome};
 use crate::env::{Environment, PointMaze, Spec};
@@ -23,72 +24,6 @@ const DISTILLED_GOALS: usize = 32;
 
 /// Losses are reported as running means over about this many updates.
 const LOSS_MEMORY_UPDATES: f64 = 500.0;
-
-/// What a run is of: everything that its result depends on.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Run {
-    /// How agents act and what is learned.
-    pub method: Method,
-    /// Where the settings started from.
-    pub preset: Preset,
-    /// Seed of all random streams.
-    pub seed: u64,
-    /// The settings.
-    pub settings: Settings,
-}
-
-/// How far a run has come.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-pub struct Counters {
-    /// Updates of the networks (for the method `random`: that would have been due).
-    pub updates: u64,
-    /// Environment steps of all agents together.
-    pub env_steps: u64,
-    /// Episodes that ended.
-    pub episodes: u64,
-    /// Goals reached while exploring.
-    pub goals_reached: u64,
-    /// Environment steps not yet paid for by updates.
-    owed: u64,
-    /// The part of these that waits for an episode to end.
-    waiting: u64,
-    /// Running means of the losses.
-    losses: [f64; 3],
-}
-
-/// What one tick did.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Tick {
-    /// One update.
-    Update,
-    /// One step of every agent.
-    Step,
-}
-
-/// When a run ends; counted from the beginning of training, resumed or not.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Limits {
-    /// After so many updates.
-    pub updates: Option<u64>,
-    /// After so many seconds of training.
-    pub seconds: Option<f64>,
-    /// After so many episodes.
-    pub episodes: Option<u64>,
-}
-
-/// Why a run ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum EndReason {
-    /// The limit of updates.
-    MaxUpdates,
-    /// The limit of training time.
-    MaxSeconds,
-    /// The limit of episodes.
-    MaxEpisodes,
-    /// A signal.
-    Interrupted,
-}
 
 /// Random streams of a run, one for each purpose, so that none disturbs another.
 #[derive(Clone, Copy)]
