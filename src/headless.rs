@@ -34,10 +34,8 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     }
     let mut session = Session { setup, args, progress: Progress::new(args) };
     print(&Record::start(&session.setup))?;
-    let result = match session.setup.trainer.learner().pool() {
-        Some(pool) => pool.install(|| session.run(&signal)),
-        None => session.run(&signal),
-    };
+    let trained = session.train(&signal);
+    let result = trained.and_then(|reason| session.finish(reason));
     // Whatever happened, what was learned is kept.
     let saved = args.save.as_deref().map(|path| train::save(&session.setup.trainer, path)).transpose();
     let (reason, evaluation) = result?;
@@ -76,12 +74,6 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// The whole run.
-    fn run(&mut self, signal: &AtomicUsize) -> Result<(EndReason, Option<Evaluation>), Report> {
-        let reason = self.train(signal)?;
-        self.finish(reason)
-    }
-
     /// Trains until a limit or a signal ends it.
     fn train(&mut self, signal: &AtomicUsize) -> Result<EndReason, Report> {
         loop {

@@ -18,11 +18,12 @@ mod reference;
 mod replay;
 mod settings;
 mod table;
+mod team;
 
 pub use batch::{Batch, BatchSampler};
 pub use encoder::Encoder;
 pub use learner::{Learner, LearnerState, Losses, WholeGradient};
-pub use network::NetworkState;
+pub use network::{Network, NetworkState};
 pub use policy::{Nets, Policy, Scratch};
 pub use reference::Reference;
 pub use replay::{Moment, Replay, ReplayState, Sizes};

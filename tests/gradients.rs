@@ -2,9 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
+use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor};
 use gdg_tui::env::Spec;
-use gdg_tui::learn::{Batch, LearnSettings, Learner, LossScale, Reference};
+use gdg_tui::learn::{Batch, LearnSettings, Learner, LossScale, Network, Reference};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -51,7 +52,7 @@ fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
 
 fn check(spec: &Spec, settings: &LearnSettings) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
-    let mut learner = Learner::new(spec, settings, None, &mut rng).unwrap();
+    let mut learner = Learner::new(spec, settings, 2, &mut rng).unwrap();
     let batch = batch(spec, settings.batch, &mut rng);
     let tensor = |numbers: &[f32], width: usize| {
         Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
@@ -67,14 +68,15 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
     let actor_and_excess = if settings.actor_bound > 0.0 { (actor + excess).unwrap() } else { actor };
     let grads = [&critic, &model, &actor_and_excess].map(|loss| loss.backward().unwrap());
-    let networks = [&learner.critics()[0], learner.model(), learner.actor()];
-    let expected: Vec<(Tensor, Option<Tensor>)> = networks
-        .iter()
-        .zip(&grads)
-        .map(|(n, g)| {
-            (g.get(n.dense()).unwrap().clone(), n.table().map(|t| g.get(t).unwrap().narrow(1, 0, 1).unwrap()))
-        })
-        .collect();
+    let expected: Vec<(Tensor, Option<Tensor>)> = {
+        let (critic, model, actor) = (learner.critic(0), learner.model(), learner.actor());
+        let networks: [&Network; 3] = [&critic, &model, &actor];
+        let gradient = |n: &Network, g: &GradStore| {
+            let table = n.table().map(|t| g.get(t).unwrap().narrow(1, 0, 1).unwrap());
+            (g.get(n.dense()).unwrap().clone(), table)
+        };
+        networks.iter().zip(&grads).map(|(n, g)| gradient(n, g)).collect()
+    };
     let (found_losses, found) = learner.gradients(&batch).unwrap();
     let found_losses = [found_losses.critic, found_losses.model, found_losses.actor];
     for (i, name) in ["critic", "model", "actor"].iter().enumerate() {

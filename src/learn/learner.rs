@@ -1,10 +1,11 @@
 //! One update of all networks, its work split over threads.
 
+use std::ops::Deref;
 use std::sync::Arc;
 
-use candle_core::Result;
+use candle_core::{Error, Result};
+use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
-use rayon::prelude::*;
 
 use super::batch::Batch;
 use super::encoder::Encoder;
@@ -12,6 +13,7 @@ use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Wo
 use super::network::{Gradient, Network, NetworkState, StepRates, Weights};
 use super::policy::{Nets, Policy};
 use super::settings::LearnSettings;
+use super::team::Team;
 use crate::env::Spec;
 
 /// Rows of a batch that one task works on. The parts do not depend on the number of threads and are summed in their
@@ -42,13 +44,21 @@ pub struct LearnerState {
 
 /// The networks and everything needed to train them.
 pub struct Learner {
-    settings: LearnSettings,
+    shared: Arc<Shared>,
+    team: Team,
+}
+
+/// What the threads of an update work on together.
+struct Shared {
     shapes: Arc<Shapes>,
-    critics: Vec<Network>,
-    model: Network,
-    actor: Network,
-    parts: Vec<Part>,
-    pool: Option<Arc<rayon::ThreadPool>>,
+    rates: StepRates,
+    critics: Vec<RwLock<Network>>,
+    model: RwLock<Network>,
+    actor: RwLock<Network>,
+    parts: Vec<Mutex<Part>>,
+    batch: RwLock<Batch>,
+    /// The first failure of the current update.
+    failure: Mutex<Option<Error>>,
 }
 
 /// What one task of an update works with.
@@ -68,60 +78,52 @@ struct Part {
 }
 
 impl Learner {
-    /// Fresh networks for an environment of `spec`; `pool` runs the parts of an update, `None` on the caller's
-    /// thread.
+    /// Fresh networks for an environment of `spec`; `threads` share the work of each update, without changing its
+    /// result.
     ///
     /// # Errors
-    /// What candle reports.
-    pub fn new(
-        spec: &Spec,
-        settings: &LearnSettings,
-        pool: Option<Arc<rayon::ThreadPool>>,
-        rng: &mut ChaCha8Rng,
-    ) -> Result<Self> {
+    /// What candle reports, or that a thread cannot be started.
+    pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
         if spec.state_dim() > MOST_STATE_NUMBERS {
             candle_core::bail!("states of more than {MOST_STATE_NUMBERS} numbers are not supported");
         }
         let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
         let grid = shapes.encoder.grid();
-        let critics = (0..settings.critics).map(|_| Network::new(shapes.critic, grid, Some(settings.tau), rng));
-        let critics = critics.collect::<Result<Vec<_>>>()?;
-        let model = Network::new(shapes.model, grid, None, rng)?;
-        let actor = Network::new(shapes.actor, grid, Some(settings.tau), rng)?;
-        let parts = (0..settings.batch.div_ceil(PART_ROWS))
-            .map(|_| Part { critics: vec![Gradient::default(); settings.critics], ..Part::default() });
-        Ok(Self { settings: settings.clone(), parts: parts.collect(), critics, model, actor, pool, shapes })
+        let mut network = |mlp, tau| Network::new(mlp, grid, tau, rng).map(RwLock::new);
+        let tau = Some(settings.tau);
+        let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
+        let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
+        let part = || Part { critics: vec![Gradient::default(); settings.critics], ..Part::default() };
+        let parts = (0..settings.batch.div_ceil(PART_ROWS)).map(|_| Mutex::new(part())).collect();
+        let rates = StepRates { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau };
+        let (batch, failure) = (RwLock::default(), Mutex::default());
+        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, failure };
+        Ok(Self { shared: Arc::new(shared), team: Team::new(threads)? })
     }
 
     /// Networks' shapes and input features.
     pub fn shapes(&self) -> &Shapes {
-        &self.shapes
+        &self.shared.shapes
     }
 
-    /// The critics, the first of which the actor follows.
-    pub fn critics(&self) -> &[Network] {
-        &self.critics
+    /// Critic `k`; the actor follows the first.
+    pub fn critic(&self, k: usize) -> impl Deref<Target = Network> + '_ {
+        self.shared.critics[k].read()
     }
 
     /// The dynamics model.
-    pub fn model(&self) -> &Network {
-        &self.model
+    pub fn model(&self) -> impl Deref<Target = Network> + '_ {
+        self.shared.model.read()
     }
 
     /// The actor.
-    pub fn actor(&self) -> &Network {
-        &self.actor
-    }
-
-    /// The threads that share an update's work. A caller that updates often had best do so within
-    /// [`rayon::ThreadPool::install`]: entering from outside hands the work to another thread every time.
-    pub fn pool(&self) -> Option<Arc<rayon::ThreadPool>> {
-        self.pool.clone()
+    pub fn actor(&self) -> impl Deref<Target = Network> + '_ {
+        self.shared.actor.read()
     }
 
     /// Updates done.
     pub fn updates(&self) -> u64 {
-        self.actor.steps()
+        self.shared.actor.read().steps()
     }
 
     /// One update of critics, model, actor and averages on `batch` (Algorithm 1's inner loop).
@@ -129,16 +131,24 @@ impl Learner {
     /// # Errors
     /// What candle reports.
     pub fn update(&mut self, batch: &Batch) -> Result<Losses> {
-        let rates = StepRates {
-            dense: self.settings.learning_rate,
-            table: self.settings.grid_learning_rate,
-            tau: self.settings.tau,
-        };
-        self.critic_and_model_gradients(batch)?;
-        self.step_critics_and_model(rates)?;
-        self.actor_gradients(batch)?;
-        self.actor.step(&mut self.parts.iter_mut().map(|p| &mut p.actor).collect::<Vec<_>>(), rates)?;
+        self.shared.batch.write().clone_from(batch);
+        let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
+        self.together(parts, Shared::critic_and_model_gradients)?;
+        self.together(critics + 1, Shared::step_critic_or_model)?;
+        self.together(parts, Shared::actor_gradients)?;
+        self.together(1, |shared, _| shared.step(&mut shared.actor.write(), |part| &mut part.actor))?;
         Ok(self.losses())
+    }
+
+    /// Does `work` for each number below `tasks`, on all threads.
+    fn together(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
+        let shared = self.shared.clone();
+        self.team.run(tasks, move |i| {
+            if let Err(error) = work(&shared, i) {
+                shared.failure.lock().get_or_insert(error);
+            }
+        });
+        self.shared.failure.lock().take().map_or(Ok(()), Err)
     }
 
     /// Losses and gradients on `batch` of the first critic, the model and the actor, all at the current weights and
@@ -147,70 +157,24 @@ impl Learner {
     /// # Errors
     /// What candle reports.
     pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [WholeGradient; 3])> {
-        self.critic_and_model_gradients(batch)?;
-        self.actor_gradients(batch)?;
-        let table = self.critics[0].table_size();
-        let sum = |of: fn(&Part) -> &Gradient| Gradient::sum(self.parts.iter().map(of), table);
-        Ok((self.losses(), [sum(|p| &p.critics[0]), sum(|p| &p.model), sum(|p| &p.actor)]))
+        self.shared.batch.write().clone_from(batch);
+        let parts = self.shared.parts.len();
+        self.together(parts, Shared::critic_and_model_gradients)?;
+        self.together(parts, Shared::actor_gradients)?;
+        let table = self.critic(0).table_size();
+        let parts: Vec<_> = self.shared.parts.iter().map(Mutex::lock).collect();
+        let sum = |of: fn(&Part) -> &Gradient| Gradient::sum(parts.iter().map(|part| of(part)), table);
+        let gradients = [sum(|p| &p.critics[0]), sum(|p| &p.model), sum(|p| &p.actor)];
+        drop(parts);
+        Ok((self.losses(), gradients))
     }
 
     fn losses(&self) -> Losses {
-        self.parts.iter().fold(Losses::default(), |sum, part| Losses {
-            critic: sum.critic + part.losses.critic,
-            model: sum.model + part.losses.model,
-            actor: sum.actor + part.losses.actor,
+        self.shared.parts.iter().map(|part| part.lock().losses).fold(Losses::default(), |sum, part| Losses {
+            critic: sum.critic + part.critic,
+            model: sum.model + part.model,
+            actor: sum.actor + part.actor,
         })
-    }
-
-    /// Each network's step is independent of the others'.
-    fn step_critics_and_model(&mut self, rates: StepRates) -> Result<()> {
-        let mut gradients: Vec<Vec<&mut Gradient>> = self.critics.iter().map(|_| Vec::new()).collect();
-        let mut of_model = Vec::new();
-        for part in &mut self.parts {
-            gradients.iter_mut().zip(&mut part.critics).for_each(|(all, own)| all.push(own));
-            of_model.push(&mut part.model);
-        }
-        gradients.push(of_model);
-        let networks = self.critics.iter_mut().chain([&mut self.model]);
-        let mut steps: Vec<_> = networks.zip(gradients).collect();
-        match &self.pool {
-            Some(pool) => {
-                pool.install(|| steps.par_iter_mut().try_for_each(|(network, parts)| network.step(parts, rates)))
-            }
-            None => steps.iter_mut().try_for_each(|(network, parts)| network.step(parts, rates)),
-        }
-    }
-
-    fn critic_and_model_gradients(&mut self, batch: &Batch) -> Result<()> {
-        let locked: Vec<_> = self.critics.iter().map(Network::lock).collect();
-        let model = self.model.lock();
-        let critics = locked.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
-        let targets = locked.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
-        let model = model.weights(false)?;
-        let shapes = &*self.shapes;
-        run(self.pool.as_deref(), &mut self.parts, |i, part| {
-            let rows = Rows::new(shapes, batch, i);
-            part.critic_gradients(shapes, &rows, &critics, &targets);
-            part.model.prepare(shapes.model.parameters());
-            let transitions = (rows.from, rows.actions, rows.next);
-            part.losses.model = shapes.model_gradient(model, transitions, rows.share, &mut part.model, &mut part.step);
-        });
-        Ok(())
-    }
-
-    fn actor_gradients(&mut self, batch: &Batch) -> Result<()> {
-        let (actor, model, critic) = (self.actor.lock(), self.model.lock(), self.critics[0].lock());
-        let path =
-            ActorPath { actor: actor.weights(false)?, model: model.weights(false)?, critic: critic.weights(false)? };
-        let shapes = &*self.shapes;
-        run(self.pool.as_deref(), &mut self.parts, |i, part| {
-            let rows = Rows::new(shapes, batch, i);
-            part.actor.prepare(shapes.actor.parameters());
-            let buffers = (&mut part.act, &mut part.step, &mut part.judge);
-            let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
-            part.losses.actor = shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
-        });
-        Ok(())
     }
 
     /// Uses the networks as they are, or their averages, while no update runs.
@@ -218,10 +182,12 @@ impl Learner {
     /// # Errors
     /// What candle reports.
     pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
-        let locked: Vec<_> = self.critics.iter().map(Network::lock).collect();
-        let actor = self.actor.lock();
+        let critics: Vec<_> = self.shared.critics.iter().map(RwLock::read).collect();
+        let locked: Vec<_> = critics.iter().map(|c| c.lock()).collect();
+        let actor = self.shared.actor.read();
+        let actor = actor.lock();
         Ok(use_nets(Nets {
-            shapes: &self.shapes,
+            shapes: &self.shared.shapes,
             critics: locked.iter().map(|l| l.weights(averaged)).collect::<Result<_>>()?,
             actor: actor.weights(averaged)?,
         }))
@@ -232,8 +198,9 @@ impl Learner {
     /// # Errors
     /// What candle reports.
     pub fn policy(&self, averaged: bool) -> Result<Policy> {
-        let critics = self.critics.iter().map(|c| c.copy(averaged)).collect::<Result<_>>()?;
-        Ok(Policy::new(self.shapes.clone(), critics, self.actor.copy(averaged)?))
+        let critics = self.shared.critics.iter().map(|c| c.read().copy(averaged)).collect::<Result<_>>()?;
+        let actor = self.shared.actor.read().copy(averaged)?;
+        Ok(Policy::new(self.shared.shapes.clone(), critics, actor))
     }
 
     /// Everything that training changed, for a checkpoint.
@@ -241,7 +208,8 @@ impl Learner {
     /// # Errors
     /// What candle reports.
     pub fn state(&self) -> Result<LearnerState> {
-        let networks = self.named().map(|(name, network)| Ok((name, network.state()?))).collect::<Result<_>>()?;
+        let networks =
+            self.shared.named().map(|(name, network)| Ok((name, network.read().state()?))).collect::<Result<_>>()?;
         Ok(LearnerState { updates: self.updates(), networks })
     }
 
@@ -250,29 +218,71 @@ impl Learner {
     /// # Errors
     /// A part that is missing or of another size.
     pub fn restore(&mut self, updates: u64, find: impl Fn(&str, &str) -> Option<Vec<f32>>) -> Result<()> {
-        for (k, critic) in self.critics.iter_mut().enumerate() {
-            critic.restore(updates, |part| find(&critic_name(k), part))?;
-        }
-        self.model.restore(updates, |part| find("model", part))?;
-        self.actor.restore(updates, |part| find("actor", part))
+        self.shared.named().try_for_each(|(name, network)| network.write().restore(updates, |part| find(&name, part)))
     }
+}
 
-    fn named(&self) -> impl Iterator<Item = (String, &Network)> {
+impl Shared {
+    /// All networks with their names.
+    fn named(&self) -> impl Iterator<Item = (String, &RwLock<Network>)> {
         let critics = self.critics.iter().enumerate().map(|(k, critic)| (critic_name(k), critic));
         critics.chain([("model".to_owned(), &self.model), ("actor".to_owned(), &self.actor)])
+    }
+
+    /// Gradients of the critics and the model from part `i` of the batch.
+    fn critic_and_model_gradients(&self, i: usize) -> Result<()> {
+        let critics: Vec<_> = self.critics.iter().map(RwLock::read).collect();
+        let locked: Vec<_> = critics.iter().map(|c| c.lock()).collect();
+        let current = locked.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
+        let targets = locked.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
+        let model = self.model.read();
+        let model = model.lock();
+        let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
+        let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
+        part.critic_gradients(&self.shapes, &rows, &current, &targets);
+        part.model.prepare(self.shapes.model.parameters());
+        let transitions = (rows.from, rows.actions, rows.next);
+        let (gradient, ws) = (&mut part.model, &mut part.step);
+        part.losses.model = self.shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
+        Ok(())
+    }
+
+    /// The actor's gradient from part `i` of the batch.
+    fn actor_gradients(&self, i: usize) -> Result<()> {
+        let (actor, model, critic) = (self.actor.read(), self.model.read(), self.critics[0].read());
+        let (actor, model, critic) = (actor.lock(), model.lock(), critic.lock());
+        let path =
+            ActorPath { actor: actor.weights(false)?, model: model.weights(false)?, critic: critic.weights(false)? };
+        let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
+        let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
+        part.actor.prepare(self.shapes.actor.parameters());
+        let buffers = (&mut part.act, &mut part.step, &mut part.judge);
+        let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
+        part.losses.actor = self.shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
+        Ok(())
+    }
+
+    /// The step of critic `i`, or of the model behind the last: each is independent of the others.
+    fn step_critic_or_model(&self, i: usize) -> Result<()> {
+        match self.critics.get(i) {
+            Some(critic) => self.step(&mut critic.write(), |part| &mut part.critics[i]),
+            None => self.step(&mut self.model.write(), |part| &mut part.model),
+        }
+    }
+
+    /// A network's step along the sum of all parts' gradients. They are taken out of the parts meanwhile, as another
+    /// thread may need theirs for another network.
+    fn step(&self, network: &mut Network, gradient: impl Fn(&mut Part) -> &mut Gradient) -> Result<()> {
+        let mut gradients: Vec<Gradient> =
+            self.parts.iter().map(|part| std::mem::take(gradient(&mut part.lock()))).collect();
+        let result = network.step(&mut gradients, self.rates);
+        self.parts.iter().zip(gradients).for_each(|(part, own)| *gradient(&mut part.lock()) = own);
+        result
     }
 }
 
 fn critic_name(k: usize) -> String {
     format!("critic{k}")
-}
-
-/// Runs `work` on every part, on the pool's threads where there is one.
-fn run(pool: Option<&rayon::ThreadPool>, parts: &mut [Part], work: impl Fn(usize, &mut Part) + Sync) {
-    match pool {
-        Some(pool) => pool.install(|| parts.par_iter_mut().enumerate().for_each(|(i, part)| work(i, part))),
-        None => parts.iter_mut().enumerate().for_each(|(i, part)| work(i, part)),
-    }
 }
 
 impl Part {

@@ -155,11 +155,7 @@ struct Worker {
 
 impl Worker {
     fn run(mut self) -> Trainer {
-        let trained = match self.trainer.learner().pool() {
-            Some(pool) => pool.install(|| self.train()),
-            None => self.train(),
-        };
-        if let Err(error) = trained {
+        if let Err(error) = self.train() {
             self.current.phase = Phase::Failed(error.to_string());
             self.publish.send_replace(Arc::new(self.current.clone()));
             // Saving is still possible: commands are heard until the front end goes.

@@ -85,14 +85,7 @@ impl Trainer {
         let settings = &run.settings;
         let world = PointMaze::new(map.clone(), settings.train.agents, settings.train.env_noise);
         let spec = world.spec().clone();
-        let pool = match threads {
-            0 | 1 => None,
-            n => {
-                let pool = rayon::ThreadPoolBuilder::new().num_threads(n).build();
-                Some(Arc::new(pool.map_err(candle_core::Error::wrap)?))
-            }
-        };
-        let learner = Learner::new(&spec, &settings.learn, pool, &mut stream(run.seed, Stream::Initial))?;
+        let learner = Learner::new(&spec, &settings.learn, threads, &mut stream(run.seed, Stream::Initial))?;
         let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
         Ok(Self {
             rollout: Rollout::new(world.clone(), stream(run.seed, Stream::Explore)),

@@ -1,0 +1,189 @@
+//! Threads that share short pieces of work.
+//!
+//! An update falls into a few pieces of some hundred microseconds each. Waking a thread through the operating system
+//! costs a good part of that, so helpers spin for the next piece for a while before they sleep.
+
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use parking_lot::{Condvar, Mutex};
+
+/// How long a helper looks out for work before it sleeps: longer than what lies between two pieces of an update.
+const LOOK_OUT: Duration = Duration::from_micros(300);
+
+/// Looks between two looks at the clock.
+const LOOKS: usize = 64;
+
+/// A piece of work: `tasks` calls, each with its own number.
+struct Piece {
+    work: Box<dyn Fn(usize) + Send + Sync>,
+    tasks: usize,
+    /// The next task that nobody has taken.
+    next: AtomicUsize,
+    /// Tasks that are done.
+    done: AtomicUsize,
+    panicked: AtomicBool,
+}
+
+impl Piece {
+    /// Does tasks until none is left.
+    fn help(&self) {
+        loop {
+            let task = self.next.fetch_add(1, Ordering::Relaxed);
+            if task >= self.tasks {
+                return;
+            }
+            // A panic must not leave the others waiting for ever; it goes on where the piece was asked for.
+            if catch_unwind(AssertUnwindSafe(|| (self.work)(task))).is_err() {
+                self.panicked.store(true, Ordering::Relaxed);
+            }
+            self.done.fetch_add(1, Ordering::Release);
+        }
+    }
+}
+
+#[derive(Default)]
+struct Board {
+    /// Counts the pieces; helpers look at it.
+    number: AtomicUsize,
+    piece: Mutex<Option<Arc<Piece>>>,
+    /// Helpers that sleep, or are about to.
+    sleeping: AtomicUsize,
+    wake: Condvar,
+    over: AtomicBool,
+}
+
+/// The caller and its helpers.
+pub struct Team {
+    board: Arc<Board>,
+    helpers: Vec<JoinHandle<()>>,
+}
+
+impl Team {
+    /// A team of `threads`, the caller included.
+    ///
+    /// # Errors
+    /// That a thread cannot be started.
+    pub fn new(threads: usize) -> std::io::Result<Self> {
+        let mut team = Self { board: Arc::new(Board::default()), helpers: Vec::new() };
+        for i in 1..threads {
+            let board = team.board.clone();
+            let helper = std::thread::Builder::new().name(format!("helper {i}")).spawn(move || board.serve())?;
+            team.helpers.push(helper);
+        }
+        Ok(team)
+    }
+
+    /// Calls `work` with each number below `tasks`, on all threads of the team; returns when all calls are done.
+    ///
+    /// # Panics
+    /// If a call panicked.
+    pub fn run(&self, tasks: usize, work: impl Fn(usize) + Send + Sync + 'static) {
+        if self.helpers.is_empty() {
+            return (0..tasks).for_each(work);
+        }
+        let piece = Arc::new(Piece {
+            work: Box::new(work),
+            tasks,
+            next: AtomicUsize::new(0),
+            done: AtomicUsize::new(0),
+            panicked: AtomicBool::new(false),
+        });
+        *self.board.piece.lock() = Some(piece.clone());
+        self.board.announce();
+        piece.help();
+        while piece.done.load(Ordering::Acquire) < tasks {
+            std::hint::spin_loop();
+        }
+        assert!(!piece.panicked.load(Ordering::Relaxed), "a task of the team panicked");
+    }
+}
+
+impl Drop for Team {
+    fn drop(&mut self) {
+        self.board.over.store(true, Ordering::SeqCst);
+        self.board.announce();
+        for helper in self.helpers.drain(..) {
+            // A helper catches what its tasks do; there is nothing it could report.
+            let _ = helper.join();
+        }
+    }
+}
+
+impl Board {
+    /// Makes helpers look at the board, sleeping ones too.
+    fn announce(&self) {
+        // In one order with a helper's note that it sleeps: either it sees this number or it is seen to sleep.
+        self.number.fetch_add(1, Ordering::SeqCst);
+        if self.sleeping.load(Ordering::SeqCst) > 0 {
+            let _awake = self.piece.lock();
+            self.wake.notify_all();
+        }
+    }
+
+    /// A helper's life.
+    fn serve(&self) {
+        let mut seen = 0;
+        while !self.over.load(Ordering::SeqCst) {
+            seen = self.await_number_after(seen);
+            let piece = self.piece.lock().clone();
+            if let Some(piece) = piece {
+                piece.help();
+            }
+        }
+    }
+
+    fn await_number_after(&self, seen: usize) -> usize {
+        let began = Instant::now();
+        while began.elapsed() < LOOK_OUT {
+            for _ in 0..LOOKS {
+                let number = self.number.load(Ordering::SeqCst);
+                if number != seen {
+                    return number;
+                }
+                std::hint::spin_loop();
+            }
+        }
+        let mut guard = self.piece.lock();
+        self.sleeping.fetch_add(1, Ordering::SeqCst);
+        while self.number.load(Ordering::SeqCst) == seen {
+            self.wake.wait(&mut guard);
+        }
+        self.sleeping.fetch_sub(1, Ordering::SeqCst);
+        self.number.load(Ordering::SeqCst)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_task_is_done_once_whether_helpers_sleep_or_not() {
+        for threads in [1, 2, 4] {
+            let team = Team::new(threads).expect("a team");
+            for round in 0..300 {
+                let counts: Arc<Vec<AtomicUsize>> = Arc::new((0..7).map(|_| AtomicUsize::new(0)).collect());
+                let shared = counts.clone();
+                team.run(7, move |i| {
+                    shared[i].fetch_add(1, Ordering::Relaxed);
+                });
+                assert!(counts.iter().all(|c| c.load(Ordering::Relaxed) == 1), "round {round}");
+                if round % 100 == 0 {
+                    std::thread::sleep(3 * LOOK_OUT);
+                }
+            }
+        }
+    }
+
+    #[test]
+    fn a_panic_in_a_task_reaches_the_caller_and_the_team_lives_on() {
+        let team = Team::new(2).expect("a team");
+        let outcome = catch_unwind(AssertUnwindSafe(|| team.run(4, |i| assert!(i != 2, "task 2"))));
+        assert!(outcome.is_err());
+        team.run(4, |_| {});
+    }
+}
