@@ -34,6 +34,15 @@ pub struct Cli {
 pub enum Command {
     /// List the built-in maps: size, free cells, farthest distance
     Maps,
+    /// Measure the learner's speed on this machine, side by side with plain candle-nn
+    Bench {
+        /// Print JSON instead of a table
+        #[arg(long)]
+        json: bool,
+        /// Threads to hold against one [default: this machine's cores]
+        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+        threads: Option<u16>,
+    },
     /// Validate a map or scenario file and print its facts
     Check {
         /// Map (.map or plain ASCII) or scenario (.scen)

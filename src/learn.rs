@@ -7,8 +7,9 @@
 mod adam;
 mod batch;
 mod encoder;
+mod gradient;
 mod grid;
-mod kernel;
+pub mod kernel;
 mod learner;
 mod losses;
 mod mlp;

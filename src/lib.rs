@@ -24,7 +24,7 @@
 //! * [`bridge`]: candidates, what experience shows between them, the graph, the planner, the published search.
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints; and
 //!   [`train::Engine`], which runs a trainer on a thread of its own for a front end.
-//! * [`headless`] and [`tui`]: the front ends. [`cli`], [`setup`] and [`facts`] serve both.
+//! * [`headless`] and [`tui`]: the front ends. [`cli`], [`setup`] and [`facts`] serve both; [`bench`](mod@bench) measures.
 //!
 //! # What is held to
 //!
@@ -32,6 +32,7 @@
 //! resumed or not. Each purpose has its own random stream; a batch is split into parts that do not depend on the number
 //! of threads and are summed in their order.
 
+pub mod bench;
 pub mod bridge;
 pub mod cli;
 pub mod env;

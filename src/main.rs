@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use gdg_tui::cli::{Cli, Command};
-use gdg_tui::{facts, headless, setup};
+use gdg_tui::{bench, facts, headless, setup};
 use miette::Report;
 
 /// Exit status of what fails while running.
@@ -21,6 +21,10 @@ fn main() -> ExitCode {
         Some(Command::Check { file, map }) => match facts::check(file, map.as_deref()) {
             Ok(text) => print(&text),
             Err(error) => fail(&error, BAD_INPUT),
+        },
+        Some(Command::Bench { json, threads }) => match bench::run(*json, setup::threads(*threads)) {
+            Ok(text) => print(&text),
+            Err(error) => fail(&error, FAILED),
         },
         None => train(&cli),
     };

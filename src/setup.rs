@@ -38,8 +38,7 @@ pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
 /// # Errors
 /// Whatever is wrong with the files or settings, as the user should see it.
 pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
-    let cores = || std::thread::available_parallelism().map_or(1, usize::from);
-    let threads = args.threads.map_or_else(cores, usize::from);
+    let threads = threads(args.threads);
     let trainer = if let Some(path) = &args.resume {
         train::load(path, threads)?
     } else {
@@ -51,6 +50,11 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
     Ok(Setup { diameter: diameter(trainer.map()), trainer, scenario, threads })
+}
+
+/// The number of threads asked for, else this machine's cores.
+pub fn threads(asked: Option<u16>) -> usize {
+    asked.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
 
 /// The built-in map or the file called `name`.

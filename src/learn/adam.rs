@@ -1,8 +1,8 @@
-//! Adam on a candle variable, in place, with moments that a checkpoint can hold.
+//! Numbers of candle variables read and changed in place; Adam, with moments that a checkpoint can hold.
 
 use std::cell::RefCell;
 
-use candle_core::{CpuStorage, InplaceOp1, Layout, Result, Var, bail};
+use candle_core::{CpuStorage, InplaceOp1, Layout, Result, Storage, Var, bail};
 
 use super::kernel::{self, AdamRate, BETA};
 
@@ -55,5 +55,16 @@ impl<F: FnOnce(&mut [f32])> InplaceOp1 for Modify<F> {
         };
         change(&mut data[from..to]);
         Ok(())
+    }
+}
+
+/// A variable's numbers.
+///
+/// # Errors
+/// Where they are no f32 on the CPU.
+pub fn slice(storage: &Storage) -> Result<&[f32]> {
+    match storage {
+        Storage::Cpu(CpuStorage::F32(data)) => Ok(data),
+        _ => bail!("the fused kernels read f32 on the CPU"),
     }
 }

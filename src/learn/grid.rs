@@ -4,8 +4,6 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::table::Note;
-
 /// A level whose table would have more corners than this gets larger cells instead.
 const MOST_CORNERS: usize = 1 << 19;
 
@@ -52,6 +50,15 @@ pub struct LazyView<'a> {
     pub now: u32,
     /// `decay[k] = (1 - tau)^k`; 0 beyond its end.
     pub decay: &'a [f32],
+}
+
+/// What is noted of a corner.
+#[derive(Clone, Copy, Debug)]
+pub struct Note {
+    /// Update up to which its average is stored.
+    pub last: u32,
+    /// Its place among the corners that the current update touches.
+    pub slot: u32,
 }
 
 impl LazyView<'_> {

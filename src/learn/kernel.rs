@@ -18,18 +18,25 @@ pub struct Matrix<'a> {
 
 impl<'a> Matrix<'a> {
     /// `rows` x `cols`, row-major and dense.
+    ///
+    /// # Panics
+    /// If `data` is shorter than that.
     pub fn new(data: &'a [f32], rows: usize, cols: usize) -> Self {
         assert!(data.len() >= rows * cols, "{} numbers for {rows} x {cols}", data.len());
         Self { data, rows, cols, row_stride: cols, col_stride: 1 }
     }
 
     /// The same numbers, rows and columns exchanged.
+    #[must_use]
     pub fn transposed(self) -> Self {
         Self { rows: self.cols, cols: self.rows, row_stride: self.col_stride, col_stride: self.row_stride, ..self }
     }
 }
 
 /// `out = a b`; `out` is `(a.rows, b.cols)` row-major.
+///
+/// # Panics
+/// If the sizes do not fit each other.
 pub fn product(a: Matrix, b: Matrix, out: &mut [f32]) {
     let (m, k, n) = (a.rows, a.cols, b.cols);
     assert_eq!(k, b.rows, "inner sizes differ");
@@ -249,4 +256,34 @@ pub fn soft_update(average: &mut [f32], w: &[f32], tau: f32) {
             }
         },
     );
+}
+
+/// Multiply-adds that this core does a second at most, in GFLOP/s (two operations each): many independent chains on
+/// registers alone.
+pub fn multiply_add_gflops() -> f64 {
+    Arch::new().dispatch(Peak)
+}
+
+struct Peak;
+
+impl pulp::WithSimd for Peak {
+    type Output = f64;
+
+    #[inline(always)]
+    fn with_simd<S: pulp::Simd>(self, simd: S) -> f64 {
+        const CHAINS: usize = 16;
+        const ROUNDS: usize = 100_000;
+        let (factor, term) = (simd.splat_f32s(0.999_9), simd.splat_f32s(0.000_1));
+        let mut chains = [simd.splat_f32s(std::hint::black_box(1.0)); CHAINS];
+        let began = std::time::Instant::now();
+        for _ in 0..ROUNDS {
+            for chain in &mut chains {
+                *chain = simd.mul_add_f32s(factor, *chain, term);
+            }
+        }
+        // What is computed has to be read before the clock is, or it may be computed later or not at all.
+        std::hint::black_box(chains.map(|chain| simd.reduce_sum_f32s(chain)));
+        let seconds = began.elapsed().as_secs_f64();
+        (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / seconds / 1e9
+    }
 }

@@ -9,16 +9,23 @@ use rand_chacha::ChaCha8Rng;
 
 use super::batch::Batch;
 use super::encoder::Encoder;
+use super::gradient::{Gradient, StepRates};
 use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Workspace};
-use super::network::{Gradient, Network, NetworkState, StepRates, Weights};
+use super::network::{Network, NetworkState, Weights};
 use super::policy::{Nets, Policy};
 use super::settings::LearnSettings;
 use super::team::Team;
 use crate::env::Spec;
 
-/// Rows of a batch that one task works on. The parts do not depend on the number of threads and are summed in their
-/// order, so that results do not either.
-const PART_ROWS: usize = 32;
+/// Parts that a batch is split into, and the fewest rows of one. The parts do not depend on the number of threads and
+/// are summed in their order, so that results do not either.
+const PARTS: usize = 4;
+const LEAST_PART_ROWS: usize = 32;
+
+/// Rows of each part of a batch, the last one perhaps fewer.
+fn part_rows(batch: usize) -> usize {
+    batch.div_ceil(PARTS).max(LEAST_PART_ROWS)
+}
 
 /// Losses of one update, each a mean over the batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -94,7 +101,7 @@ impl Learner {
         let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
         let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
         let part = || Part { critics: vec![Gradient::default(); settings.critics], ..Part::default() };
-        let parts = (0..settings.batch.div_ceil(PART_ROWS)).map(|_| Mutex::new(part())).collect();
+        let parts = (0..settings.batch.div_ceil(part_rows(settings.batch))).map(|_| Mutex::new(part())).collect();
         let rates = StepRates { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau };
         let (batch, failure) = (RwLock::default(), Mutex::default());
         let shared = Shared { shapes, rates, critics, model, actor, parts, batch, failure };
@@ -330,7 +337,8 @@ struct Rows<'a> {
 impl<'a> Rows<'a> {
     fn new(shapes: &Shapes, batch: &'a Batch, part: usize) -> Self {
         let spec = shapes.encoder.spec();
-        let rows = part * PART_ROWS..((part + 1) * PART_ROWS).min(batch.len());
+        let size = part_rows(batch.len());
+        let rows = part * size..((part + 1) * size).min(batch.len());
         let cut = |numbers: &'a [f32], width: usize| &numbers[rows.start * width..rows.end * width];
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         Self {

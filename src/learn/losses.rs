@@ -1,9 +1,10 @@
 //! Losses and gradients of one part of a batch, by hand (see [`super::Reference`] for the same by autograd).
 
 use super::encoder::Encoder;
+use super::gradient::Gradient;
 use super::grid::{Places, TableView};
 use super::mlp::{Activations, Mlp, Wanted};
-use super::network::{Gradient, Weights};
+use super::network::Weights;
 use super::settings::{LearnSettings, LossScale};
 
 /// Sizes of the three networks and what their outputs mean.

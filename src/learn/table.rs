@@ -2,10 +2,10 @@
 
 use candle_core::{Device, Result, Tensor, Var};
 
-use super::adam::{adam_rate, modify};
-use super::grid::{LazyView, TableView};
+use super::adam::{adam_rate, modify, slice};
+use super::gradient::{Gradient, StepRates};
+use super::grid::{LazyView, Note, TableView};
 use super::kernel;
-use super::network::{Gradient, StepRates, slice};
 
 /// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels that is one cache
 /// line, so that a corner costs one miss and not four.
@@ -26,15 +26,6 @@ pub struct Table {
     /// Corners touched by the current update, and the sums of their gradients `(touched, channels)`.
     touched: Vec<u32>,
     sums: Vec<f32>,
-}
-
-/// What is noted of a corner.
-#[derive(Clone, Copy, Debug)]
-pub struct Note {
-    /// Update up to which its average is stored.
-    pub last: u32,
-    /// Its place among the touched ones.
-    slot: u32,
 }
 
 impl Table {

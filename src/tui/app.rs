@@ -12,7 +12,7 @@ use tokio::sync::watch;
 
 use super::action::{Action, action_of};
 use super::colour::Depth;
-use super::render::MapFrame;
+use super::raster::MapFrame;
 use super::viewer::{Request, View, Viewer};
 use crate::cli::TrainArgs;
 use crate::map::Cell;

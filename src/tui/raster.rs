@@ -1,4 +1,6 @@
-//! Which part of the map each pixel of the map pane stands for.
+//! Which part of the map each pixel of the map pane stands for, and where the pane lies.
+
+use ratatui::layout::{Position, Rect};
 
 use crate::map::{Cell, Grid};
 
@@ -69,5 +71,50 @@ impl Raster {
     /// Pixels for each cell of the map, along one axis.
     pub fn scale(&self) -> f32 {
         self.pixels.0 as f32 / self.window[2]
+    }
+}
+
+/// Where the map lies on the screen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MapFrame {
+    /// The characters it covers.
+    pub area: Rect,
+    /// What its pixels show.
+    pub raster: Raster,
+}
+
+impl MapFrame {
+    /// The whole map, as large as `area` allows without changing its proportions.
+    pub fn fit(area: Rect, map: &Grid) -> Option<Self> {
+        if area.width == 0 || area.height == 0 {
+            return None;
+        }
+        let (width, height) = (map.width() as f32, map.height() as f32);
+        let scale = (f32::from(area.width) / width).min(2.0 * f32::from(area.height) / height);
+        // Whole pixels a cell look best, where that costs little room.
+        let scale = if scale >= 1.0 && scale.floor() >= 0.9 * scale { scale.floor() } else { scale };
+        let columns = ((width * scale).round() as u16).clamp(1, area.width);
+        let rows = ((height * scale / 2.0).ceil() as u16).clamp(1, area.height);
+        let pixels = (usize::from(columns), 2 * usize::from(rows));
+        let area = Rect {
+            x: area.x + (area.width - columns) / 2,
+            y: area.y + (area.height - rows) / 2,
+            width: columns,
+            height: rows,
+        };
+        let shown = pixels.1 as f32 / scale;
+        Some(Self { area, raster: Raster { window: [0.0, 0.0, width, shown], pixels } })
+    }
+
+    /// The cell at a place on the screen.
+    pub fn cell_at(&self, at: Position, map: &Grid) -> Option<Cell> {
+        if !self.area.contains(at) {
+            return None;
+        }
+        let [left, top, width, height] = self.raster.window;
+        let share = |i: u16, n: u16| (f32::from(i) + 0.5) / f32::from(n);
+        let x = left + share(at.x - self.area.x, self.area.width) * width;
+        let y = top + share(at.y - self.area.y, self.area.height) * height;
+        Some(Cell::new((x as usize).min(map.width() - 1), (y as usize).min(map.height() - 1)))
     }
 }

@@ -13,7 +13,6 @@ use ratatui::widgets::Paragraph;
 use super::action::BINDINGS;
 use super::app::App;
 use crate::train::Phase;
-pub use map::MapFrame;
 
 /// Columns of the panel beside the map, and the least that must remain for the map.
 const SIDE: u16 = 30;

@@ -5,20 +5,11 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Modifier, Style};
 
-use crate::map::{Cell, Grid};
+use crate::map::Grid;
 use crate::tui::app::App;
 use crate::tui::colour::{self, Depth, Rgb};
-use crate::tui::raster::{Ground, Raster};
+use crate::tui::raster::{Ground, MapFrame, Raster};
 use crate::tui::viewer::View;
-
-/// Where the map lies on the screen.
-#[derive(Clone, Debug, PartialEq)]
-pub struct MapFrame {
-    /// The characters it covers.
-    pub area: Rect,
-    /// What its pixels show.
-    pub raster: Raster,
-}
 
 /// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
 const CONTOUR_STEPS: f32 = 10.0;
@@ -26,42 +17,6 @@ const MOST_CONTOURS: f32 = 14.0;
 
 /// Bridge candidates are drawn from so many pixels a cell on.
 const LEAST_SCALE_FOR_BRIDGES: f32 = 0.75;
-
-impl MapFrame {
-    /// The whole map, as large as `area` allows without changing its proportions.
-    fn fit(area: Rect, map: &Grid) -> Option<Self> {
-        if area.width == 0 || area.height == 0 {
-            return None;
-        }
-        let (width, height) = (map.width() as f32, map.height() as f32);
-        let scale = (f32::from(area.width) / width).min(2.0 * f32::from(area.height) / height);
-        // Whole pixels a cell look best, where that costs little room.
-        let scale = if scale >= 1.0 && scale.floor() >= 0.9 * scale { scale.floor() } else { scale };
-        let columns = ((width * scale).round() as u16).clamp(1, area.width);
-        let rows = ((height * scale / 2.0).ceil() as u16).clamp(1, area.height);
-        let pixels = (usize::from(columns), 2 * usize::from(rows));
-        let area = Rect {
-            x: area.x + (area.width - columns) / 2,
-            y: area.y + (area.height - rows) / 2,
-            width: columns,
-            height: rows,
-        };
-        let shown = pixels.1 as f32 / scale;
-        Some(Self { area, raster: Raster { window: [0.0, 0.0, width, shown], pixels } })
-    }
-
-    /// The cell at a place on the screen.
-    pub fn cell_at(&self, at: Position, map: &Grid) -> Option<Cell> {
-        if !self.area.contains(at) {
-            return None;
-        }
-        let [left, top, width, height] = self.raster.window;
-        let share = |i: u16, n: u16| (f32::from(i) + 0.5) / f32::from(n);
-        let x = left + share(at.x - self.area.x, self.area.width) * width;
-        let y = top + share(at.y - self.area.y, self.area.height) * height;
-        Some(Cell::new((x as usize).min(map.width() - 1), (y as usize).min(map.height() - 1)))
-    }
-}
 
 /// Draws the map and everything on it.
 pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {

@@ -1,0 +1,130 @@
+//! `gdg-tui bench`: how fast the learner is on this machine, as ratios measured side by side.
+//!
+//! Everything of one case runs in turns within one process, so that a machine whose speed drifts is as fair to one
+//! as to the other; the median of many turns is told.
+
+mod cases;
+mod plain;
+
+use std::process::{Command, Stdio};
+use std::time::Instant;
+
+use miette::{IntoDiagnostic, Report};
+use serde::Serialize;
+
+/// Shapes that updates are measured at: batch and width.
+const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
+
+/// Where candle looks for the number of its threads.
+const CANDLE_THREADS: &str = "RAYON_NUM_THREADS";
+
+/// Everything that was measured; times are medians in microseconds.
+#[derive(Debug, Serialize)]
+struct Measurements {
+    threads: usize,
+    /// Multiply-adds that one core does at most, in GFLOP/s (two operations each).
+    peak_gflops: f64,
+    updates: Vec<UpdateTimes>,
+    default_preset: DefaultTimes,
+    other: Vec<Timed>,
+}
+
+/// One update of critic, model and actor at one shape.
+#[derive(Debug, Serialize)]
+struct UpdateTimes {
+    batch: usize,
+    width: usize,
+    runs: usize,
+    /// Plain candle-nn: Linear, autograd, AdamW.
+    plain_us: f64,
+    /// The fused update on one thread, and on all.
+    fused_us: f64,
+    fused_threads_us: f64,
+    /// Plain against fused on one thread; one thread against all.
+    speed_up: f64,
+    threads_speed_up: f64,
+    /// Matrix products of the fused update against the core's peak.
+    peak_share: f64,
+}
+
+/// Whole training on the four rooms with the default preset, in updates a second.
+#[derive(Debug, Serialize)]
+struct DefaultTimes {
+    runs: usize,
+    one_thread: f64,
+    all_threads: f64,
+}
+
+/// Something else that was timed.
+#[derive(Debug, Serialize)]
+struct Timed {
+    what: &'static str,
+    us: f64,
+    runs: usize,
+}
+
+/// Measures and prints a table, or JSON.
+///
+/// # Errors
+/// What candle reports.
+pub fn run(json: bool, threads: usize) -> Result<String, Report> {
+    // One thread against one thread, and candle at its best: its operations would spread over threads that spin.
+    // It asks for their number in the environment, which only a new process can be given safely.
+    if std::env::var_os(CANDLE_THREADS).is_none() {
+        let threads = threads.to_string();
+        let mut again = Command::new(std::env::current_exe().into_diagnostic()?);
+        again.args(["bench", "--threads", &threads]).args(json.then_some("--json")).env(CANDLE_THREADS, "1");
+        let output = again.stderr(Stdio::inherit()).output().into_diagnostic()?;
+        if !output.status.success() {
+            return Err(Report::msg("the measuring process failed"));
+        }
+        return String::from_utf8(output.stdout).into_diagnostic();
+    }
+    let peak_gflops = median((0..9).map(|_| crate::learn::kernel::multiply_add_gflops()).collect());
+    let updates = SHAPES.iter().map(|(batch, width)| cases::updates(*batch, *width, threads, peak_gflops));
+    let found = Measurements {
+        threads,
+        peak_gflops,
+        updates: updates.collect::<candle_core::Result<_>>().into_diagnostic()?,
+        default_preset: cases::default_preset(threads).into_diagnostic()?,
+        other: cases::other().into_diagnostic()?,
+    };
+    if json {
+        return Ok(serde_json::to_string_pretty(&found).into_diagnostic()? + "\n");
+    }
+    Ok(found.table())
+}
+
+impl Measurements {
+    fn table(&self) -> String {
+        let mut out = format!("multiply-add peak of one core: {:.0} GFLOP/s\n\n", self.peak_gflops);
+        out += &format!("{:<12}{:>10}{:>10}{:>8}", "update", "plain", "fused", "ratio");
+        out += &format!("{:>8}{:>12}{:>8}{:>7}\n", "peak", format!("{} threads", self.threads), "ratio", "runs");
+        for u in &self.updates {
+            out += &format!("{:<12}", format!("{} x {}", u.batch, u.width));
+            out += &format!("{:>7.0} us{:>7.0} us{:>8.2}", u.plain_us, u.fused_us, u.speed_up);
+            let share = format!("{:.0} %", 100.0 * u.peak_share);
+            out += &format!("{share:>8}{:>9.0} us{:>8.2}{:>7}\n", u.fused_threads_us, u.threads_speed_up, u.runs);
+        }
+        let d = &self.default_preset;
+        out += &format!("\nfourrooms, default preset: {:.0} updates/s on one thread, ", d.one_thread);
+        out += &format!("{:.0} on {} ({} runs)\n\n", d.all_threads, self.threads, d.runs);
+        for t in &self.other {
+            out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
+        }
+        out
+    }
+}
+
+/// Microseconds that `work` takes.
+fn time_us(work: impl FnOnce()) -> f64 {
+    let began = Instant::now();
+    work();
+    began.elapsed().as_secs_f64() * 1e6
+}
+
+/// The middle value.
+fn median(mut values: Vec<f64>) -> f64 {
+    values.sort_by(f64::total_cmp);
+    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+}

@@ -1,0 +1,189 @@
+//! What is measured.
+
+use std::sync::Arc;
+
+use candle_core::Result;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use super::plain::Plain;
+use super::{DefaultTimes, Timed, UpdateTimes, median, time_us};
+use crate::bridge::{BridgeGraph, BridgeSettings, Experience, Walker};
+use crate::env::{Environment, PointMaze};
+use crate::learn::{Batch, LearnSettings, Learner, Scratch};
+use crate::map::{Grid, builtin};
+use crate::train::{Method, Preset, Run, Settings, Tick, Trainer};
+
+/// Turns of each case, and updates in one turn.
+const TURNS: usize = 15;
+const UPDATES: usize = 20;
+
+/// Side of the open map that fields and plans are measured on, in cells.
+const OPEN: usize = 256;
+
+fn rng() -> ChaCha8Rng {
+    ChaCha8Rng::seed_from_u64(1)
+}
+
+fn open_map() -> Arc<Grid> {
+    Arc::new(Grid::new("open", OPEN, vec![true; OPEN * OPEN], Vec::new(), Vec::new()))
+}
+
+/// Random pairs and transitions on a map of 100 by 100 cells.
+fn batch(rows: usize) -> Batch {
+    let mut rng = rng();
+    let mut numbers = |from: f32, to: f32| -> Vec<f32> { (0..2 * rows).map(|_| rng.random_range(from..to)).collect() };
+    let from = numbers(1.0, 99.0);
+    let actions = numbers(-1.0, 1.0);
+    let next = from.iter().zip(&actions).map(|(s, a)| s + a).collect();
+    Batch {
+        states: numbers(1.0, 99.0),
+        goals: numbers(1.0, 99.0),
+        ahead: numbers(1.0, 99.0),
+        steps: vec![1.0; rows],
+        bootstrap: vec![1.0; rows],
+        bound: vec![f32::INFINITY; rows],
+        from,
+        actions,
+        next,
+    }
+}
+
+/// Multiply-adds of the matrix products of one update, in operations (two each).
+fn operations(rows: usize, hidden: usize) -> f64 {
+    let (b, h) = (rows as f64, hidden as f64);
+    let network = |outputs: f64| 4.0 * h + h * h + h * outputs;
+    let (critic, two) = (network(1.0), network(2.0));
+    let backward = |weights: f64| weights + h * h;
+    // Target forward; critic, model and actor forward and backward; through the model and the critic, inputs only.
+    let passes = critic + (critic + backward(critic)) + 2.0 * (two + backward(two)) + (two + h * h) + (critic + h * h);
+    2.0 * b * passes
+}
+
+/// One update, plain and fused, on one thread and on all, in turns.
+pub fn updates(rows: usize, width: usize, threads: usize, peak_gflops: f64) -> Result<UpdateTimes> {
+    let settings = LearnSettings { batch: rows, hidden: width, ..LearnSettings::paper() };
+    let world = PointMaze::new(Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())), 1, 0.0);
+    let mut fused = Learner::new(world.spec(), &settings, 1, &mut rng())?;
+    let mut together = Learner::new(world.spec(), &settings, threads, &mut rng())?;
+    let mut plain = Plain::new(&settings)?;
+    let batch = batch(rows);
+    let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
+    let mut failure = Ok(());
+    // The first turn warms up.
+    for turn in 0..=TURNS {
+        let mut repeat = |update: &mut dyn FnMut() -> Result<()>| {
+            let took = time_us(|| (0..UPDATES).for_each(|_| failure = update()));
+            took / UPDATES as f64
+        };
+        let times = (
+            repeat(&mut || plain.update(&batch)),
+            repeat(&mut || fused.update(&batch).map(drop)),
+            repeat(&mut || together.update(&batch).map(drop)),
+        );
+        if turn > 0 {
+            of_plain.push(times.0);
+            of_fused.push(times.1);
+            of_together.push(times.2);
+        }
+    }
+    failure?;
+    let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
+    let (speed_up, threads_speed_up) = (ratio(&of_plain, &of_fused), ratio(&of_fused, &of_together));
+    let fused_us = median(of_fused);
+    Ok(UpdateTimes {
+        batch: rows,
+        width,
+        runs: TURNS,
+        plain_us: median(of_plain),
+        fused_us,
+        fused_threads_us: median(of_together),
+        speed_up,
+        threads_speed_up,
+        peak_share: operations(rows, width) / (fused_us * 1e3) / peak_gflops,
+    })
+}
+
+/// Training on the four rooms with the default preset.
+pub fn default_preset(threads: usize) -> Result<DefaultTimes> {
+    const UPDATES_A_TURN: u64 = 500;
+    let Some(map) = builtin("fourrooms").map(Arc::new) else { unreachable!("it is built in") };
+    let trainer = |threads| {
+        let run = Run { method: Method::GdgBridge, preset: Preset::Default, seed: 1, settings: Settings::default() };
+        Trainer::new(run, map.clone(), threads)
+    };
+    let mut trainers = [trainer(1)?, trainer(threads)?];
+    let mut rates = [Vec::new(), Vec::new()];
+    for turn in 0..=TURNS {
+        for (trainer, rates) in trainers.iter_mut().zip(&mut rates) {
+            let (seconds, mut updates) = (trainer.seconds(), 0);
+            while updates < UPDATES_A_TURN {
+                updates += u64::from(trainer.tick()? == Tick::Update);
+            }
+            if turn > 0 {
+                rates.push(UPDATES_A_TURN as f64 / (trainer.seconds() - seconds));
+            }
+        }
+    }
+    let [one, all] = rates.map(median);
+    Ok(DefaultTimes { runs: TURNS, one_thread: one, all_threads: all })
+}
+
+/// Acting, the field of a whole map, planning, environment steps.
+pub fn other() -> Result<Vec<Timed>> {
+    let map = open_map();
+    let mut world = PointMaze::new(map.clone(), 32, 0.0);
+    let mut rng = rng();
+    (0..32).for_each(|i| world.restart(i, &mut rng));
+    let learner = Learner::new(world.spec(), &LearnSettings::default(), 1, &mut rng)?;
+    let policy = learner.policy(true)?;
+    let (nets, mut scratch) = (policy.nets(), Scratch::default());
+    let timed = |what, runs: usize, work: &mut dyn FnMut()| {
+        work();
+        Timed { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
+    };
+    let (states, goals) = (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
+    let mut actions = vec![0.0; 64];
+    let mut all = Vec::new();
+    all.push(timed("acting for 32 agents", 200, &mut || nets.actions(&states, &goals, &mut actions, &mut scratch)));
+    let cells: Vec<f32> = map.free_cells().flat_map(crate::map::Cell::centre).collect();
+    let one_goal = [40.5, 200.5].repeat(cells.len() / 2);
+    let mut field = vec![0.0; cells.len() / 2];
+    all.push(timed("distance field of a 256 x 256 map (both critics)", 7, &mut || {
+        nets.distances(&cells, &one_goal, &mut field, &mut scratch);
+    }));
+    for (candidates, what) in
+        [(500, "a planning query at 500 candidates"), (1500, "a planning query at 1500 candidates")]
+    {
+        let graph = graph(&map, candidates, &nets, &mut scratch);
+        all.push(timed(what, 50, &mut || {
+            let mut walker = Walker::new(graph.route(&[40.5, 200.5], &nets, &mut scratch));
+            walker.step(&[200.5, 40.5], &graph, &nets, &mut scratch);
+        }));
+    }
+    all.push(timed("a step of 32 agents in the environment", 500, &mut || world.step(&actions, &mut rng)));
+    Ok(all)
+}
+
+/// A graph of `candidates` from random walks on the open map.
+fn graph(map: &Arc<Grid>, candidates: usize, nets: &crate::learn::Nets, scratch: &mut Scratch) -> BridgeGraph {
+    let mut rng = rng();
+    let mut world = PointMaze::new(map.clone(), 32, 0.0);
+    let settings = BridgeSettings { candidates, ..BridgeSettings::default() };
+    let mut experience = Experience::new(world.spec(), 32, &settings);
+    let mut actions = vec![0.0f32; 64];
+    for step in 0..20_000 {
+        if step % 10 == 0 {
+            actions.fill_with(|| rng.random_range(-1.0..1.0));
+        }
+        if step % 100 == 0 {
+            (0..32).for_each(|i| {
+                experience.end_episode(i);
+                world.restart(i, &mut rng);
+            });
+        }
+        world.states().chunks_exact(2).enumerate().for_each(|(i, state)| experience.visit(i, state));
+        world.step(&actions, &mut rng);
+    }
+    BridgeGraph::build(world.spec(), &settings, &experience, nets, scratch)
+}
