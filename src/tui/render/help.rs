@@ -33,7 +33,7 @@ fn legend(depth: Depth) -> Vec<Line<'static>> {
         Line::from(vec![Span::raw("         "), sign, Span::raw("  "), Span::raw(meaning)])
     };
     let field = match depth {
-        Depth::Mono => "lines join places equally far from the goal, every 10 steps or so",
+        Depth::Mono => "\u{b7} joins places equally far from the goal, by the learned distance",
         _ => "colour: learned distance to the goal, light near, dark far;",
     };
     let mut lines = vec![Line::raw(format!(" {field}"))];
@@ -43,7 +43,8 @@ fn legend(depth: Depth) -> Vec<Line<'static>> {
     lines.push(entry(sign(colour::GOAL, " G"), "the goal"));
     lines.push(entry(sign(colour::WALKER, " @"), "an agent that walks there as well as it can by now"));
     lines.push(entry(sign(colour::PATH, " +"), "the path it plans, through bridge points"));
-    lines.push(entry(sign(colour::AGENT, " \u{2580}"), "agents that explore"));
-    lines.push(entry(Span::raw(" \u{b7}"), "bridge candidates"));
+    lines
+        .push(entry(sign(colour::AGENT, if depth == Depth::Mono { " o" } else { " \u{2580}" }), "agents that explore"));
+    lines.push(entry(Span::raw(if depth == Depth::Mono { " :" } else { " \u{b7}" }), "bridge candidates"));
     lines
 }

@@ -53,7 +53,7 @@ impl Canvas {
         // On a shrunken map they would hide the rest.
         if app.show_bridges && place.raster.scale() >= LEAST_SCALE_FOR_BRIDGES {
             for point in app.view.candidates.iter() {
-                canvas.dot(place, *point, colour::CANDIDATE, '.');
+                canvas.ground_dot(place, *point, colour::CANDIDATE, ':');
             }
         }
         let mut from = app.view.trail.last().copied();
@@ -104,6 +104,14 @@ impl Canvas {
                 colour::of_distance(view.field[i] / farthest)
             });
             self.marks[i] = if contour { '\u{b7}' } else { ' ' };
+        }
+    }
+
+    /// A dot, but not on a wall that its pixel shows.
+    fn ground_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
+        let pixel = place.raster.pixel_of(at).map(|(column, row)| row * self.columns + column);
+        if pixel.is_some_and(|i| self.marks[i] != '#') {
+            self.dot(place, at, rgb, mark);
         }
     }
 
