@@ -8,17 +8,25 @@ use crate::env::Spec;
 /// Steps between candidates of which no trajectory went from one to the other in time.
 pub const NEVER: u16 = u16::MAX;
 
+/// Candidates farther apart than this share of the edge cut-off could hardly be joined by edges. (The fastest agents
+/// move a goal radius a step.)
+const WIDEST_SPACING: f32 = 0.45;
+
 /// Candidates spread over all states seen, and the fewest steps in which a trajectory went from near one to near
 /// another.
 ///
-/// Candidates persist: a state farther than the spacing from all of them becomes one; when there would be too many,
-/// the spacing grows and those that are now too close retire (farthest-point sampling on a stream). *Near* a
+/// Candidates persist: a state farther than the spacing from all of them becomes one; when there would be too many (or
+/// on large maps: many too many), the spacing grows and those that are now too close retire (farthest-point sampling on a stream). *Near* a
 /// candidate is within a quarter of the spacing, but never more than the goal radius (what the environment itself
 /// calls being there) nor less than half of it: straight-line nearness reaches across thin walls and touching corners.
 #[derive(Clone, Debug)]
 pub struct Experience {
     spec: Spec,
+    /// Candidates wanted, and the most there may be.
+    wanted: usize,
     most: usize,
+    /// Spacing beyond which there are rather more candidates than wanted.
+    widest: f32,
     window: usize,
     spacing: f32,
     /// `(candidates, state_dim)`.
@@ -51,12 +59,14 @@ impl Experience {
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
         Self {
             spec: spec.clone(),
-            most: settings.candidates,
+            wanted: settings.candidates,
+            most: settings.most_candidates(),
+            widest: WIDEST_SPACING * settings.edge_cutoff_steps * spec.goal_radius,
             window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
             states: Vec::new(),
             points: Vec::new(),
-            observed: vec![NEVER; settings.candidates * settings.candidates],
+            observed: vec![NEVER; settings.most_candidates().pow(2)],
             visits: vec![VecDeque::new(); agents],
             clocks: vec![0; agents],
         }
@@ -138,7 +148,7 @@ impl Experience {
 
     /// Makes `state` a candidate, thinning the others where there is no room; `None` where it then came too close.
     fn add(&mut self, state: &[f32]) -> Option<usize> {
-        while self.len() == self.most {
+        while self.len() >= self.wanted && (self.spacing < self.widest || self.len() >= self.most) {
             self.spacing *= 1.1;
             self.thin();
             if self.nearest(state).1 <= self.spacing {

@@ -5,7 +5,7 @@ use serde::{Deserialize, Serialize};
 /// Settings of bridge candidates, edges, search and planning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BridgeSettings {
-    /// Most bridge candidates.
+    /// Bridge candidates wanted. Where they would lie too far apart for edges there are more, up to three times as many.
     pub candidates: usize,
     /// Candidates keep at least this distance, in goal radii; it grows when there would be too many.
     pub candidate_spacing: f32,
@@ -63,6 +63,11 @@ impl BridgeSettings {
             averaged_weights: false,
             ..Self::default()
         }
+    }
+
+    /// The most candidates there may be, on large maps.
+    pub fn most_candidates(&self) -> usize {
+        3 * self.candidates
     }
 
     /// Steps within which a trajectory's way from one candidate to another is remembered.
