@@ -42,11 +42,11 @@ fn train(cli: &Cli) -> u8 {
             Err(error) => fail(&error, BAD_INPUT),
         };
     }
-    let setup = match setup::prepare(args) {
+    let headless = args.no_ui || !std::io::stdout().is_terminal();
+    let setup = match setup::prepare(args, !headless) {
         Ok(setup) => setup,
         Err(error) => return fail(&error, BAD_INPUT),
     };
-    let headless = args.no_ui || !std::io::stdout().is_terminal();
     let result = if headless { headless::run(setup, args) } else { gdg_tui::tui::run(setup, args) };
     result.unwrap_or_else(|error| fail(&error, FAILED))
 }
