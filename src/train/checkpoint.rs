@@ -66,13 +66,22 @@ pub fn save(trainer: &Trainer, path: &Path) -> Result<(), CheckpointError> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let write = || {
         std::fs::create_dir_all(folder)?;
-        let mut file = tempfile::NamedTempFile::new_in(folder)?;
+        let mut file = with_usual_permissions().tempfile_in(folder)?;
         file.write_all(&bytes)?;
         file.as_file().sync_all()?;
         file.persist(path).map_err(|e| e.error)?;
         Ok::<_, std::io::Error>(())
     };
     write().map_err(|e| failed(e.to_string()))
+}
+
+/// Temporary files are private by default; a checkpoint is as readable as any file that the user creates.
+fn with_usual_permissions() -> tempfile::Builder<'static, 'static> {
+    #[cfg_attr(not(unix), expect(unused_mut, reason = "only Unix has a mode"))]
+    let mut builder = tempfile::Builder::new();
+    #[cfg(unix)]
+    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+    builder
 }
 
 fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
