@@ -220,6 +220,14 @@ fn an_update_follows_every_so_many_steps_after_the_warm_up() {
 }
 
 #[test]
+fn without_a_warm_up_the_first_update_waits_for_a_transition() {
+    let mut eager = settings();
+    eager.train.warmup_env_steps = 0;
+    let mut run = trainer(eager, 14, 1);
+    assert_eq!([run.tick().unwrap(), run.tick().unwrap(), run.tick().unwrap()], [Tick::Step, Tick::Step, Tick::Update]);
+}
+
+#[test]
 fn the_paper_preset_updates_as_often_as_it_stepped_after_each_episode() {
     let map = parse_map("two-rooms", TWO_ROOMS.as_bytes()).unwrap();
     let mut settings = Preset::Paper.settings();

@@ -178,7 +178,8 @@ impl Trainer {
     /// What candle reports.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
-        let due = self.counters.owed >= self.run.settings.train.env_steps_per_update;
+        // Without a warm-up an update can be due before any agent's second state is known.
+        let due = self.counters.owed >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions();
         let tick = if due { self.update()? } else { self.step()? };
         self.seconds += began.elapsed().as_secs_f64();
         Ok(tick)
