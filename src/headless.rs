@@ -4,14 +4,12 @@ mod progress;
 mod records;
 
 use std::io::Write;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::TrainArgs;
-use crate::setup::Setup;
+use crate::setup::{Setup, ending_signals};
 use crate::train::{self, EndReason, Evaluation, TaskSet, Tick, Trainer};
 use progress::Progress;
 use records::Record;
@@ -28,10 +26,7 @@ const NOT_REACHED: u8 = 3;
 /// # Errors
 /// What goes wrong while running: training, writing records, saving.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
-    let signal = Arc::new(AtomicUsize::new(0));
-    for number in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register_usize(number, signal.clone(), number as usize).into_diagnostic()?;
-    }
+    let signal = ending_signals()?;
     let mut session = Session { setup, args, progress: Progress::new(args) };
     print(&Record::start(&session.setup))?;
     let trained = session.train(&signal);

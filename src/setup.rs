@@ -2,8 +2,10 @@
 
 use std::path::Path;
 use std::sync::Arc;
+use std::sync::atomic::AtomicUsize;
 
 use miette::{IntoDiagnostic, Report};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::TrainArgs;
 use crate::map::{self, Diameter, Grid, MapError, ScenarioTask, StepSearch};
@@ -22,6 +24,18 @@ pub struct Setup {
     pub scenario: Option<Vec<ScenarioTask>>,
     /// Threads that share an update's work.
     pub threads: usize,
+}
+
+/// Takes note of signals that end a run in order: the number of the latest, 0 as long as none came.
+///
+/// # Errors
+/// What the system reports.
+pub fn ending_signals() -> Result<Arc<AtomicUsize>, Report> {
+    let signal = Arc::new(AtomicUsize::new(0));
+    for number in [SIGINT, SIGTERM, SIGHUP] {
+        signal_hook::flag::register_usize(number, signal.clone(), number as usize).into_diagnostic()?;
+    }
+    Ok(signal)
 }
 
 /// The settings that `args` ask for.

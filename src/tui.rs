@@ -23,17 +23,16 @@ mod terminal;
 mod tests;
 mod viewer;
 
-use std::sync::Arc;
+use std::io::Write;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Duration;
 
 use crossterm::event::EventStream;
 use futures_util::StreamExt;
 use miette::{IntoDiagnostic, Report};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::TrainArgs;
-use crate::setup::Setup;
+use crate::setup::{Setup, ending_signals};
 use crate::train::{self, Engine};
 use app::App;
 use terminal::Terminal;
@@ -47,33 +46,32 @@ const FRAME: Duration = Duration::from_millis(33);
 /// # Errors
 /// What the terminal, training or saving report.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
-    let signal = Arc::new(AtomicUsize::new(0));
-    for number in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register_usize(number, signal.clone(), number as usize).into_diagnostic()?;
-    }
+    let signal = ending_signals()?;
     let engine = Engine::start(setup.trainer, setup.diameter.steps, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let app = App::new(engine, viewer, args);
+    let mut app = App::new(engine, viewer, args);
     let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().into_diagnostic()?;
     let mut terminal = Terminal::enter().into_diagnostic()?;
-    let result = runtime.block_on(event_loop(app, &mut terminal, &signal));
+    let shown = runtime.block_on(event_loop(&mut app, &mut terminal, &signal));
     drop(terminal);
-    let app = result.into_diagnostic()?;
     let summary = app.summary();
     let trainer = app.close();
-    println!("{summary}");
-    if let (Some(path), Some(trainer)) = (&args.save, &trainer) {
-        train::save(trainer, path)?;
-        println!("saved {}", path.display());
+    // Whatever happened to the terminal, what was learned is kept.
+    let saved = match (&args.save, &trainer) {
+        (Some(path), Some(trainer)) => train::save(trainer, path).map(|()| format!("\nsaved {}", path.display())),
+        _ => Ok(String::new()),
+    };
+    // A terminal that has gone away cannot be told.
+    let _ = writeln!(std::io::stdout(), "{summary}{}", saved.as_deref().unwrap_or_default());
+    saved?;
+    match signal.load(Ordering::Relaxed) {
+        0 => shown.into_diagnostic().map(|()| 0),
+        number => Ok(128 + number as u8),
     }
-    Ok(match signal.load(Ordering::Relaxed) {
-        0 => 0,
-        number => 128 + number as u8,
-    })
 }
 
 /// Draws and listens until the user or a signal ends it.
-async fn event_loop(mut app: App, terminal: &mut Terminal, signal: &AtomicUsize) -> std::io::Result<App> {
+async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize) -> std::io::Result<()> {
     let mut events = EventStream::new();
     let mut snapshots = app.snapshots();
     let mut views = app.views();
@@ -100,11 +98,11 @@ async fn event_loop(mut app: App, terminal: &mut Terminal, signal: &AtomicUsize)
             }
             _ = frames.tick() => {
                 if app.on_tick() || changed {
-                    terminal.draw(|frame| render::draw(frame, &mut app))?;
+                    terminal.draw(|frame| render::draw(frame, app))?;
                     changed = false;
                 }
             }
         }
     }
-    Ok(app)
+    Ok(())
 }

@@ -47,6 +47,14 @@ impl Components {
     }
 }
 
+impl Components {
+    /// The cells of `grid`'s largest component, row by row.
+    pub fn largest_cells<'a>(&'a self, grid: &'a Grid) -> impl Iterator<Item = Cell> + 'a {
+        let largest = self.largest();
+        grid.free_cells().filter(move |c| self.of_cell[grid.index(*c)] == Some(largest))
+    }
+}
+
 impl StepSearch {
     /// Prepares searches over `grid`.
     pub fn new(grid: &Grid) -> Self {
@@ -122,8 +130,7 @@ impl StepSearch {
     /// most 2 i apart.
     pub fn diameter(&mut self, grid: &Grid, searches: usize) -> Diameter {
         let components = self.components(grid);
-        let largest = components.largest();
-        let Some(first) = grid.free_cells().find(|c| components.of_cell[grid.index(*c)] == Some(largest)) else {
+        let Some(first) = components.largest_cells(grid).next() else {
             return Diameter { steps: 0, exact: true };
         };
         let (a, _) = self.farthest(grid, first);

@@ -158,8 +158,7 @@ fn walk(world: &PointMaze, set: &TaskSet, actor: &Actor, rng: &mut ChaCha8Rng) -
 fn distance_error(map: &Grid, nets: &Nets, rng: &mut ChaCha8Rng) -> DistanceError {
     let mut search = StepSearch::new(map);
     let components = search.components(map);
-    let largest = components.largest();
-    let cells: Vec<Cell> = map.free_cells().filter(|c| components.of_cell[map.index(*c)] == Some(largest)).collect();
+    let cells: Vec<Cell> = components.largest_cells(map).collect();
     let (mut states, mut goals, mut truth, mut near) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     for _ in 0..ERROR_PAIRS.0 {
         let goal = cells[rng.random_range(0..cells.len())];

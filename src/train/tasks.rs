@@ -49,9 +49,7 @@ impl TaskSet {
     pub fn sample(map: &Grid, diameter: u32, per_distance: usize, rng: &mut ChaCha8Rng) -> Self {
         let mut search = StepSearch::new(map);
         let components = search.components(map);
-        let largest = components.largest();
-        let cells: Vec<Cell> =
-            map.free_cells().filter(|c| components.of_cell[map.index(*c)] == Some(largest)).collect();
+        let cells: Vec<Cell> = components.largest_cells(map).collect();
         let mut set = Self { distances: Vec::new(), tasks: Vec::new() };
         for i in 1..=DISTANCES {
             let distance = (FARTHEST * f64::from(diameter) * i as f64 / DISTANCES as f64).round() as u32;
