@@ -1,7 +1,8 @@
 //! Single kernels at the shapes of an update: `cargo bench`.
 
 use divan::{Bencher, black_box};
-use gdg_tui::learn::kernel::{self, AdamRate, Matrix};
+use gdg_tui::learn::kernel::{self, AdamRate};
+use gdg_tui::learn::product::{Left, Panels};
 
 /// Rows and width.
 const SHAPES: [(usize, usize); 4] = [(32, 64), (32, 128), (64, 256), (256, 256)];
@@ -14,39 +15,38 @@ fn numbers(length: usize) -> Vec<f32> {
     (0..length).map(|i| (i % 17) as f32 * 0.1 - 0.8).collect()
 }
 
-/// Rows x width times width x width: a hidden layer forward.
+/// A hidden layer forward: rows x width times width x width, bias and ReLU.
 #[divan::bench(args = SHAPES)]
 fn forward(bencher: Bencher, (rows, width): (usize, usize)) {
-    let (x, w, mut y) = (numbers(rows * width), numbers(width * width), numbers(rows * width));
-    bencher.bench_local(|| {
-        kernel::product(Matrix::new(black_box(&x), rows, width), Matrix::new(&w, width, width), &mut y);
-    });
+    let (x, bias, mut y, mut w) = (numbers(rows * width), numbers(width), numbers(rows * width), Panels::default());
+    w.pack(&numbers(width * width), width, width);
+    bencher.bench_local(|| w.relu_layer(Left::Rows(black_box(&x)), rows, &bias, &mut y));
 }
 
-/// The gradient of its weights.
+/// The gradient of its weights, packing included.
 #[divan::bench(args = SHAPES)]
 fn backward_weights(bencher: Bencher, (rows, width): (usize, usize)) {
     let (x, d, mut dw) = (numbers(rows * width), numbers(rows * width), numbers(width * width));
+    let mut packed = Panels::default();
     bencher.bench_local(|| {
-        kernel::product(Matrix::new(black_box(&x), rows, width).transposed(), Matrix::new(&d, rows, width), &mut dw);
+        packed.pack(black_box(&d), rows, width);
+        packed.product(Left::Columns(black_box(&x)), width, 0, &mut dw);
     });
 }
 
 /// The gradient of its inputs.
 #[divan::bench(args = SHAPES)]
 fn backward_inputs(bencher: Bencher, (rows, width): (usize, usize)) {
-    let (d, w, mut dx) = (numbers(rows * width), numbers(width * width), numbers(rows * width));
-    bencher.bench_local(|| {
-        let w = Matrix::new(&w, width, width).transposed();
-        kernel::product(Matrix::new(black_box(&d), rows, width), w, &mut dx);
-    });
+    let (d, mut dx, mut w) = (numbers(rows * width), numbers(rows * width), Panels::default());
+    w.pack_transposed(&numbers(width * width), width, width);
+    bencher.bench_local(|| w.product(Left::Rows(black_box(&d)), rows, 0, &mut dx));
 }
 
-/// Bias and ReLU of a hidden layer.
+/// The gradient behind a ReLU layer.
 #[divan::bench(args = SHAPES)]
-fn bias_relu(bencher: Bencher, (rows, width): (usize, usize)) {
-    let (mut x, bias) = (numbers(rows * width), numbers(width));
-    bencher.bench_local(|| kernel::add_bias_relu(black_box(&mut x), &bias));
+fn relu_backward(bencher: Bencher, (rows, width): (usize, usize)) {
+    let (mut d, y) = (numbers(rows * width), numbers(rows * width));
+    bencher.bench_local(|| kernel::relu_backward(black_box(&mut d), &y));
 }
 
 /// An output layer of one number.
@@ -63,4 +63,11 @@ fn adam(bencher: Bencher, width: usize) {
     let (mut w, mut m, mut v, g) = (numbers(length), vec![0.0; length], vec![0.0; length], numbers(length));
     let rate = AdamRate { rate: 1e-3, epsilon: 1e-8 };
     bencher.bench_local(|| kernel::adam(black_box(&mut w), &mut m, &mut v, &g, rate));
+}
+
+/// The weights of a hidden layer packed for the way back, once an update.
+#[divan::bench(args = [64, 128, 256])]
+fn pack_transposed(bencher: Bencher, width: usize) {
+    let (w, mut packed) = (numbers(width * width), Panels::default());
+    bencher.bench_local(|| packed.pack_transposed(black_box(&w), width, width));
 }

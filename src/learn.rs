@@ -15,6 +15,7 @@ mod losses;
 mod mlp;
 mod network;
 mod policy;
+pub mod product;
 mod reference;
 mod replay;
 mod settings;

@@ -3,181 +3,141 @@
 //! Element-wise loops run through `pulp`'s dispatch, so that a portable build uses the vectors that the CPU has.
 #![allow(unsafe_code)]
 
-use gemm::Parallelism;
+use multiversion::multiversion;
 use pulp::Arch;
 
-/// A matrix in a slice: `rows` x `cols`, read along `row_stride` and `col_stride`.
-#[derive(Clone, Copy)]
-pub struct Matrix<'a> {
-    data: &'a [f32],
-    rows: usize,
-    cols: usize,
-    row_stride: usize,
-    col_stride: usize,
-}
+/// Side of the blocks that [`transpose`] turns in registers.
+const SIDE: usize = 8;
 
-impl<'a> Matrix<'a> {
-    /// `rows` x `cols`, row-major and dense.
-    ///
-    /// # Panics
-    /// If `data` is shorter than that.
-    pub fn new(data: &'a [f32], rows: usize, cols: usize) -> Self {
-        assert!(data.len() >= rows * cols, "{} numbers for {rows} x {cols}", data.len());
-        Self { data, rows, cols, row_stride: cols, col_stride: 1 }
-    }
-
-    /// The same numbers, rows and columns exchanged.
-    #[must_use]
-    pub fn transposed(self) -> Self {
-        Self { rows: self.cols, cols: self.rows, row_stride: self.col_stride, col_stride: self.row_stride, ..self }
-    }
-}
-
-/// `out = a b`; `out` is `(a.rows, b.cols)` row-major.
+/// `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride` numbers.
 ///
 /// # Panics
-/// If the sizes do not fit each other.
-pub fn product(a: Matrix, b: Matrix, out: &mut [f32]) {
-    let (m, k, n) = (a.rows, a.cols, b.cols);
-    assert_eq!(k, b.rows, "inner sizes differ");
-    assert!(out.len() >= m * n, "{} numbers for {m} x {n}", out.len());
-    if m == 0 || n == 0 {
-        return;
+/// If a slice is shorter than that.
+pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) {
+    let (x, out) = (&x[..rows * cols], &mut out[..cols * stride]);
+    assert!(rows <= stride, "{rows} numbers in rows of {stride}");
+    let mut turned = (0, 0);
+    #[cfg(target_arch = "x86_64")]
+    if std::is_x86_feature_detected!("avx") {
+        turned = (rows / SIDE * SIDE, cols / SIDE * SIDE);
+        // SAFETY: the processor has what the function is compiled for.
+        unsafe { transpose_blocks(x, cols, turned, out, stride) };
     }
-    // SAFETY: both matrices' slices hold rows x cols numbers at their strides (checked by `Matrix::new`;
-    // transposing exchanges sizes and strides together), `out` holds m x n and is not aliased.
-    unsafe {
-        gemm::gemm(
-            m,
-            n,
-            k,
-            out.as_mut_ptr(),
-            1,
-            n as isize,
-            false,
-            a.data.as_ptr(),
-            a.col_stride as isize,
-            a.row_stride as isize,
-            b.data.as_ptr(),
-            b.col_stride as isize,
-            b.row_stride as isize,
-            1.0,
-            1.0,
-            false,
-            false,
-            false,
-            Parallelism::None,
-        );
+    for r in 0..rows {
+        let from = if r < turned.0 { turned.1 } else { 0 };
+        (from..cols).for_each(|c| out[c * stride + r] = x[r * cols + c]);
     }
 }
 
-/// `x[r][c] = max(0, x[r][c] + bias[c])`.
-pub fn add_bias_relu(x: &mut [f32], bias: &[f32]) {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for row in x.chunks_exact_mut(bias.len()) {
-                for (v, b) in row.iter_mut().zip(bias) {
-                    let sum = *v + b;
-                    *v = if sum > 0.0 { sum } else { 0.0 };
+/// The blocks of [`transpose`] among the first `turned` rows and columns.
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx")]
+fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f32], stride: usize) {
+    use std::arch::x86_64::{_mm256_loadu_ps, _mm256_setzero_ps, _mm256_storeu_ps};
+    use std::arch::x86_64::{_mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps};
+    for r in (0..turned.0).step_by(SIDE) {
+        for c in (0..turned.1).step_by(SIDE) {
+            // Plain loops: closures would be calls here, as they cannot be told which vectors they may use.
+            let (mut x8, mut twos, mut fours) =
+                ([_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8]);
+            for i in 0..SIDE {
+                let row = &x[(r + i) * cols + c..][..SIDE];
+                // SAFETY: eight numbers are there.
+                x8[i] = unsafe { _mm256_loadu_ps(row.as_ptr()) };
+            }
+            // Pairs of rows interleaved, then pairs of pairs, then halves exchanged.
+            for i in 0..4 {
+                twos[2 * i] = _mm256_unpacklo_ps(x8[2 * i], x8[2 * i + 1]);
+                twos[2 * i + 1] = _mm256_unpackhi_ps(x8[2 * i], x8[2 * i + 1]);
+            }
+            for i in [0, 4] {
+                for j in 0..2 {
+                    fours[i + 2 * j] = _mm256_shuffle_ps::<0x44>(twos[i + j], twos[i + j + 2]);
+                    fours[i + 2 * j + 1] = _mm256_shuffle_ps::<0xee>(twos[i + j], twos[i + j + 2]);
                 }
             }
-        },
-    );
+            for j in 0..4 {
+                x8[j] = _mm256_permute2f128_ps::<0x20>(fours[j], fours[j + 4]);
+                x8[j + 4] = _mm256_permute2f128_ps::<0x31>(fours[j], fours[j + 4]);
+            }
+            for j in 0..SIDE {
+                let column = &mut out[(c + j) * stride + r..][..SIDE];
+                // SAFETY: there is room for eight numbers.
+                unsafe { _mm256_storeu_ps(column.as_mut_ptr(), x8[j]) };
+            }
+        }
+    }
 }
 
 /// `d[i] = 0` where the unit's output `y[i]` is 0 (the backward pass of ReLU).
+#[multiversion(targets = "simd")]
 pub fn relu_backward(d: &mut [f32], y: &[f32]) {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (d, y) in d.iter_mut().zip(y) {
-                *d = if *y > 0.0 { *d } else { 0.0 };
-            }
-        },
-    );
+    for (d, y) in d.iter_mut().zip(y) {
+        // As a product: a condition becomes a masked store, which some processors take a cycle a number for.
+        *d *= f32::from(*y > 0.0);
+    }
 }
 
 /// `sums[c] = sum over rows of x[r][c]`.
+#[multiversion(targets = "simd")]
 pub fn column_sums(x: &[f32], sums: &mut [f32]) {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            sums.fill(0.0);
-            for row in x.chunks_exact(sums.len()) {
-                for (s, v) in sums.iter_mut().zip(row) {
-                    *s += v;
-                }
-            }
-        },
-    );
+    sums.fill(0.0);
+    for row in x.chunks_exact(sums.len()) {
+        for (s, v) in sums.iter_mut().zip(row) {
+            *s += v;
+        }
+    }
 }
 
 /// `sum += part`, element by element.
+#[multiversion(targets = "simd")]
 pub fn add_into(sum: &mut [f32], part: &[f32]) {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (s, p) in sum.iter_mut().zip(part) {
-                *s += p;
-            }
-        },
-    );
+    for (s, p) in sum.iter_mut().zip(part) {
+        *s += p;
+    }
 }
 
 /// A layer of few outputs: `y[r][o] = bias[o] + sum_h x[r][h] w[o][h]`. `w` is `(outputs, inputs)`; `gemm` runs at
 /// a tenth of its speed on matrices with 1 to 4 columns.
+#[multiversion(targets = "simd")]
 pub fn thin_forward(x: &[f32], w: &[f32], bias: &[f32], y: &mut [f32]) {
     let inputs = w.len() / bias.len();
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (x, y) in x.chunks_exact(inputs).zip(y.chunks_exact_mut(bias.len())) {
-                for ((y, b), w) in y.iter_mut().zip(bias).zip(w.chunks_exact(inputs)) {
-                    *y = b + dot(x, w);
-                }
-            }
-        },
-    );
+    for (x, y) in x.chunks_exact(inputs).zip(y.chunks_exact_mut(bias.len())) {
+        for ((y, b), w) in y.iter_mut().zip(bias).zip(w.chunks_exact(inputs)) {
+            *y = b + dot(x, w);
+        }
+    }
 }
 
 /// `dx[r][h] = sum_o dy[r][o] w[o][h]`, the thin layer's gradient with respect to its input.
+#[multiversion(targets = "simd")]
 pub fn thin_backward_input(dy: &[f32], w: &[f32], outputs: usize, dx: &mut [f32]) {
     let inputs = w.len() / outputs;
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (dx, dy) in dx.chunks_exact_mut(inputs).zip(dy.chunks_exact(outputs)) {
-                dx.fill(0.0);
-                for (dy, w) in dy.iter().zip(w.chunks_exact(inputs)) {
-                    for (dx, w) in dx.iter_mut().zip(w) {
-                        *dx += dy * w;
-                    }
-                }
+    for (dx, dy) in dx.chunks_exact_mut(inputs).zip(dy.chunks_exact(outputs)) {
+        dx.fill(0.0);
+        for (dy, w) in dy.iter().zip(w.chunks_exact(inputs)) {
+            for (dx, w) in dx.iter_mut().zip(w) {
+                *dx += dy * w;
             }
-        },
-    );
+        }
+    }
 }
 
 /// `dw[o][h] = sum_r dy[r][o] x[r][h]` and `db[o] = sum_r dy[r][o]`.
+#[multiversion(targets = "simd")]
 pub fn thin_backward_weights(dy: &[f32], x: &[f32], dw: &mut [f32], db: &mut [f32]) {
     let outputs = db.len();
     let inputs = dw.len() / outputs;
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            dw.fill(0.0);
-            db.fill(0.0);
-            for (x, dy) in x.chunks_exact(inputs).zip(dy.chunks_exact(outputs)) {
-                for ((dy, dw), db) in dy.iter().zip(dw.chunks_exact_mut(inputs)).zip(db.iter_mut()) {
-                    *db += dy;
-                    for (dw, x) in dw.iter_mut().zip(x) {
-                        *dw += dy * x;
-                    }
-                }
+    dw.fill(0.0);
+    db.fill(0.0);
+    for (x, dy) in x.chunks_exact(inputs).zip(dy.chunks_exact(outputs)) {
+        for ((dy, dw), db) in dy.iter().zip(dw.chunks_exact_mut(inputs)).zip(db.iter_mut()) {
+            *db += dy;
+            for (dw, x) in dw.iter_mut().zip(x) {
+                *dw += dy * x;
             }
-        },
-    );
+        }
+    }
 }
 
 /// Dot product in sixteen running sums, which vectorises (a single sum may not be reordered).
@@ -210,15 +170,11 @@ pub const BETA: (f32, f32) = (0.9, 0.999);
 const TINY: f32 = 1e-20;
 
 /// One Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`.
+#[multiversion(targets = "simd")]
 pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
-                adam_one(w, m, v, *g, rate);
-            }
-        },
-    );
+    for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
+        adam_one(w, m, v, *g, rate);
+    }
 }
 
 /// [`adam`] for a handful of numbers, where a dispatch would cost more than the step.
@@ -248,14 +204,9 @@ fn adam_one(w: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: AdamRate) {
 
 /// `average += tau (w - average)` (Polyak averaging).
 pub fn soft_update(average: &mut [f32], w: &[f32], tau: f32) {
-    Arch::new().dispatch(
-        #[inline(always)]
-        || {
-            for (a, w) in average.iter_mut().zip(w) {
-                *a += tau * (w - *a);
-            }
-        },
-    );
+    for (a, w) in average.iter_mut().zip(w) {
+        *a += tau * (w - *a);
+    }
 }
 
 /// Multiply-adds that this core does a second at most, in GFLOP/s (two operations each): many independent chains on
@@ -285,5 +236,21 @@ impl pulp::WithSimd for Peak {
         std::hint::black_box(chains.map(|chain| simd.reduce_sum_f32s(chain)));
         let seconds = began.elapsed().as_secs_f64();
         (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / seconds / 1e9
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_transpose_has_rows_and_columns_exchanged_whatever_the_size() {
+        for (rows, cols) in [(1, 1), (3, 5), (8, 8), (16, 24), (17, 9), (8, 31), (40, 7), (54, 128)] {
+            let x: Vec<f32> = (0..rows * cols).map(|i| i as f32).collect();
+            let mut out = vec![f32::NAN; (rows + 2) * cols];
+            transpose(&x, (rows, cols), &mut out, rows + 2);
+            let right = (0..rows).all(|r| (0..cols).all(|c| out[c * (rows + 2) + r] == x[r * cols + c]));
+            assert!(right, "{rows} x {cols}");
+        }
     }
 }

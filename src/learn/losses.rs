@@ -124,7 +124,7 @@ impl Shapes {
     pub fn distances(&self, critic: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         self.rows(pairs, critic.table, &mut ws.x);
         let x = &ws.x[..out.len() * self.critic.inputs];
-        self.critic.forward(critic.dense, x, out, &mut ws.acts);
+        self.critic.forward((critic.dense, critic.packed), x, out, &mut ws.acts);
         for z in out {
             *z = self.distance_scale * softplus(*z);
         }
@@ -135,7 +135,7 @@ impl Shapes {
         self.rows(pairs, actor.table, &mut ws.x);
         let rows = out.len() / self.actor.outputs;
         let outputs = sized(&mut ws.outputs, out.len());
-        self.actor.forward(actor.dense, &ws.x[..rows * self.actor.inputs], outputs, &mut ws.acts);
+        self.actor.forward((actor.dense, actor.packed), &ws.x[..rows * self.actor.inputs], outputs, &mut ws.acts);
         for (a, z) in out.iter_mut().zip(outputs) {
             *a = z.tanh();
         }
@@ -162,7 +162,7 @@ impl Shapes {
             self.encoder.encode(model.table, &[places], i, encoded);
             last.copy_from_slice(action);
         }
-        self.model.forward(model.dense, x, next, &mut ws.acts);
+        self.model.forward((model.dense, model.packed), x, next, &mut ws.acts);
         for (next, state) in next.iter_mut().zip(states) {
             *next = state + spec.goal_radius * *next;
         }
@@ -182,7 +182,7 @@ impl Shapes {
         self.rows(pairs, critic.table, &mut ws.x);
         let x = &ws.x[..rows * self.critic.inputs];
         let z = sized(&mut ws.y, rows);
-        self.critic.forward(critic.dense, x, z, &mut ws.acts);
+        self.critic.forward((critic.dense, critic.packed), x, z, &mut ws.acts);
         let mut loss = 0.0;
         for (z, target) in z.iter_mut().zip(targets) {
             let distance = self.distance_scale * softplus(*z);
@@ -194,7 +194,7 @@ impl Shapes {
         let from = self.encoder.plain_pair_width();
         let dx = (from < self.critic.inputs).then(|| (from, sized(&mut ws.dx, rows * (self.critic.inputs - from))));
         let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
-        self.critic.backward(critic.dense, x, z, &mut ws.acts, wanted);
+        self.critic.backward((critic.dense, critic.packed), x, z, &mut ws.acts, wanted);
         self.add_pair_corners(pairs, &ws.dx, gradient);
         loss
     }
@@ -243,7 +243,7 @@ impl Shapes {
         let dx = (grid_width > 0).then(|| (from, sized(&mut ws.dx, rows * columns)));
         let x = &ws.x[..rows * self.model.inputs];
         let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
-        self.model.backward(model.dense, x, &predicted[..rows * s], &mut ws.acts, wanted);
+        self.model.backward((model.dense, model.packed), x, &predicted[..rows * s], &mut ws.acts, wanted);
         ws.y = predicted;
         if grid_width > 0 {
             gradient.add_encoded(&plain.states, &ws.dx[..rows * columns], (0, grid_width, columns));
@@ -281,7 +281,7 @@ impl Shapes {
         let width = self.critic.inputs;
         let x = &judge.x[..rows * width];
         let z = sized(&mut judge.y, rows);
-        self.critic.forward(critic.dense, x, z, &mut judge.acts);
+        self.critic.forward((critic.dense, critic.packed), x, z, &mut judge.acts);
         // Backward, in the opposite order.
         let mut loss = 0.0;
         for z in z.iter_mut() {
@@ -290,7 +290,7 @@ impl Shapes {
         }
         let dx = sized(&mut judge.dx, rows * width);
         let wanted = Wanted { parameters: None, inputs: Some((0, &mut *dx)) };
-        self.critic.backward(critic.dense, x, z, &mut judge.acts, wanted);
+        self.critic.backward((critic.dense, critic.packed), x, z, &mut judge.acts, wanted);
         let mut d_state = [0.0; MOST_STATE_NUMBERS];
         let d_state = &mut d_state[..s];
         for (i, next) in next[..rows * s].chunks_exact_mut(s).enumerate() {
@@ -303,7 +303,7 @@ impl Shapes {
         let d_action = sized(&mut step.dx, rows * a);
         let wanted = Wanted { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
         let x = &step.x[..rows * self.model.inputs];
-        self.model.backward(model.dense, x, &next[..rows * s], &mut step.acts, wanted);
+        self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut step.acts, wanted);
         step.y = next;
         let most = self.actor_bound;
         for ((action, d), z) in action[..rows * a].iter_mut().zip(&*d_action).zip(&act.outputs) {
@@ -314,7 +314,7 @@ impl Shapes {
         let dx = (from < self.actor.inputs).then(|| (from, sized(&mut act.dx, rows * (self.actor.inputs - from))));
         let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &act.x[..rows * self.actor.inputs];
-        self.actor.backward(actor.dense, x, &action[..rows * a], &mut act.acts, wanted);
+        self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut act.acts, wanted);
         act.y = action;
         self.add_pair_corners(pairs, &act.dx, gradient);
         loss

@@ -5,7 +5,8 @@ use std::ops::Range;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::kernel::{self, Matrix};
+use super::kernel;
+use super::product::{Left, Panels};
 
 /// Sizes of a perceptron: ReLU hidden layers of equal width and a linear output layer.
 ///
@@ -25,6 +26,17 @@ pub struct Activations {
     /// One `(rows, hidden)` block per layer.
     hidden: Vec<Vec<f32>>,
     d_hidden: [Vec<f32>; 2],
+    /// The gradient behind a layer as the right-hand side of its weights' gradient.
+    packed: Panels,
+}
+
+/// A perceptron's hidden weights in the forms that products want them in; to be packed anew after each change.
+#[derive(Clone, Debug, Default)]
+pub struct Packed {
+    /// Of each hidden layer `(inputs of the layer, hidden)`, for the way forward.
+    forward: Vec<Panels>,
+    /// Their transposes, for the way back; empty where no gradient flows.
+    backward: Vec<Panels>,
 }
 
 /// Which gradients a backward pass computes: what nobody reads costs nothing.
@@ -87,8 +99,20 @@ impl Mlp {
         parameters
     }
 
-    /// `y = mlp(x)` with `x` `(rows, inputs)` and `y` `(rows, outputs)`.
-    pub fn forward(&self, parameters: &[f32], x: &[f32], y: &mut [f32], acts: &mut Activations) {
+    /// Packs the hidden weights of `parameters`, for the way back too if `gradients` are wanted.
+    pub fn pack(&self, parameters: &[f32], gradients: bool, packed: &mut Packed) {
+        packed.forward.resize_with(self.layers, Panels::default);
+        packed.backward.resize_with(if gradients { self.layers } else { 0 }, Panels::default);
+        for (layer, panels) in packed.forward.iter_mut().enumerate() {
+            panels.pack(&parameters[self.weights(layer)], self.layer_inputs(layer), self.hidden);
+        }
+        for (layer, panels) in packed.backward.iter_mut().enumerate() {
+            panels.pack_transposed(&parameters[self.weights(layer)], self.hidden, self.layer_inputs(layer));
+        }
+    }
+
+    /// `y = mlp(x)` with `x` `(rows, inputs)` and `y` `(rows, outputs)`; `parameters` as they are and packed.
+    pub fn forward(&self, (parameters, packed): (&[f32], &Packed), x: &[f32], y: &mut [f32], acts: &mut Activations) {
         let rows = x.len() / self.inputs;
         acts.hidden.resize_with(self.layers, Vec::new);
         for layer in 0..self.layers {
@@ -97,13 +121,7 @@ impl Mlp {
             let out = &mut rest[0];
             out.resize(out.len().max(rows * self.hidden), 0.0);
             let out = &mut out[..rows * self.hidden];
-            let inputs = self.layer_inputs(layer);
-            kernel::product(
-                Matrix::new(input, rows, inputs),
-                Matrix::new(&parameters[self.weights(layer)], inputs, self.hidden),
-                out,
-            );
-            kernel::add_bias_relu(out, &parameters[self.bias(layer)]);
+            packed.forward[layer].relu_layer(Left::Rows(input), rows, &parameters[self.bias(layer)], out);
         }
         let last = &acts.hidden[self.layers - 1][..rows * self.hidden];
         let (w, b) = (&parameters[self.output_weights()], &parameters[self.output_bias()]);
@@ -111,7 +129,14 @@ impl Mlp {
     }
 
     /// Gradients of the pass that `acts` holds, from `dy` `(rows, outputs)`.
-    pub fn backward(&self, parameters: &[f32], x: &[f32], dy: &[f32], acts: &mut Activations, wanted: Wanted) {
+    pub fn backward(
+        &self,
+        (parameters, packed): (&[f32], &Packed),
+        x: &[f32],
+        dy: &[f32],
+        acts: &mut Activations,
+        wanted: Wanted,
+    ) {
         let rows = dy.len() / self.outputs;
         let size = rows * self.hidden;
         let Wanted { parameters: mut gradient, inputs } = wanted;
@@ -127,32 +152,24 @@ impl Mlp {
         for layer in (0..self.layers).rev() {
             kernel::relu_backward(&mut d[..size], &acts.hidden[layer][..size]);
             let width = self.layer_inputs(layer);
-            let input = if layer == 0 { x } else { &acts.hidden[layer - 1][..size] };
-            let d_out = Matrix::new(&d[..size], rows, self.hidden);
             if let Some(gradient) = gradient.as_deref_mut() {
-                kernel::product(
-                    Matrix::new(input, rows, width).transposed(),
-                    d_out,
-                    &mut gradient[self.weights(layer)],
-                );
+                let input = if layer == 0 { x } else { &acts.hidden[layer - 1][..size] };
+                acts.packed.pack(&d[..size], rows, self.hidden);
+                acts.packed.product(Left::Columns(input), width, 0, &mut gradient[self.weights(layer)]);
                 kernel::column_sums(&d[..size], &mut gradient[self.bias(layer)]);
             }
-            let d_out = Matrix::new(&d[..size], rows, self.hidden);
-            let weights = &parameters[self.weights(layer)];
             if layer > 0 {
-                let w = Matrix::new(weights, width, self.hidden).transposed();
-                kernel::product(d_out, w, &mut d_below[..size]);
+                packed.backward[layer].product(Left::Rows(&d[..size]), rows, 0, &mut d_below[..size]);
                 std::mem::swap(&mut d, &mut d_below);
             }
         }
         if let Some((from, dx)) = inputs {
             let columns = self.inputs - from;
-            let weights = &parameters[self.weights(0)][from * self.hidden..];
             if columns <= 4 {
+                let weights = &parameters[self.weights(0)][from * self.hidden..];
                 kernel::thin_forward(&d[..size], weights, &[0.0; 4][..columns], &mut dx[..rows * columns]);
             } else {
-                let w = Matrix::new(weights, columns, self.hidden).transposed();
-                kernel::product(Matrix::new(&d[..size], rows, self.hidden), w, &mut dx[..rows * columns]);
+                packed.backward[0].product(Left::Rows(&d[..size]), rows, from, &mut dx[..rows * columns]);
             }
         }
         acts.d_hidden = [d, d_below];

@@ -8,7 +8,7 @@ use super::adam::{Moments, adam_rate, adam_step, modify, slice};
 use super::gradient::{Gradient, StepRates};
 use super::grid::{GridShape, TableView};
 use super::kernel;
-use super::mlp::Mlp;
+use super::mlp::{Mlp, Packed};
 use super::table::Table;
 
 /// A network's weights as slices: what the kernels read.
@@ -16,6 +16,8 @@ use super::table::Table;
 pub struct Weights<'a> {
     /// Flat parameters of the perceptron.
     pub dense: &'a [f32],
+    /// Its hidden weights packed for products; those of averages for the way forward alone.
+    pub packed: &'a Packed,
     /// The grid encoding's table.
     pub table: Option<TableView<'a>>,
 }
@@ -37,11 +39,11 @@ impl Locked<'_> {
             (Some(table), Some(lines)) => Some(table.view(slice(lines)?, averaged, self.network.steps)),
             _ => None,
         };
-        let dense = match self.network.dense_average.as_deref().filter(|_| averaged) {
-            Some(average) => average,
-            None => slice(&self.dense)?,
+        let (dense, packed) = match self.network.dense_average.as_ref().filter(|_| averaged) {
+            Some((average, packed)) => (&average[..], packed),
+            None => (slice(&self.dense)?, &self.network.packed),
         };
-        Ok(Weights { dense, table })
+        Ok(Weights { dense, packed, table })
     }
 }
 
@@ -50,8 +52,11 @@ impl Locked<'_> {
 pub struct Network {
     mlp: Mlp,
     dense: Var,
+    /// Its hidden weights packed, kept in step with it.
+    packed: Packed,
     dense_moments: Moments,
-    dense_average: Option<Vec<f32>>,
+    /// The running average, as it is and packed.
+    dense_average: Option<(Vec<f32>, Packed)>,
     table: Option<Table>,
     steps: u64,
 }
@@ -66,12 +71,16 @@ impl Network {
     /// What candle reports.
     pub fn new(mlp: Mlp, grid: Option<&GridShape>, tau: Option<f32>, rng: &mut ChaCha8Rng) -> Result<Self> {
         let dense = mlp.initial(rng);
+        let (mut packed, mut packed_average) = (Packed::default(), Packed::default());
+        mlp.pack(&dense, true, &mut packed);
+        mlp.pack(&dense, false, &mut packed_average);
         let table = grid.map(|grid| Table::new(&grid.initial(rng), grid.channels, tau)).transpose()?;
         Ok(Self {
             mlp,
             dense_moments: Moments::new(dense.len()),
-            dense_average: tau.map(|_| dense.clone()),
+            dense_average: tau.map(|_| (dense.clone(), packed_average)),
             dense: Var::from_tensor(&Tensor::from_vec(dense.clone(), dense.len(), &Device::Cpu)?)?,
+            packed,
             table,
             steps: 0,
         })
@@ -115,10 +124,14 @@ impl Network {
         }
         let rate = adam_rate(rates.dense, self.steps);
         adam_step(&self.dense, &mut self.dense_moments, &first.dense, rate)?;
-        if let Some(average) = &mut self.dense_average {
-            let (storage, _) = self.dense.storage_and_layout();
-            kernel::soft_update(average, slice(&storage)?, rates.tau);
+        let (storage, _) = self.dense.storage_and_layout();
+        let dense = slice(&storage)?;
+        self.mlp.pack(dense, true, &mut self.packed);
+        if let Some((average, packed)) = &mut self.dense_average {
+            kernel::soft_update(average, dense, rates.tau);
+            self.mlp.pack(average, false, packed);
         }
+        drop(storage);
         if let Some(table) = &mut self.table {
             parts.iter().for_each(|part| table.add(part));
             table.step(self.steps, rates)?;
@@ -144,7 +157,7 @@ impl Network {
         let dense = self.lock().weights(false)?.dense.to_vec();
         let mut state = vec![("dense", dense), ("dense_m", self.dense_moments.m.clone())];
         state.push(("dense_v", self.dense_moments.v.clone()));
-        state.extend(self.dense_average.clone().map(|a| ("dense_average", a)));
+        state.extend(self.dense_average.as_ref().map(|(average, _)| ("dense_average", average.clone())));
         if let Some(table) = &self.table {
             state.extend(table.state()?);
         }
@@ -166,12 +179,16 @@ impl Network {
         };
         self.steps = steps;
         let mut result = Ok(());
-        modify(&self.dense, |w| result = fill("dense", w))?;
+        modify(&self.dense, |w| {
+            result = fill("dense", w);
+            self.mlp.pack(w, true, &mut self.packed);
+        })?;
         result?;
         fill("dense_m", &mut self.dense_moments.m)?;
         fill("dense_v", &mut self.dense_moments.v)?;
-        if let Some(average) = &mut self.dense_average {
+        if let Some((average, packed)) = &mut self.dense_average {
             fill("dense_average", average)?;
+            self.mlp.pack(average, false, packed);
         }
         if let Some(table) = &mut self.table {
             table.restore(fill)?;

@@ -4,6 +4,7 @@ use std::sync::Arc;
 
 use super::grid::TableView;
 use super::losses::{Pairs, PlainPairs, Shapes, Workspace};
+use super::mlp::{Mlp, Packed};
 use super::network::Weights;
 
 /// Rows that go through a network at once: their activations stay in the cache.
@@ -76,12 +77,26 @@ pub struct Policy {
     actor: Arc<Owned>,
 }
 
-/// One network's copied weights: flat parameters and grid table.
-type Owned = (Vec<f32>, Vec<f32>);
+/// One network's copied weights: flat parameters, as they are and packed, and grid table.
+#[derive(Debug)]
+struct Owned {
+    dense: Vec<f32>,
+    packed: Packed,
+    table: Vec<f32>,
+}
+
+/// Flat parameters and grid table.
+type Copied = (Vec<f32>, Vec<f32>);
 
 impl Policy {
-    pub(super) fn new(shapes: Arc<Shapes>, critics: Vec<Owned>, actor: Owned) -> Self {
-        Self { shapes, critics: Arc::new(critics), actor: Arc::new(actor) }
+    pub(super) fn new(shapes: Arc<Shapes>, critics: Vec<Copied>, actor: Copied) -> Self {
+        let own = |(dense, table): Copied, mlp: &Mlp| {
+            let mut packed = Packed::default();
+            mlp.pack(&dense, false, &mut packed);
+            Owned { dense, packed, table }
+        };
+        let critics = critics.into_iter().map(|copied| own(copied, &shapes.critic)).collect();
+        Self { critics: Arc::new(critics), actor: Arc::new(own(actor, &shapes.actor)), shapes }
     }
 
     /// The networks, to be used.
@@ -93,9 +108,9 @@ impl Policy {
         }
     }
 
-    fn weights<'a>(&self, (dense, table): &'a Owned) -> Weights<'a> {
+    fn weights<'a>(&self, Owned { dense, packed, table }: &'a Owned) -> Weights<'a> {
         let grid = self.shapes.encoder.grid();
         let table = grid.map(|grid| TableView { lines: table, stride: grid.channels, average: None });
-        Weights { dense, table }
+        Weights { dense, packed, table }
     }
 }

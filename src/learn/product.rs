@@ -1,0 +1,311 @@
+//! Matrix products whose right-hand side is packed once and used often: a layer's weights serve every part of a
+//! batch, and the passes of several networks, between two steps.
+//!
+//! The kernel holds a tile of the result in registers: some rows by two vectors of columns (Goto and van de Geijn
+//! 2008, "Anatomy of high-performance matrix multiplication", section 4). Each number of the result is one chain of
+//! multiply-adds in the order of the inner index, whatever tile it falls into, so that results do not depend on how
+//! rows are split over parts.
+
+use std::ops::Range;
+
+use pulp::{Arch, Simd, WithSimd};
+
+use super::kernel;
+
+/// Vectors of columns in a tile.
+const VECTORS: usize = 2;
+
+/// Most rows of a tile, with 32 registers and with fewer: enough chains of multiply-adds to keep a core busy, and few
+/// enough that the whole tile stays in registers.
+const MOST_ROWS: (usize, usize) = (8, 6);
+
+/// The right-hand side of products, `(depth, columns)`, cut into panels of as many columns as a tile has; the last
+/// one is filled up with zeros.
+#[derive(Clone, Debug, Default)]
+pub struct Panels {
+    data: Vec<f32>,
+    depth: usize,
+    columns: usize,
+    /// Columns of a panel.
+    width: usize,
+}
+
+/// The left-hand side of a product of `rows` rows.
+#[derive(Clone, Copy)]
+pub enum Left<'a> {
+    /// `(rows, depth)`, row-major.
+    Rows(&'a [f32]),
+    /// Its transpose: `(depth, rows)`, row-major.
+    Columns(&'a [f32]),
+}
+
+impl Panels {
+    /// Takes up `b`, `(depth, columns)` row-major.
+    ///
+    /// # Panics
+    /// If `b` is shorter than that.
+    pub fn pack(&mut self, b: &[f32], depth: usize, columns: usize) {
+        self.prepare(depth, columns);
+        for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
+            let count = self.width.min(columns - from);
+            for (k, row) in panel.chunks_exact_mut(self.width).enumerate() {
+                row[..count].copy_from_slice(&b[k * columns + from..][..count]);
+            }
+        }
+    }
+
+    /// Takes up the transpose of `b`, which is `(columns, depth)` row-major.
+    ///
+    /// # Panics
+    /// If `b` is shorter than that.
+    pub fn pack_transposed(&mut self, b: &[f32], depth: usize, columns: usize) {
+        self.prepare(depth, columns);
+        for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
+            let count = self.width.min(columns - from);
+            kernel::transpose(&b[from * depth..][..count * depth], (count, depth), panel, self.width);
+        }
+    }
+
+    fn prepare(&mut self, depth: usize, columns: usize) {
+        let width = Arch::new().dispatch(PanelWidth);
+        let length = columns.div_ceil(width) * width * depth;
+        if (self.depth, self.columns) != (depth, columns) || self.data.len() != length {
+            // What lies beyond the last column stays zero from now on.
+            self.data.clear();
+            self.data.resize(length, 0.0);
+        }
+        (self.depth, self.columns, self.width) = (depth, columns, width);
+    }
+
+    /// `out = left * self`, its columns from `from` on: `(rows, columns - from)` row-major.
+    ///
+    /// # Panics
+    /// If a size does not fit.
+    pub fn product(&self, left: Left, rows: usize, from: usize, out: &mut [f32]) {
+        self.run(left, rows, from, None, out);
+    }
+
+    /// `out = max(0, left * self + bias)`, `(rows, columns)`: a layer of ReLU units.
+    ///
+    /// # Panics
+    /// If a size does not fit.
+    pub fn relu_layer(&self, left: Left, rows: usize, bias: &[f32], out: &mut [f32]) {
+        self.run(left, rows, 0, Some(bias), out);
+    }
+
+    fn run(&self, left: Left, rows: usize, from: usize, bias: Option<&[f32]>, out: &mut [f32]) {
+        let (Left::Rows(a) | Left::Columns(a)) = left;
+        assert!(a.len() >= rows * self.depth, "{} numbers for {rows} x {}", a.len(), self.depth);
+        assert!(from <= self.columns, "column {from} of {}", self.columns);
+        let wanted = self.columns - from;
+        assert!(out.len() >= rows * wanted, "{} numbers for {rows} x {wanted}", out.len());
+        assert!(bias.is_none_or(|b| b.len() == self.columns), "a bias for each of {} columns", self.columns);
+        if rows > 0 && wanted > 0 {
+            Arch::new().dispatch(Product { left, panels: self, rows, from, bias, out });
+        }
+    }
+}
+
+struct PanelWidth;
+
+impl WithSimd for PanelWidth {
+    type Output = usize;
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, _: S) -> usize {
+        VECTORS * S::F32_LANES
+    }
+}
+
+struct Product<'a> {
+    left: Left<'a>,
+    panels: &'a Panels,
+    rows: usize,
+    from: usize,
+    bias: Option<&'a [f32]>,
+    out: &'a mut [f32],
+}
+
+impl WithSimd for Product<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn with_simd<S: Simd>(self, simd: S) {
+        let Self { left, panels, rows, from, bias, out } = self;
+        let Panels { ref data, depth, columns, width } = *panels;
+        let most = if S::REGISTER_COUNT >= 32 { MOST_ROWS.0 } else { MOST_ROWS.1 };
+        // Tiles of nearly equal height: a last one of a row or two would take almost as long as a whole one.
+        let tiles = rows.div_ceil(most);
+        for panel in from / width..columns.div_ceil(width) {
+            let (b, _) = S::as_simd_f32s(&data[panel * depth * width..][..depth * width]);
+            let first = panel * width;
+            let to =
+                Window { columns: first.max(from)..(first + width).min(columns), first, from, stride: columns - from };
+            let bias = bias.map(|bias| &bias[to.columns.clone()]);
+            for tile in 0..tiles {
+                let (r, end) = (rows * tile / tiles, rows * (tile + 1) / tiles);
+                let out = &mut out[r * to.stride..end * to.stride];
+                macro_rules! tile {
+                    ($($n:literal)*) => {
+                        match end - r {
+                            $($n => match left {
+                                Left::Rows(a) => {
+                                    let tile = rows_tile::<S, $n>(simd, &a[r * depth..end * depth], b);
+                                    store(simd, &tile, &to, bias, out);
+                                }
+                                Left::Columns(a) => {
+                                    let tile = columns_tile::<S, $n>(simd, &a[..depth * rows], (r, rows), b);
+                                    store(simd, &tile, &to, bias, out);
+                                }
+                            },)*
+                            _ => unreachable!("no tile has more rows"),
+                        }
+                    };
+                }
+                tile!(1 2 3 4 5 6 7 8);
+            }
+        }
+    }
+}
+
+/// Rows of a result in registers.
+type Tile<S, const R: usize> = [[<S as Simd>::f32s; VECTORS]; R];
+
+/// Which columns of a panel belong to the result, and where they go.
+struct Window {
+    /// Among all columns.
+    columns: Range<usize>,
+    /// The panel's first column.
+    first: usize,
+    /// The result's first column.
+    from: usize,
+    /// Columns of the result.
+    stride: usize,
+}
+
+/// A tile from the rows `a` `(R, depth)`.
+#[inline(always)]
+fn rows_tile<S: Simd, const R: usize>(simd: S, a: &[f32], b: &[S::f32s]) -> Tile<S, R> {
+    let depth = a.len() / R;
+    let rows: [&[f32]; R] = std::array::from_fn(|i| &a[i * depth..][..depth]);
+    let mut sums = [[simd.splat_f32s(0.0); VECTORS]; R];
+    for (k, b) in b.as_chunks::<VECTORS>().0[..depth].iter().enumerate() {
+        for i in 0..R {
+            let factor = simd.splat_f32s(rows[i][k]);
+            for v in 0..VECTORS {
+                sums[i][v] = simd.mul_add_e_f32s(factor, b[v], sums[i][v]);
+            }
+        }
+    }
+    sums
+}
+
+/// A tile from `R` columns, beginning at `r`, of `a` `(depth, rows)`.
+#[inline(always)]
+fn columns_tile<S: Simd, const R: usize>(simd: S, a: &[f32], (r, rows): (usize, usize), b: &[S::f32s]) -> Tile<S, R> {
+    let mut sums = [[simd.splat_f32s(0.0); VECTORS]; R];
+    for (a, b) in a.chunks_exact(rows).zip(b.as_chunks::<VECTORS>().0) {
+        let a = &a[r..][..R];
+        for i in 0..R {
+            let factor = simd.splat_f32s(a[i]);
+            for v in 0..VECTORS {
+                sums[i][v] = simd.mul_add_e_f32s(factor, b[v], sums[i][v]);
+            }
+        }
+    }
+    sums
+}
+
+/// Writes a tile to the rows `out`, through bias and ReLU if there is one.
+#[inline(always)]
+fn store<S: Simd, const R: usize>(simd: S, tile: &Tile<S, R>, to: &Window, bias: Option<&[f32]>, out: &mut [f32]) {
+    let (skip, count) = (to.columns.start - to.first, to.columns.len());
+    if count == VECTORS * S::F32_LANES {
+        let bias = bias.map(|bias| S::as_simd_f32s(bias).0);
+        for i in 0..R {
+            let row = &mut out[i * to.stride + to.columns.start - to.from..][..count];
+            let (row, _) = S::as_mut_simd_f32s(row);
+            for v in 0..VECTORS {
+                row[v] = bias
+                    .map_or(tile[i][v], |bias| simd.max_f32s(simd.add_f32s(tile[i][v], bias[v]), simd.splat_f32s(0.0)));
+            }
+        }
+        return;
+    }
+    for i in 0..R {
+        let numbers: &[f32] = pulp::bytemuck::cast_slice(&tile[i]);
+        let row = &mut out[i * to.stride + to.columns.start - to.from..][..count];
+        row.copy_from_slice(&numbers[skip..skip + count]);
+        if let Some(bias) = bias {
+            row.iter_mut().zip(bias).for_each(|(y, b)| *y = (*y + b).max(0.0));
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The same by three loops, in f64.
+    fn plain(
+        a: impl Fn(usize, usize) -> f32,
+        b: impl Fn(usize, usize) -> f32,
+        at: (usize, usize),
+        depth: usize,
+    ) -> f64 {
+        (0..depth).map(|k| f64::from(a(at.0, k)) * f64::from(b(k, at.1))).sum()
+    }
+
+    #[test]
+    fn products_of_all_forms_and_odd_sizes_are_right() {
+        let number = |i: usize| ((i * 7919) % 23) as f32 * 0.25 - 2.5;
+        for (rows, depth, columns) in
+            [(1, 1, 1), (1, 5, 3), (7, 3, 33), (12, 16, 32), (13, 9, 65), (29, 40, 72), (64, 31, 128)]
+        {
+            let a: Vec<f32> = (0..rows * depth).map(number).collect();
+            let b: Vec<f32> = (0..depth * columns).map(|i| number(i + 5)).collect();
+            let bias: Vec<f32> = (0..columns).map(number).collect();
+            let mut panels = Panels::default();
+            let mut out = vec![f32::NAN; rows * columns];
+            let close = |out: f32, right: f64| (f64::from(out) - right).abs() < 1e-3;
+
+            panels.pack(&b, depth, columns);
+            panels.product(Left::Rows(&a), rows, 0, &mut out);
+            let right = |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[k * columns + c], (r, c), depth);
+            assert!((0..rows * columns).all(|i| close(out[i], right(i / columns, i % columns))), "rows, packed");
+
+            panels.relu_layer(Left::Rows(&a), rows, &bias, &mut out);
+            let relu = |r, c| (right(r, c) + f64::from(bias[c])).max(0.0);
+            assert!((0..rows * columns).all(|i| close(out[i], relu(i / columns, i % columns))), "a ReLU layer");
+
+            // The left-hand side given by its transpose.
+            panels.product(Left::Columns(&a), rows, 0, &mut out);
+            let right = |r: usize, c: usize| plain(|r, k| a[k * rows + r], |k, c| b[k * columns + c], (r, c), depth);
+            assert!((0..rows * columns).all(|i| close(out[i], right(i / columns, i % columns))), "columns, packed");
+
+            // The right-hand side given by its transpose, and only its last columns wanted.
+            panels.pack_transposed(&b, depth, columns);
+            let from = columns / 2;
+            let mut cut = vec![f32::NAN; rows * (columns - from)];
+            panels.product(Left::Rows(&a), rows, from, &mut cut);
+            let right = |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[c * depth + k], (r, c), depth);
+            let (n, ok) = (columns - from, |i: usize, n: usize| close(cut[i], right(i / n, from + i % n)));
+            assert!((0..rows * n).all(|i| ok(i, n)), "transposed, from {from}");
+        }
+    }
+
+    #[test]
+    fn a_row_comes_out_the_same_bits_in_every_company() {
+        let (depth, columns) = (50, 70);
+        let numbers = |n: usize| -> Vec<f32> { (0..n).map(|i| ((i * 31) % 101) as f32 * 0.017 - 0.8).collect() };
+        let (a, b) = (numbers(20 * depth), numbers(depth * columns));
+        let mut panels = Panels::default();
+        panels.pack(&b, depth, columns);
+        let (mut all, mut one) = (vec![0.0; 20 * columns], vec![0.0; columns]);
+        panels.product(Left::Rows(&a), 20, 0, &mut all);
+        for r in 0..20 {
+            panels.product(Left::Rows(&a[r * depth..][..depth]), 1, 0, &mut one);
+            assert_eq!(one, all[r * columns..][..columns], "row {r}");
+        }
+    }
+}
