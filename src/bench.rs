@@ -53,6 +53,15 @@ struct DefaultTimes {
     runs: usize,
     one_thread: f64,
     all_threads: f64,
+    phases: Vec<PhaseTimes>,
+}
+
+/// Time of one phase of training, mean of each update.
+#[derive(Debug, Serialize)]
+struct PhaseTimes {
+    phase: &'static str,
+    one_thread_us: f64,
+    all_threads_us: f64,
 }
 
 /// Something else that was timed.
@@ -108,7 +117,11 @@ impl Measurements {
         }
         let d = &self.default_preset;
         out += &format!("\nfourrooms, default preset: {:.0} updates/s on one thread, ", d.one_thread);
-        out += &format!("{:.0} on {} ({} runs)\n\n", d.all_threads, self.threads, d.runs);
+        out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.threads, d.runs);
+        for p in &d.phases {
+            out += &format!("  {:<36}{:>8.1} us{:>8.1} us\n", p.phase, p.one_thread_us, p.all_threads_us);
+        }
+        out += "\n";
         for t in &self.other {
             out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
         }

@@ -6,6 +6,7 @@
 
 mod adam;
 mod batch;
+mod dense;
 mod encoder;
 mod gradient;
 mod grid;
@@ -16,17 +17,20 @@ mod mlp;
 mod network;
 mod policy;
 pub mod product;
+mod profile;
 mod reference;
 mod replay;
 mod settings;
 mod table;
 mod team;
+mod touched;
 
 pub use batch::{Batch, BatchSampler};
 pub use encoder::Encoder;
 pub use learner::{Learner, LearnerState, Losses, WholeGradient};
 pub use network::{Network, NetworkState};
 pub use policy::{Nets, Policy, Scratch};
+pub use profile::{Phase, Profile};
 pub use reference::Reference;
 pub use replay::{Moment, Replay, ReplayState, Sizes};
 pub use settings::{LearnSettings, LossScale};

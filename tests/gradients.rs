@@ -70,7 +70,7 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let grads = [&critic, &model, &actor_and_excess].map(|loss| loss.backward().unwrap());
     let expected: Vec<(Tensor, Option<Tensor>)> = {
         let (critic, model, actor) = (learner.critic(0), learner.model(), learner.actor());
-        let networks: [&Network; 3] = [&critic, &model, &actor];
+        let networks: [&Network; 3] = [critic, model, actor];
         let gradient = |n: &Network, g: &GradStore| {
             let table = n.table().map(|t| g.get(t).unwrap().narrow(1, 0, 1).unwrap());
             (g.get(n.dense()).unwrap().clone(), table)

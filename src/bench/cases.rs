@@ -7,10 +7,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::plain::Plain;
-use super::{DefaultTimes, Timed, UpdateTimes, median, time_us};
+use super::{DefaultTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
 use crate::bridge::{BridgeGraph, BridgeSettings, Experience, Walker};
 use crate::env::{Environment, PointMaze};
-use crate::learn::{Batch, LearnSettings, Learner, Scratch};
+use crate::learn::{Batch, LearnSettings, Learner, Phase, Profile, Scratch};
 use crate::map::{Grid, builtin};
 use crate::train::{Method, Preset, Run, Settings, Tick, Trainer};
 
@@ -69,7 +69,7 @@ pub fn updates(rows: usize, width: usize, threads: usize, peak_gflops: f64) -> R
     let mut plain = Plain::new(&settings)?;
     let batch = batch(rows);
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
-    let mut failure = Ok(());
+    let (mut failure, mut profile) = (Ok(()), Profile::default());
     // The first turn warms up.
     for turn in 0..=TURNS {
         let mut repeat = |update: &mut dyn FnMut() -> Result<()>| {
@@ -78,8 +78,8 @@ pub fn updates(rows: usize, width: usize, threads: usize, peak_gflops: f64) -> R
         };
         let times = (
             repeat(&mut || plain.update(&batch)),
-            repeat(&mut || fused.update(&batch).map(drop)),
-            repeat(&mut || together.update(&batch).map(drop)),
+            repeat(&mut || fused.update(&batch, &mut profile).map(drop)),
+            repeat(&mut || together.update(&batch, &mut profile).map(drop)),
         );
         if turn > 0 {
             of_plain.push(times.0);
@@ -126,7 +126,11 @@ pub fn default_preset(threads: usize) -> Result<DefaultTimes> {
         }
     }
     let [one, all] = rates.map(median);
-    Ok(DefaultTimes { runs: TURNS, one_thread: one, all_threads: all })
+    let phases = Phase::ALL.iter().map(|phase| {
+        let us = |t: &Trainer| t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64;
+        PhaseTimes { phase: phase.name(), one_thread_us: us(&trainers[0]), all_threads_us: us(&trainers[1]) }
+    });
+    Ok(DefaultTimes { runs: TURNS, one_thread: one, all_threads: all, phases: phases.collect() })
 }
 
 /// Acting, the field of a whole map, planning, environment steps.

@@ -45,27 +45,18 @@ pub struct TableView<'a> {
 #[derive(Clone, Copy)]
 pub struct LazyView<'a> {
     /// Update up to which each corner's average is stored, `(corners)`.
-    pub notes: &'a [Note],
+    pub stored: &'a [u32],
     /// Updates done so far.
     pub now: u32,
     /// `decay[k] = (1 - tau)^k`; 0 beyond its end.
     pub decay: &'a [f32],
 }
 
-/// What is noted of a corner.
-#[derive(Clone, Copy, Debug)]
-pub struct Note {
-    /// Update up to which its average is stored.
-    pub last: u32,
-    /// Its place among the corners that the current update touches.
-    pub slot: u32,
-}
-
 impl LazyView<'_> {
     /// By how much corner `corner` still differs from its current value, as a share of the stored difference.
     #[inline]
     pub fn remaining(&self, corner: usize) -> f32 {
-        self.decay.get((self.now - self.notes[corner].last) as usize).copied().unwrap_or(0.0)
+        self.decay.get((self.now - self.stored[corner]) as usize).copied().unwrap_or(0.0)
     }
 }
 
@@ -169,8 +160,8 @@ impl GridShape {
         }
     }
 
-    /// Corners around each position, and their weights.
-    fn corners_around(&self) -> usize {
+    /// Corners that a position reads in each level.
+    pub fn corners_around(&self) -> usize {
         1 << self.dims
     }
 

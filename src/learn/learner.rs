@@ -1,7 +1,7 @@
 //! One update of all networks, its work split over threads.
 
-use std::ops::Deref;
 use std::sync::Arc;
+use std::time::Instant;
 
 use candle_core::{Error, Result};
 use parking_lot::{Mutex, RwLock};
@@ -10,11 +10,14 @@ use rand_chacha::ChaCha8Rng;
 use super::batch::Batch;
 use super::encoder::Encoder;
 use super::gradient::{Gradient, StepRates};
+use super::kernel;
 use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Workspace};
 use super::network::{Network, NetworkState, Weights};
 use super::policy::{Nets, Policy};
+use super::profile::{Phase, Profile};
 use super::settings::LearnSettings;
 use super::team::Team;
+use super::touched::Touched;
 use crate::env::Spec;
 
 /// Parts that a batch is split into, and the fewest rows of one. The parts do not depend on the number of threads and
@@ -59,11 +62,14 @@ pub struct Learner {
 struct Shared {
     shapes: Arc<Shapes>,
     rates: StepRates,
-    critics: Vec<RwLock<Network>>,
-    model: RwLock<Network>,
-    actor: RwLock<Network>,
+    critics: Vec<Network>,
+    model: Network,
+    actor: Network,
     parts: Vec<Mutex<Part>>,
     batch: RwLock<Batch>,
+    /// Corners of grid tables that the batch touches: in pairs, and in transitions.
+    pairs: RwLock<Touched>,
+    transitions: RwLock<Touched>,
     /// The first failure of the current update.
     failure: Mutex<Option<Error>>,
 }
@@ -96,15 +102,16 @@ impl Learner {
         }
         let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
         let grid = shapes.encoder.grid();
-        let mut network = |mlp, tau| Network::new(mlp, grid, tau, rng).map(RwLock::new);
+        let mut network = |mlp, tau| Network::new(mlp, grid, tau, rng);
         let tau = Some(settings.tau);
         let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
         let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
         let part = || Part { critics: vec![Gradient::default(); settings.critics], ..Part::default() };
         let parts = (0..settings.batch.div_ceil(part_rows(settings.batch))).map(|_| Mutex::new(part())).collect();
         let rates = StepRates { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau };
-        let (batch, failure) = (RwLock::default(), Mutex::default());
-        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, failure };
+        let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
+        let failure = Mutex::default();
+        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
         Ok(Self { shared: Arc::new(shared), team: Team::new(threads)? })
     }
 
@@ -114,36 +121,42 @@ impl Learner {
     }
 
     /// Critic `k`; the actor follows the first.
-    pub fn critic(&self, k: usize) -> impl Deref<Target = Network> + '_ {
-        self.shared.critics[k].read()
+    pub fn critic(&self, k: usize) -> &Network {
+        &self.shared.critics[k]
     }
 
     /// The dynamics model.
-    pub fn model(&self) -> impl Deref<Target = Network> + '_ {
-        self.shared.model.read()
+    pub fn model(&self) -> &Network {
+        &self.shared.model
     }
 
     /// The actor.
-    pub fn actor(&self) -> impl Deref<Target = Network> + '_ {
-        self.shared.actor.read()
+    pub fn actor(&self) -> &Network {
+        &self.shared.actor
     }
 
     /// Updates done.
     pub fn updates(&self) -> u64 {
-        self.shared.actor.read().steps()
+        self.shared.actor.steps()
     }
 
-    /// One update of critics, model, actor and averages on `batch` (Algorithm 1's inner loop).
+    /// One update of critics, model, actor and averages on `batch` (Algorithm 1's inner loop); its time is booked on
+    /// `profile`.
     ///
     /// # Errors
     /// What candle reports.
-    pub fn update(&mut self, batch: &Batch) -> Result<Losses> {
+    pub fn update(&mut self, batch: &Batch, profile: &mut Profile) -> Result<Losses> {
+        let began = Instant::now();
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.together(parts, Shared::critic_and_model_gradients)?;
-        self.together(critics + 1, Shared::step_critic_or_model)?;
+        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
+        let began = profile.lap(Phase::CriticModelGradients, began);
+        self.together(2 * (critics + 1), Shared::step_critics_and_model)?;
+        let began = profile.lap(Phase::CriticModelSteps, began);
         self.together(parts, Shared::actor_gradients)?;
-        self.together(1, |shared, _| shared.step(&mut shared.actor.write(), |part| &mut part.actor))?;
+        let began = profile.lap(Phase::ActorGradient, began);
+        self.together(2, Shared::step_actor)?;
+        profile.lap(Phase::ActorStep, began);
         Ok(self.losses())
     }
 
@@ -166,13 +179,26 @@ impl Learner {
     pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [WholeGradient; 3])> {
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        self.together(parts, Shared::critic_and_model_gradients)?;
+        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
         self.together(parts, Shared::actor_gradients)?;
-        let table = self.critic(0).table_size();
-        let parts: Vec<_> = self.shared.parts.iter().map(Mutex::lock).collect();
-        let sum = |of: fn(&Part) -> &Gradient| Gradient::sum(parts.iter().map(|part| of(part)), table);
-        let gradients = [sum(|p| &p.critics[0]), sum(|p| &p.model), sum(|p| &p.actor)];
-        drop(parts);
+        let whole = |network: &Network, touched: &RwLock<Touched>, of: fn(&mut Part) -> &mut Gradient| {
+            let mut dense = Vec::new();
+            for part in &self.shared.parts {
+                let mut part = part.lock();
+                let gradient = &of(&mut part).dense;
+                dense.resize(gradient.len(), 0.0);
+                kernel::add_into(&mut dense, gradient);
+            }
+            let encoded: Vec<_> = self.shared.parts.iter().map(|p| of(&mut p.lock()).encoded.clone()).collect();
+            let table = network.halves().1.map(|table| touched.read().whole(&encoded, table.channels()));
+            (dense, table.unwrap_or_default())
+        };
+        let Shared { pairs, transitions, .. } = &*self.shared;
+        let gradients = [
+            whole(self.critic(0), pairs, |part| &mut part.critics[0]),
+            whole(self.model(), transitions, |part| &mut part.model),
+            whole(self.actor(), pairs, |part| &mut part.actor),
+        ];
         Ok((self.losses(), gradients))
     }
 
@@ -189,13 +215,11 @@ impl Learner {
     /// # Errors
     /// What candle reports.
     pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
-        let critics: Vec<_> = self.shared.critics.iter().map(RwLock::read).collect();
-        let locked: Vec<_> = critics.iter().map(|c| c.lock()).collect();
-        let actor = self.shared.actor.read();
-        let actor = actor.lock();
+        let critics: Vec<_> = self.shared.critics.iter().map(Network::lock).collect();
+        let actor = self.shared.actor.lock();
         Ok(use_nets(Nets {
             shapes: &self.shared.shapes,
-            critics: locked.iter().map(|l| l.weights(averaged)).collect::<Result<_>>()?,
+            critics: critics.iter().map(|l| l.weights(averaged)).collect::<Result<_>>()?,
             actor: actor.weights(averaged)?,
         }))
     }
@@ -205,8 +229,8 @@ impl Learner {
     /// # Errors
     /// What candle reports.
     pub fn policy(&self, averaged: bool) -> Result<Policy> {
-        let critics = self.shared.critics.iter().map(|c| c.read().copy(averaged)).collect::<Result<_>>()?;
-        let actor = self.shared.actor.read().copy(averaged)?;
+        let critics = self.shared.critics.iter().map(|c| c.copy(averaged)).collect::<Result<_>>()?;
+        let actor = self.shared.actor.copy(averaged)?;
         Ok(Policy::new(self.shared.shapes.clone(), critics, actor))
     }
 
@@ -216,7 +240,7 @@ impl Learner {
     /// What candle reports.
     pub fn state(&self) -> Result<LearnerState> {
         let networks =
-            self.shared.named().map(|(name, network)| Ok((name, network.read().state()?))).collect::<Result<_>>()?;
+            self.shared.named().map(|(name, network)| Ok((name, network.state()?))).collect::<Result<_>>()?;
         Ok(LearnerState { updates: self.updates(), networks })
     }
 
@@ -225,25 +249,62 @@ impl Learner {
     /// # Errors
     /// A part that is missing or of another size.
     pub fn restore(&mut self, updates: u64, find: impl Fn(&str, &str) -> Option<Vec<f32>>) -> Result<()> {
-        self.shared.named().try_for_each(|(name, network)| network.write().restore(updates, |part| find(&name, part)))
+        self.shared.named().try_for_each(|(name, network)| network.restore(updates, |part| find(&name, part)))
     }
 }
 
 impl Shared {
+    /// Tasks of the first phase that look which corners of tables the batch touches.
+    const LOOKS: usize = 2;
+
     /// All networks with their names.
-    fn named(&self) -> impl Iterator<Item = (String, &RwLock<Network>)> {
+    fn named(&self) -> impl Iterator<Item = (String, &Network)> {
         let critics = self.critics.iter().enumerate().map(|(k, critic)| (critic_name(k), critic));
         critics.chain([("model".to_owned(), &self.model), ("actor".to_owned(), &self.actor)])
     }
 
+    /// The first phase of an update: its first tasks look which corners the steps will touch, each other one computes
+    /// gradients of critics and model from its part of the batch.
+    fn look_or_critic_and_model_gradients(&self, task: usize) -> Result<()> {
+        match task.checked_sub(Self::LOOKS) {
+            Some(part) => self.critic_and_model_gradients(part),
+            None => {
+                self.look(task == 0);
+                Ok(())
+            }
+        }
+    }
+
+    /// Finds the corners that the batch's pairs, or its transitions, touch.
+    fn look(&self, pairs: bool) {
+        let Some(grid) = self.shapes.encoder.grid() else { return };
+        let batch = self.batch.read();
+        let encoder = &self.shapes.encoder;
+        let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
+        let parts = (0..self.parts.len()).map(|i| Rows::new(&self.shapes, &batch, i));
+        // In the order in which the parts' gradients come.
+        if pairs {
+            self.pairs.write().find(grid, |places| {
+                for rows in parts {
+                    rows.states.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
+                    rows.goals.chunks_exact(g).for_each(|goal| encoder.locate_goal(goal, places));
+                }
+            });
+        } else {
+            self.transitions.write().find(grid, |places| {
+                for rows in parts {
+                    rows.from.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
+                }
+            });
+        }
+    }
+
     /// Gradients of the critics and the model from part `i` of the batch.
     fn critic_and_model_gradients(&self, i: usize) -> Result<()> {
-        let critics: Vec<_> = self.critics.iter().map(RwLock::read).collect();
-        let locked: Vec<_> = critics.iter().map(|c| c.lock()).collect();
-        let current = locked.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
-        let targets = locked.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
-        let model = self.model.read();
-        let model = model.lock();
+        let critics: Vec<_> = self.critics.iter().map(Network::lock).collect();
+        let current = critics.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
+        let targets = critics.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
+        let model = self.model.lock();
         let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
         let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
         part.critic_gradients(&self.shapes, &rows, &current, &targets);
@@ -256,8 +317,7 @@ impl Shared {
 
     /// The actor's gradient from part `i` of the batch.
     fn actor_gradients(&self, i: usize) -> Result<()> {
-        let (actor, model, critic) = (self.actor.read(), self.model.read(), self.critics[0].read());
-        let (actor, model, critic) = (actor.lock(), model.lock(), critic.lock());
+        let (actor, model, critic) = (self.actor.lock(), self.model.lock(), self.critics[0].lock());
         let path =
             ActorPath { actor: actor.weights(false)?, model: model.weights(false)?, critic: critic.weights(false)? };
         let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
@@ -269,22 +329,56 @@ impl Shared {
         Ok(())
     }
 
-    /// The step of critic `i`, or of the model behind the last: each is independent of the others.
-    fn step_critic_or_model(&self, i: usize) -> Result<()> {
+    /// Steps of the critics and the model, which are independent of each other, each in two tasks.
+    fn step_critics_and_model(&self, task: usize) -> Result<()> {
+        let (i, half) = (task / 2, Half::of(task));
         match self.critics.get(i) {
-            Some(critic) => self.step(&mut critic.write(), |part| &mut part.critics[i]),
-            None => self.step(&mut self.model.write(), |part| &mut part.model),
+            Some(critic) => self.step(critic, half, &self.pairs, |part| &mut part.critics[i]),
+            None => self.step(&self.model, half, &self.transitions, |part| &mut part.model),
         }
     }
 
-    /// A network's step along the sum of all parts' gradients. They are taken out of the parts meanwhile, as another
-    /// thread may need theirs for another network.
-    fn step(&self, network: &mut Network, gradient: impl Fn(&mut Part) -> &mut Gradient) -> Result<()> {
-        let mut gradients: Vec<Gradient> =
-            self.parts.iter().map(|part| std::mem::take(gradient(&mut part.lock()))).collect();
-        let result = network.step(&mut gradients, self.rates);
-        self.parts.iter().zip(gradients).for_each(|(part, own)| *gradient(&mut part.lock()) = own);
+    /// The actor's step, in two tasks.
+    fn step_actor(&self, task: usize) -> Result<()> {
+        self.step(&self.actor, Half::of(task), &self.pairs, |part| &mut part.actor)
+    }
+
+    /// The step of half a network along the sum of all parts' gradients. These are taken out of the parts meanwhile,
+    /// as another thread may need theirs for another step.
+    fn step(
+        &self,
+        network: &Network,
+        half: Half,
+        touched: &RwLock<Touched>,
+        gradient: impl Fn(&mut Part) -> &mut Gradient,
+    ) -> Result<()> {
+        let numbers = |part: &mut Part, exchange: &mut Vec<f32>| {
+            let gradient = gradient(part);
+            std::mem::swap(exchange, if half == Half::Dense { &mut gradient.dense } else { &mut gradient.encoded });
+        };
+        let mut taken: Vec<Vec<f32>> = vec![Vec::new(); self.parts.len()];
+        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
+        let result = match (half, network.halves()) {
+            (Half::Dense, (dense, _)) => dense.step(&mut taken, self.rates),
+            (Half::Table, (_, Some(table))) => table.step(&touched.read(), &taken, self.rates),
+            (Half::Table, (_, None)) => Ok(()),
+        };
+        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
         result
+    }
+}
+
+/// Half of a network.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Half {
+    Dense,
+    Table,
+}
+
+impl Half {
+    /// Which half the `task`th of a phase of steps is about.
+    fn of(task: usize) -> Self {
+        if task.is_multiple_of(2) { Self::Table } else { Self::Dense }
     }
 }
 

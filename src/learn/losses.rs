@@ -204,8 +204,8 @@ impl Shapes {
         let width = self.encoder.grid_width();
         if width > 0 {
             let dx = &dx[..pairs.states.len() / self.encoder.spec().state_dim() * 2 * width];
-            gradient.add_encoded(&pairs.plain.states, dx, (0, width, 2 * width));
-            gradient.add_encoded(&pairs.plain.goals, dx, (width, width, 2 * width));
+            gradient.add_encoded(dx, (0, width, 2 * width));
+            gradient.add_encoded(dx, (width, width, 2 * width));
         }
     }
 
@@ -246,7 +246,7 @@ impl Shapes {
         self.model.backward((model.dense, model.packed), x, &predicted[..rows * s], &mut ws.acts, wanted);
         ws.y = predicted;
         if grid_width > 0 {
-            gradient.add_encoded(&plain.states, &ws.dx[..rows * columns], (0, grid_width, columns));
+            gradient.add_encoded(&ws.dx[..rows * columns], (0, grid_width, columns));
         }
         ws.plain = plain;
         loss

@@ -1,15 +1,12 @@
-//! One network's parameters: a flat variable, a grid table, their optimiser state and their running average.
+//! One network: a perceptron's flat parameters and a grid table.
 
-use candle_core::{Device, Result, Storage, Tensor, Var, bail};
-use parking_lot::RwLockReadGuard;
+use candle_core::{Result, Var, bail};
 use rand_chacha::ChaCha8Rng;
 
-use super::adam::{Moments, adam_rate, adam_step, modify, slice};
-use super::gradient::{Gradient, StepRates};
+use super::dense::{Dense, DenseGuard};
 use super::grid::{GridShape, TableView};
-use super::kernel;
 use super::mlp::{Mlp, Packed};
-use super::table::Table;
+use super::table::{Table, TableGuard};
 
 /// A network's weights as slices: what the kernels read.
 #[derive(Clone, Copy)]
@@ -24,9 +21,8 @@ pub struct Weights<'a> {
 
 /// A network's weights, held for reading.
 pub struct Locked<'a> {
-    network: &'a Network,
-    dense: RwLockReadGuard<'a, Storage>,
-    table: Option<RwLockReadGuard<'a, Storage>>,
+    dense: DenseGuard<'a>,
+    table: Option<TableGuard<'a>>,
 }
 
 impl Locked<'_> {
@@ -35,34 +31,24 @@ impl Locked<'_> {
     /// # Errors
     /// What candle reports.
     pub fn weights(&self, averaged: bool) -> Result<Weights<'_>> {
-        let table = match (&self.network.table, &self.table) {
-            (Some(table), Some(lines)) => Some(table.view(slice(lines)?, averaged, self.network.steps)),
-            _ => None,
-        };
-        let (dense, packed) = match self.network.dense_average.as_ref().filter(|_| averaged) {
-            Some((average, packed)) => (&average[..], packed),
-            None => (slice(&self.dense)?, &self.network.packed),
-        };
+        let (dense, packed) = self.dense.numbers(averaged)?;
+        let table = self.table.as_ref().map(|t| t.view(averaged)).transpose()?;
         Ok(Weights { dense, packed, table })
     }
 }
 
-/// A network with everything that training changes.
+/// A network with everything that training changes. Its two halves are stepped apart, perhaps by two threads.
 #[derive(Debug)]
 pub struct Network {
-    mlp: Mlp,
-    dense: Var,
-    /// Its hidden weights packed, kept in step with it.
-    packed: Packed,
-    dense_moments: Moments,
-    /// The running average, as it is and packed.
-    dense_average: Option<(Vec<f32>, Packed)>,
+    dense: Dense,
     table: Option<Table>,
-    steps: u64,
 }
 
 /// A network's trainable state as plain numbers, for checkpoints: name and values.
 pub type NetworkState = Vec<(&'static str, Vec<f32>)>;
+
+/// Fills a slice with the numbers saved under a name.
+pub type Fill<'a> = &'a mut dyn FnMut(&str, &mut [f32]) -> Result<()>;
 
 impl Network {
     /// A fresh network; `tau` for a running average, none without it.
@@ -70,30 +56,14 @@ impl Network {
     /// # Errors
     /// What candle reports.
     pub fn new(mlp: Mlp, grid: Option<&GridShape>, tau: Option<f32>, rng: &mut ChaCha8Rng) -> Result<Self> {
-        let dense = mlp.initial(rng);
-        let (mut packed, mut packed_average) = (Packed::default(), Packed::default());
-        mlp.pack(&dense, true, &mut packed);
-        mlp.pack(&dense, false, &mut packed_average);
+        let dense = Dense::new(mlp, mlp.initial(rng), tau.is_some())?;
         let table = grid.map(|grid| Table::new(&grid.initial(rng), grid.channels, tau)).transpose()?;
-        Ok(Self {
-            mlp,
-            dense_moments: Moments::new(dense.len()),
-            dense_average: tau.map(|_| (dense.clone(), packed_average)),
-            dense: Var::from_tensor(&Tensor::from_vec(dense.clone(), dense.len(), &Device::Cpu)?)?,
-            packed,
-            table,
-            steps: 0,
-        })
-    }
-
-    /// Sizes of the perceptron.
-    pub fn mlp(&self) -> &Mlp {
-        &self.mlp
+        Ok(Self { dense, table })
     }
 
     /// The flat parameters as a candle variable, see [`Mlp`] for their order.
     pub fn dense(&self) -> &Var {
-        &self.dense
+        self.dense.var()
     }
 
     /// The grid table as a candle variable `(corners, 4, channels)`, of whose rows the first is the value.
@@ -101,42 +71,14 @@ impl Network {
         self.table.as_ref().map(Table::lines)
     }
 
-    /// Corners of the grid table and channels of each.
-    pub fn table_size(&self) -> (usize, usize) {
-        self.table.as_ref().map_or((0, 0), Table::size)
+    /// The two halves, to be stepped.
+    pub(super) fn halves(&self) -> (&Dense, Option<&Table>) {
+        (&self.dense, self.table.as_ref())
     }
 
     /// Locks the weights for reading.
     pub fn lock(&self) -> Locked<'_> {
-        let table = self.table.as_ref().map(|t| t.lines().storage_and_layout().0);
-        Locked { network: self, dense: self.dense.storage_and_layout().0, table }
-    }
-
-    /// One Adam step along the sum of `parts` (in their order), then one step of the running average.
-    ///
-    /// # Errors
-    /// What candle reports.
-    pub fn step(&mut self, parts: &mut [Gradient], rates: StepRates) -> Result<()> {
-        self.steps += 1;
-        let Some((first, rest)) = parts.split_first_mut() else { return Ok(()) };
-        for part in rest.iter() {
-            kernel::add_into(&mut first.dense, &part.dense);
-        }
-        let rate = adam_rate(rates.dense, self.steps);
-        adam_step(&self.dense, &mut self.dense_moments, &first.dense, rate)?;
-        let (storage, _) = self.dense.storage_and_layout();
-        let dense = slice(&storage)?;
-        self.mlp.pack(dense, true, &mut self.packed);
-        if let Some((average, packed)) = &mut self.dense_average {
-            kernel::soft_update(average, dense, rates.tau);
-            self.mlp.pack(average, false, packed);
-        }
-        drop(storage);
-        if let Some(table) = &mut self.table {
-            parts.iter().for_each(|part| table.add(part));
-            table.step(self.steps, rates)?;
-        }
-        Ok(())
+        Locked { dense: self.dense.lock(), table: self.table.as_ref().map(Table::lock) }
     }
 
     /// Weights as owned numbers (parameters, table), averages written out.
@@ -144,8 +86,8 @@ impl Network {
     /// # Errors
     /// What candle reports.
     pub fn copy(&self, averaged: bool) -> Result<(Vec<f32>, Vec<f32>)> {
-        let dense = self.lock().weights(averaged)?.dense.to_vec();
-        let table = self.table.as_ref().map(|t| t.copy(averaged, self.steps)).transpose()?;
+        let dense = self.dense.lock().numbers(averaged)?.0.to_vec();
+        let table = self.table.as_ref().map(|t| t.copy(averaged)).transpose()?;
         Ok((dense, table.unwrap_or_default()))
     }
 
@@ -154,21 +96,18 @@ impl Network {
     /// # Errors
     /// What candle reports.
     pub fn state(&self) -> Result<NetworkState> {
-        let dense = self.lock().weights(false)?.dense.to_vec();
-        let mut state = vec![("dense", dense), ("dense_m", self.dense_moments.m.clone())];
-        state.push(("dense_v", self.dense_moments.v.clone()));
-        state.extend(self.dense_average.as_ref().map(|(average, _)| ("dense_average", average.clone())));
+        let mut state = self.dense.state()?;
         if let Some(table) = &self.table {
             state.extend(table.state()?);
         }
         Ok(state)
     }
 
-    /// Takes up a state; `find` gives the numbers saved under a name.
+    /// Takes up a state after `steps` updates; `find` gives the numbers saved under a name.
     ///
     /// # Errors
     /// A part that is missing or of another size.
-    pub fn restore(&mut self, steps: u64, mut find: impl FnMut(&str) -> Option<Vec<f32>>) -> Result<()> {
+    pub fn restore(&self, steps: u64, mut find: impl FnMut(&str) -> Option<Vec<f32>>) -> Result<()> {
         let mut fill = |name: &str, into: &mut [f32]| match find(name) {
             Some(values) if values.len() == into.len() => {
                 into.copy_from_slice(&values);
@@ -177,27 +116,12 @@ impl Network {
             Some(values) => bail!("{name} holds {} numbers instead of {}", values.len(), into.len()),
             None => bail!("{name} is missing"),
         };
-        self.steps = steps;
-        let mut result = Ok(());
-        modify(&self.dense, |w| {
-            result = fill("dense", w);
-            self.mlp.pack(w, true, &mut self.packed);
-        })?;
-        result?;
-        fill("dense_m", &mut self.dense_moments.m)?;
-        fill("dense_v", &mut self.dense_moments.v)?;
-        if let Some((average, packed)) = &mut self.dense_average {
-            fill("dense_average", average)?;
-            self.mlp.pack(average, false, packed);
-        }
-        if let Some(table) = &mut self.table {
-            table.restore(fill)?;
-        }
-        Ok(())
+        self.dense.restore(steps, &mut fill)?;
+        self.table.as_ref().map_or(Ok(()), |table| table.restore(steps, &mut fill))
     }
 
     /// Updates done.
     pub fn steps(&self) -> u64 {
-        self.steps
+        self.dense.steps()
     }
 }

@@ -33,7 +33,7 @@ impl<'a> Reference<'a> {
     /// What candle reports.
     pub fn distances(&self, k: usize, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let critic = self.learner.critic(k);
-        let x = self.pair_rows(&critic, states, goals)?;
+        let x = self.pair_rows(critic, states, goals)?;
         let z = mlp(&self.shapes().critic, critic.dense(), &x)?.squeeze(1)?;
         softplus(&z)? * f64::from(self.shapes().distance_scale)
     }
@@ -48,7 +48,7 @@ impl<'a> Reference<'a> {
 
     fn actor_outputs(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let actor = self.learner.actor();
-        mlp(&self.shapes().actor, actor.dense(), &self.pair_rows(&actor, states, goals)?)
+        mlp(&self.shapes().actor, actor.dense(), &self.pair_rows(actor, states, goals)?)
     }
 
     /// Next states f(s, a), `(rows, state_dim)`.

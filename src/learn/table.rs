@@ -1,18 +1,18 @@
 //! The grid encoding's table: trained where a batch touches it, its average kept lazily.
 
-use candle_core::{Device, Result, Tensor, Var};
+use candle_core::{Device, Result, Storage, Tensor, Var};
+use parking_lot::{RwLock, RwLockReadGuard};
 
 use super::adam::{adam_rate, modify, slice};
-use super::gradient::{Gradient, StepRates};
-use super::grid::{LazyView, Note, TableView};
+use super::gradient::StepRates;
+use super::grid::{LazyView, TableView};
 use super::kernel;
+use super::network::{Fill, NetworkState};
+use super::touched::Touched;
 
 /// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels that is one cache
 /// line, so that a corner costs one miss and not four.
 const ROWS: usize = 4;
-
-/// Slot of a corner that the current update has not touched.
-const UNTOUCHED: u32 = u32::MAX;
 
 /// A table with everything that training changes.
 #[derive(Debug)]
@@ -20,12 +20,39 @@ pub struct Table {
     channels: usize,
     /// `(corners, ROWS, channels)`.
     lines: Var,
-    notes: Vec<Note>,
     /// `decay[k] = (1 - tau)^k`; empty for a table without an average.
     decay: Vec<f32>,
-    /// Corners touched by the current update, and the sums of their gradients `(touched, channels)`.
-    touched: Vec<u32>,
+    kept: RwLock<Kept>,
+}
+
+/// What is kept beside the lines.
+#[derive(Debug)]
+struct Kept {
+    steps: u64,
+    /// Update up to which each corner's average is stored, `(corners)`.
+    stored: Vec<u32>,
+    /// Gradients of the corners that the current update touches, `(touched, channels)`.
     sums: Vec<f32>,
+}
+
+/// A table locked for reading.
+pub struct TableGuard<'a> {
+    table: &'a Table,
+    lines: RwLockReadGuard<'a, Storage>,
+    kept: RwLockReadGuard<'a, Kept>,
+}
+
+impl TableGuard<'_> {
+    /// What encodings read: the values, or their average where there is one and it is asked for.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn view(&self, averaged: bool) -> Result<TableView<'_>> {
+        let Table { decay, channels, .. } = self.table;
+        let lazy = LazyView { stored: &self.kept.stored, now: self.kept.steps as u32, decay };
+        let average = (averaged && !decay.is_empty()).then_some(lazy);
+        Ok(TableView { lines: slice(&self.lines)?, stride: ROWS * channels, average })
+    }
 }
 
 impl Table {
@@ -43,10 +70,8 @@ impl Table {
         Ok(Self {
             channels,
             lines: Var::from_tensor(&Tensor::from_vec(lines, (corners, ROWS, channels), &Device::Cpu)?)?,
-            notes: vec![Note { last: 0, slot: UNTOUCHED }; corners],
             decay: tau.map_or(Vec::new(), decay_table),
-            touched: Vec::new(),
-            sums: Vec::new(),
+            kept: RwLock::new(Kept { steps: 0, stored: vec![0; corners], sums: Vec::new() }),
         })
     }
 
@@ -55,83 +80,47 @@ impl Table {
         &self.lines
     }
 
-    /// Corners and channels.
-    pub fn size(&self) -> (usize, usize) {
-        (self.notes.len(), self.channels)
+    /// Channels of a corner.
+    pub fn channels(&self) -> usize {
+        self.channels
     }
 
-    /// What encodings read, after `now` updates; `lines` is the locked storage of [`Self::lines`].
-    pub fn view<'a>(&'a self, lines: &'a [f32], averaged: bool, now: u64) -> TableView<'a> {
-        let average = (averaged && !self.decay.is_empty()).then_some(LazyView {
-            notes: &self.notes,
-            now: now as u32,
-            decay: &self.decay,
-        });
-        TableView { lines, stride: ROWS * self.channels, average }
+    /// Locks the table for reading.
+    pub fn lock(&self) -> TableGuard<'_> {
+        TableGuard { table: self, lines: self.lines.storage_and_layout().0, kept: self.kept.read() }
     }
 
     /// Values `(corners, channels)` as they are, or their averages written out.
     ///
     /// # Errors
     /// What candle reports.
-    pub fn copy(&self, averaged: bool, now: u64) -> Result<Vec<f32>> {
-        let (storage, _) = self.lines.storage_and_layout();
-        let view = self.view(slice(&storage)?, averaged, now);
-        let channels = self.channels;
-        let values = (0..self.notes.len()).flat_map(|corner| {
-            let line = &view.lines[corner * view.stride..(corner + 1) * view.stride];
+    pub fn copy(&self, averaged: bool) -> Result<Vec<f32>> {
+        let guard = self.lock();
+        let view = guard.view(averaged)?;
+        let values = view.lines.chunks_exact(view.stride).enumerate().flat_map(|(corner, line)| {
             let remaining = view.average.map_or(0.0, |lazy| lazy.remaining(corner));
-            line[..channels]
-                .iter()
-                .zip(&line[channels..])
-                .map(move |(value, stored)| value + (stored - value) * remaining)
+            let (value, rest) = line.split_at(self.channels);
+            value.iter().zip(rest).map(move |(value, stored)| value + (stored - value) * remaining)
         });
         Ok(values.collect())
     }
 
-    /// Adds a part's gradient.
-    pub fn add(&mut self, part: &Gradient) {
-        let Self { channels, notes, touched, sums, .. } = self;
-        let mut slot_of = |corner: usize, sums: &mut Vec<f32>| {
-            let note = &mut notes[corner];
-            if note.slot == UNTOUCHED {
-                note.slot = touched.len() as u32;
-                touched.push(corner as u32);
-                sums.resize(touched.len() * *channels, 0.0);
-            }
-            note.slot as usize
-        };
-        if *channels == 4 {
-            // The default, in vectors of four.
-            part.for_each_corner(4, |corner, weight, d| {
-                let slot = slot_of(corner, sums);
-                let (sums, _) = sums.as_chunks_mut::<4>();
-                (0..4).for_each(|c| sums[slot][c] += weight * d[c]);
-            });
-        } else {
-            part.for_each_corner(*channels, |corner, weight, d| {
-                let slot = slot_of(corner, sums);
-                let sum = &mut sums[slot * *channels..(slot + 1) * *channels];
-                sum.iter_mut().zip(d).for_each(|(s, d)| *s += weight * d);
-            });
-        }
-    }
-
-    /// Adam on the touched corners (the others' moments rest), and their averages brought up to date: update number
-    /// `now` then makes the average's own step towards the new value.
+    /// Adam on the `touched` corners (the others' moments rest) along the sum of `parts`, the gradients of encodings;
+    /// their averages are brought up to date, so that this update then makes its own step towards the new values.
     ///
     /// # Errors
     /// What candle reports.
-    pub fn step(&mut self, now: u64, rates: StepRates) -> Result<()> {
-        let Self { channels, lines, notes, decay, touched, sums } = self;
-        let rate = adam_rate(rates.table, now);
-        let before = now as u32 - 1;
-        modify(lines, |lines| {
-            for (corner, sum) in touched.iter().zip(sums.chunks_exact(*channels)) {
+    pub fn step(&self, touched: &Touched, parts: &[Vec<f32>], rates: StepRates) -> Result<()> {
+        let (Self { channels, decay, .. }, Kept { steps, stored, sums }) = (self, &mut *self.kept.write());
+        let before = *steps as u32;
+        *steps += 1;
+        touched.sum_into(parts, *channels, sums);
+        let rate = adam_rate(rates.table, *steps);
+        modify(&self.lines, |lines| {
+            for (corner, sum) in touched.corners().iter().zip(sums.chunks_exact(*channels)) {
                 let corner = *corner as usize;
-                let note = &mut notes[corner];
-                let remaining = decay.get((before - note.last) as usize).copied().unwrap_or(0.0);
-                *note = Note { last: before, slot: UNTOUCHED };
+                let last = std::mem::replace(&mut stored[corner], before);
+                let remaining = decay.get((before - last) as usize).copied().unwrap_or(0.0);
                 let line = &mut lines[corner * ROWS * *channels..(corner + 1) * ROWS * *channels];
                 if let (([value, average, m, v], []), ([sum], [])) = (line.as_chunks_mut::<4>(), sum.as_chunks::<4>()) {
                     (0..4).for_each(|c| average[c] = value[c] + (average[c] - value[c]) * remaining);
@@ -144,33 +133,32 @@ impl Table {
                     kernel::adam_few(value, m, v, sum, rate);
                 }
             }
-        })?;
-        touched.clear();
-        sums.clear();
-        Ok(())
+        })
     }
 
     /// Everything that training changed: the lines, and the updates up to which averages are stored (by their bits).
     ///
     /// # Errors
     /// What candle reports.
-    pub fn state(&self) -> Result<[(&'static str, Vec<f32>); 2]> {
-        let (storage, _) = self.lines.storage_and_layout();
-        let last = self.notes.iter().map(|note| f32::from_bits(note.last)).collect();
-        Ok([("table", slice(&storage)?.to_vec()), ("table_last", last)])
+    pub fn state(&self) -> Result<NetworkState> {
+        let guard = self.lock();
+        let last = guard.kept.stored.iter().map(|last| f32::from_bits(*last)).collect();
+        Ok(vec![("table", slice(&guard.lines)?.to_vec()), ("table_last", last)])
     }
 
-    /// Takes up what [`Self::state`] gave, filled in by `fill`.
+    /// Takes up what [`Self::state`] gave after `done` updates, filled in by `fill`.
     ///
     /// # Errors
     /// What `fill` reports.
-    pub fn restore(&mut self, mut fill: impl FnMut(&str, &mut [f32]) -> Result<()>) -> Result<()> {
+    pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
+        let Kept { steps, stored, .. } = &mut *self.kept.write();
         let mut result = Ok(());
         modify(&self.lines, |lines| result = fill("table", lines))?;
         result?;
-        let mut last = vec![0.0; self.notes.len()];
+        let mut last = vec![0.0; stored.len()];
         fill("table_last", &mut last)?;
-        self.notes = last.into_iter().map(|bits| Note { last: f32::to_bits(bits), slot: UNTOUCHED }).collect();
+        *stored = last.into_iter().map(f32::to_bits).collect();
+        *steps = done;
         Ok(())
     }
 }

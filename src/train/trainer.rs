@@ -16,7 +16,7 @@ use super::settings::UpdateWhen;
 use super::tasks::TaskSet;
 use crate::bridge::{BridgeGraph, Distilled, Experience, SearchOutcome};
 use crate::env::{Environment, PointMaze, Spec};
-use crate::learn::{Batch, BatchSampler, Learner, Losses, Policy, Replay, Scratch};
+use crate::learn::{Batch, BatchSampler, Learner, Losses, Phase, Policy, Profile, Replay, Scratch};
 use crate::map::Grid;
 
 /// Candidates whose graph distances are distilled between two rebuilds of the graph.
@@ -67,6 +67,7 @@ pub struct Trainer {
     distilled_states: Vec<f32>,
     counters: Counters,
     seconds: f64,
+    profile: Profile,
     scratch: Scratch,
 }
 
@@ -98,6 +99,7 @@ impl Trainer {
             distilled_states: Vec::new(),
             counters: Counters::default(),
             seconds: 0.0,
+            profile: Profile::default(),
             scratch: Scratch::default(),
             learner,
             world,
@@ -129,6 +131,11 @@ impl Trainer {
     /// Training time so far, in seconds; evaluation is not counted.
     pub fn seconds(&self) -> f64 {
         self.seconds
+    }
+
+    /// Where the time of this process has gone.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
     }
 
     /// Running means of the losses.
@@ -181,6 +188,9 @@ impl Trainer {
         // Without a warm-up an update can be due before any agent's second state is known.
         let due = self.counters.owed >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions();
         let tick = if due { self.update()? } else { self.step()? };
+        if tick == Tick::Step {
+            self.profile.lap(Phase::Explore, began);
+        }
         self.seconds += began.elapsed().as_secs_f64();
         Ok(tick)
     }
@@ -210,9 +220,11 @@ impl Trainer {
         if self.run.method == Method::Random {
             return Ok(Tick::Update);
         }
+        let began = Instant::now();
         self.sampler.sample(&self.replay, &mut self.batch_rng, &mut self.batch);
         self.distil_into_batch();
-        let losses = self.learner.update(&self.batch)?;
+        self.profile.lap(Phase::Sample, began);
+        let losses = self.learner.update(&self.batch, &mut self.profile)?;
         let keep = (1.0 - 1.0 / LOSS_MEMORY_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
         for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
             *mean += (1.0 - keep) * (f64::from(loss) - *mean);
@@ -220,9 +232,11 @@ impl Trainer {
         let every = self.run.settings.bridge.graph_every_updates;
         let distils = self.run.settings.learn.distillation > 0.0 && self.run.method.plans();
         if distils && self.counters.updates.is_multiple_of(every) {
+            let began = Instant::now();
             let graph = self.graph()?;
             self.distilled = graph.distil(DISTILLED_GOALS, &mut self.batch_rng);
             self.distilled_states = graph.experience().states().to_vec();
+            self.profile.lap(Phase::Graph, began);
         }
         Ok(Tick::Update)
     }

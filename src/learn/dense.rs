@@ -1,0 +1,136 @@
+//! A perceptron's flat parameters with all that their training keeps.
+
+use candle_core::{Device, Result, Storage, Tensor, Var};
+use parking_lot::{RwLock, RwLockReadGuard};
+
+use super::adam::{Moments, adam_rate, adam_step, modify, slice};
+use super::gradient::StepRates;
+use super::kernel;
+use super::mlp::{Mlp, Packed};
+use super::network::{Fill, NetworkState};
+
+/// Flat parameters as a candle variable, and what goes with them.
+#[derive(Debug)]
+pub struct Dense {
+    mlp: Mlp,
+    var: Var,
+    kept: RwLock<Kept>,
+}
+
+/// What is kept in step with the parameters.
+#[derive(Debug)]
+struct Kept {
+    steps: u64,
+    /// Hidden weights packed for products.
+    packed: Packed,
+    moments: Moments,
+    /// The running average, as it is and packed.
+    average: Option<(Vec<f32>, Packed)>,
+}
+
+/// Parameters locked for reading.
+pub struct DenseGuard<'a> {
+    numbers: RwLockReadGuard<'a, Storage>,
+    kept: RwLockReadGuard<'a, Kept>,
+}
+
+impl DenseGuard<'_> {
+    /// The parameters, or their average where there is one and it is asked for; as they are and packed (an average
+    /// for the way forward alone).
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn numbers(&self, averaged: bool) -> Result<(&[f32], &Packed)> {
+        match self.kept.average.as_ref().filter(|_| averaged) {
+            Some((average, packed)) => Ok((average, packed)),
+            None => Ok((slice(&self.numbers)?, &self.kept.packed)),
+        }
+    }
+}
+
+impl Dense {
+    /// Fresh parameters, with a running average if that is wanted.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn new(mlp: Mlp, parameters: Vec<f32>, averaged: bool) -> Result<Self> {
+        let (mut packed, mut packed_average) = (Packed::default(), Packed::default());
+        mlp.pack(&parameters, true, &mut packed);
+        mlp.pack(&parameters, false, &mut packed_average);
+        let average = averaged.then(|| (parameters.clone(), packed_average));
+        let kept = Kept { steps: 0, packed, moments: Moments::new(parameters.len()), average };
+        let var = Var::from_tensor(&Tensor::from_slice(&parameters, parameters.len(), &Device::Cpu)?)?;
+        Ok(Self { mlp, var, kept: RwLock::new(kept) })
+    }
+
+    /// The parameters as a candle variable, see [`Mlp`] for their order.
+    pub fn var(&self) -> &Var {
+        &self.var
+    }
+
+    /// Updates done.
+    pub fn steps(&self) -> u64 {
+        self.kept.read().steps
+    }
+
+    /// Locks the parameters for reading.
+    pub fn lock(&self) -> DenseGuard<'_> {
+        DenseGuard { numbers: self.var.storage_and_layout().0, kept: self.kept.read() }
+    }
+
+    /// One Adam step along the sum of `parts` (in their order; the first holds it afterwards), then one of the average.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn step(&self, parts: &mut [Vec<f32>], rates: StepRates) -> Result<()> {
+        let Kept { steps, packed, moments, average } = &mut *self.kept.write();
+        let Some((gradient, rest)) = parts.split_first_mut() else { return Ok(()) };
+        for part in rest {
+            kernel::add_into(gradient, part);
+        }
+        *steps += 1;
+        adam_step(&self.var, moments, gradient, adam_rate(rates.dense, *steps))?;
+        let (storage, _) = self.var.storage_and_layout();
+        let parameters = slice(&storage)?;
+        self.mlp.pack(parameters, true, packed);
+        if let Some((average, packed)) = average {
+            kernel::soft_update(average, parameters, rates.tau);
+            self.mlp.pack(average, false, packed);
+        }
+        Ok(())
+    }
+
+    /// Everything that training changed, for a checkpoint.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn state(&self) -> Result<NetworkState> {
+        let parameters = self.lock().numbers(false)?.0.to_vec();
+        let Kept { moments, average, .. } = &*self.kept.read();
+        let mut state = vec![("dense", parameters), ("dense_m", moments.m.clone()), ("dense_v", moments.v.clone())];
+        state.extend(average.as_ref().map(|(average, _)| ("dense_average", average.clone())));
+        Ok(state)
+    }
+
+    /// Takes up what [`Self::state`] gave after `done` updates, filled in by `fill`.
+    ///
+    /// # Errors
+    /// What `fill` reports.
+    pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
+        let Kept { steps, packed, moments, average } = &mut *self.kept.write();
+        let mut result = Ok(());
+        modify(&self.var, |parameters| {
+            result = fill("dense", parameters);
+            self.mlp.pack(parameters, true, packed);
+        })?;
+        result?;
+        fill("dense_m", &mut moments.m)?;
+        fill("dense_v", &mut moments.v)?;
+        if let Some((average, packed)) = average {
+            fill("dense_average", average)?;
+            self.mlp.pack(average, false, packed);
+        }
+        *steps = done;
+        Ok(())
+    }
+}

@@ -1,0 +1,66 @@
+//! Where an update's time goes.
+
+use std::time::{Duration, Instant};
+
+/// What a run spends its time on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Acting, the environment, candidates and bridge searches.
+    Explore,
+    /// Drawing batches from the replay.
+    Sample,
+    /// Losses and gradients of critics and model.
+    CriticModelGradients,
+    /// Their optimiser steps and averages.
+    CriticModelSteps,
+    /// The actor's loss and gradient, through model and critic.
+    ActorGradient,
+    /// Its optimiser step and average.
+    ActorStep,
+    /// Building the bridge graph and its distances for distillation.
+    Graph,
+}
+
+impl Phase {
+    /// All phases, in the order in which they come.
+    pub const ALL: [Self; 7] = [
+        Self::Explore,
+        Self::Sample,
+        Self::CriticModelGradients,
+        Self::CriticModelSteps,
+        Self::ActorGradient,
+        Self::ActorStep,
+        Self::Graph,
+    ];
+
+    /// Its name in reports.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Explore => "explore: act, step, remember",
+            Self::Sample => "draw the batch",
+            Self::CriticModelGradients => "gradients of critics and model",
+            Self::CriticModelSteps => "steps of critics and model",
+            Self::ActorGradient => "gradient of the actor",
+            Self::ActorStep => "step of the actor",
+            Self::Graph => "bridge graph",
+        }
+    }
+}
+
+/// Time spent in each phase.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Profile([Duration; Phase::ALL.len()]);
+
+impl Profile {
+    /// Books the time since `began` on `phase`; returns the moment until which it was.
+    pub fn lap(&mut self, phase: Phase, began: Instant) -> Instant {
+        let now = Instant::now();
+        self.0[phase as usize] += now - began;
+        now
+    }
+
+    /// Time spent in `phase`.
+    pub fn spent(&self, phase: Phase) -> Duration {
+        self.0[phase as usize]
+    }
+}

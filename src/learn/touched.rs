@@ -1,0 +1,81 @@
+//! Which corners of a grid table an update touches: found once for all networks that read the same positions.
+
+use super::grid::{GridShape, Places};
+
+/// Slot of a corner that is not touched.
+const UNTOUCHED: u32 = u32::MAX;
+
+/// The corners around a batch's positions, each once, and which of them every position reads.
+#[derive(Clone, Debug, Default)]
+pub struct Touched {
+    /// Each touched corner, in the order in which they were first met.
+    corners: Vec<u32>,
+    /// For each read, the place of its corner in `corners`: `(positions, levels, 2^dims)`.
+    slots: Vec<u32>,
+    /// Where the positions read, and by which weights.
+    places: Places,
+    /// For each corner of the table, its place in `corners`.
+    slot_of: Vec<u32>,
+    /// Corners that a position reads in each level.
+    around: usize,
+}
+
+impl Touched {
+    /// Finds the corners, of a table of `shape`, that the positions which `locate` adds will read.
+    pub fn find(&mut self, shape: &GridShape, locate: impl FnOnce(&mut Places)) {
+        self.slot_of.resize(shape.corners(), UNTOUCHED);
+        for corner in self.corners.drain(..) {
+            self.slot_of[corner as usize] = UNTOUCHED;
+        }
+        self.around = shape.corners_around();
+        self.places.clear();
+        self.slots.clear();
+        locate(&mut self.places);
+        let Self { corners, slot_of, .. } = self;
+        self.slots.extend(self.places.corners.iter().map(|corner| {
+            let slot = &mut slot_of[*corner as usize];
+            if *slot == UNTOUCHED {
+                *slot = corners.len() as u32;
+                corners.push(*corner);
+            }
+            *slot
+        }));
+    }
+
+    /// The touched corners.
+    pub fn corners(&self) -> &[u32] {
+        &self.corners
+    }
+
+    /// The gradient of each touched corner, `(touched, channels)` written to `sums`, from the gradients of the
+    /// positions' encodings: `parts` of `(positions, levels, channels)`, in the order in which they were located.
+    pub fn sum_into(&self, parts: &[Vec<f32>], channels: usize, sums: &mut Vec<f32>) {
+        sums.clear();
+        sums.resize(self.corners.len() * channels, 0.0);
+        let encodings = parts.iter().flat_map(|part| part.chunks_exact(channels));
+        let read = self.slots.chunks_exact(self.around).zip(self.places.weights.chunks_exact(self.around));
+        for ((slots, weights), d) in read.zip(encodings) {
+            let reads = slots.iter().zip(weights);
+            if let ((sums, []), ([d], [])) = (sums.as_chunks_mut::<4>(), d.as_chunks::<4>()) {
+                // The default, in vectors of four.
+                reads.for_each(|(slot, weight)| (0..4).for_each(|c| sums[*slot as usize][c] += weight * d[c]));
+            } else {
+                for (slot, weight) in reads {
+                    let sums = &mut sums[*slot as usize * channels..][..channels];
+                    sums.iter_mut().zip(d).for_each(|(sum, d)| *sum += weight * d);
+                }
+            }
+        }
+    }
+
+    /// The gradient of a whole table, `(corners, channels)`, from the same.
+    pub fn whole(&self, parts: &[Vec<f32>], channels: usize) -> Vec<f32> {
+        let mut sums = Vec::new();
+        self.sum_into(parts, channels, &mut sums);
+        let mut whole = vec![0.0; self.slot_of.len() * channels];
+        for (corner, sum) in self.corners.iter().zip(sums.chunks_exact(channels)) {
+            whole[*corner as usize * channels..][..channels].copy_from_slice(sum);
+        }
+        whole
+    }
+}
