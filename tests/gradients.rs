@@ -5,7 +5,7 @@
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor};
 use gdg_tui::env::Spec;
-use gdg_tui::learn::{Batch, LearnSettings, Learner, LossScale, Network, Reference};
+use gdg_tui::learn::{Backend, Batch, Layers, LearnSettings, Learner, LossScale, Network, Profile, Reference, Scratch};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -51,6 +51,12 @@ fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
 }
 
 fn check(spec: &Spec, settings: &LearnSettings) {
+    for layers in [Layers::Linear, Layers::Fused] {
+        check_against(spec, settings, layers);
+    }
+}
+
+fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Learner::new(spec, settings, 2, &mut rng).unwrap();
     let batch = batch(spec, settings.batch, &mut rng);
@@ -60,7 +66,7 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
     let targets = Tensor::from_slice(&batch.steps, batch.len(), &Device::Cpu).unwrap();
-    let reference = Reference::new(&learner);
+    let reference = Reference::new(&learner, layers).unwrap();
     let critic = reference.critic_loss(0, &states, &goals, &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
@@ -132,4 +138,45 @@ fn of_every_loss_agree() {
     for loss in [LossScale::Squared, LossScale::Sqrt, LossScale::Log] {
         check(&spec(2, 2, true), &LearnSettings { loss, ..settings(40, 32, 2) });
     }
+}
+
+#[test]
+fn of_updates_on_the_tape_lead_to_the_same_weights() {
+    let spec = spec(2, 2, true);
+    let mut learners = [Backend::Fused, Backend::Tape].map(|backend| {
+        let settings = LearnSettings { backend, batch: 48, hidden: 32, ..LearnSettings::default() };
+        Learner::new(&spec, &settings, 1, &mut ChaCha8Rng::seed_from_u64(3)).unwrap()
+    });
+    let initial = learners[0].state().unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    for update in 0..20 {
+        let mut batch = batch(&spec, 48, &mut rng);
+        batch.bootstrap.iter_mut().step_by(2).for_each(|b| *b = 1.0);
+        batch.bound.iter_mut().step_by(3).for_each(|b| *b = 20.0);
+        let losses = learners.each_mut().map(|l| l.update(&batch, &mut Profile::default()).unwrap());
+        let close = |a: f32, b: f32| (a - b).abs() <= 1e-3 * a.abs() + 1e-4;
+        let [fused, tape] = losses;
+        assert!(close(fused.critic, tape.critic), "critics at update {update}: {losses:?}");
+        assert!(close(fused.model, tape.model) && close(fused.actor, tape.actor), "update {update}: {losses:?}");
+    }
+    let [fused, tape] = learners.each_ref().map(|l| l.state().unwrap());
+    assert_eq!((fused.updates, tape.updates), (20, 20));
+    for ((name, fused), ((_, tape), (_, initial))) in
+        fused.networks.iter().zip(tape.networks.iter().zip(&initial.networks))
+    {
+        let (part, fused) = &fused[0];
+        let moved = fused.iter().zip(&initial[0].1).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // Adam's first steps have the full size whatever the gradient's, so that noise in a gradient near zero shows.
+        let apart: Vec<f32> = fused.iter().zip(&tape[0].1).map(|(a, b)| (a - b).abs()).collect();
+        let mean = apart.iter().sum::<f32>() / apart.len() as f32;
+        assert!(moved > 0.005 && mean < 1e-5, "{name} {part}: moved {moved}, apart {mean}");
+    }
+    // What acts is what was trained: averages of tables too.
+    let (states, goals) = ([1.0, 2.0, -1.5, 0.5], [0.5, -2.0, 2.5, 1.0]);
+    let distances = learners.each_ref().map(|learner| {
+        let mut out = [0.0; 2];
+        learner.with_nets(true, |nets| nets.distances(&states, &goals, &mut out, &mut Scratch::default())).unwrap();
+        out
+    });
+    assert!((distances[0][0] - distances[1][0]).abs() < 1e-3 * distances[0][0], "{distances:?}");
 }

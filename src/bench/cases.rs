@@ -126,7 +126,7 @@ pub fn default_preset(threads: usize) -> Result<DefaultTimes> {
         }
     }
     let [one, all] = rates.map(median);
-    let phases = Phase::ALL.iter().map(|phase| {
+    let phases = Phase::ALL.iter().filter(|phase| **phase != Phase::Tape).map(|phase| {
         let us = |t: &Trainer| t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64;
         PhaseTimes { phase: phase.name(), one_thread_us: us(&trainers[0]), all_threads_us: us(&trainers[1]) }
     });

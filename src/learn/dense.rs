@@ -53,13 +53,13 @@ impl Dense {
     ///
     /// # Errors
     /// What candle reports.
-    pub fn new(mlp: Mlp, parameters: Vec<f32>, averaged: bool) -> Result<Self> {
+    pub fn new(mlp: Mlp, parameters: &[f32], averaged: bool) -> Result<Self> {
         let (mut packed, mut packed_average) = (Packed::default(), Packed::default());
-        mlp.pack(&parameters, true, &mut packed);
-        mlp.pack(&parameters, false, &mut packed_average);
-        let average = averaged.then(|| (parameters.clone(), packed_average));
+        mlp.pack(parameters, true, &mut packed);
+        mlp.pack(parameters, false, &mut packed_average);
+        let average = averaged.then(|| (parameters.to_vec(), packed_average));
         let kept = Kept { steps: 0, packed, moments: Moments::new(parameters.len()), average };
-        let var = Var::from_tensor(&Tensor::from_slice(&parameters, parameters.len(), &Device::Cpu)?)?;
+        let var = Var::from_tensor(&Tensor::from_slice(parameters, parameters.len(), &Device::Cpu)?)?;
         Ok(Self { mlp, var, kept: RwLock::new(kept) })
     }
 

@@ -15,7 +15,8 @@ use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Wo
 use super::network::{Network, NetworkState, Weights};
 use super::policy::{Nets, Policy};
 use super::profile::{Phase, Profile};
-use super::settings::LearnSettings;
+use super::settings::{Backend, LearnSettings};
+use super::tape::Tape;
 use super::team::Team;
 use super::touched::Touched;
 use crate::env::Spec;
@@ -56,6 +57,9 @@ pub struct LearnerState {
 pub struct Learner {
     shared: Arc<Shared>,
     team: Team,
+    backend: Backend,
+    /// The networks on a backend other than the own kernels; what is shared follows it.
+    tape: Option<Tape>,
 }
 
 /// What the threads of an update work on together.
@@ -112,7 +116,8 @@ impl Learner {
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
         let failure = Mutex::default();
         let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
-        Ok(Self { shared: Arc::new(shared), team: Team::new(threads)? })
+        let tape = Tape::new(settings.backend, shared.networks())?;
+        Ok(Self { shared: Arc::new(shared), team: Team::new(threads)?, backend: settings.backend, tape })
     }
 
     /// Networks' shapes and input features.
@@ -135,6 +140,11 @@ impl Learner {
         &self.shared.actor
     }
 
+    /// All networks: critics, model, actor.
+    pub fn networks(&self) -> impl Iterator<Item = &Network> {
+        self.shared.networks()
+    }
+
     /// Updates done.
     pub fn updates(&self) -> u64 {
         self.shared.actor.steps()
@@ -147,6 +157,14 @@ impl Learner {
     /// What candle reports.
     pub fn update(&mut self, batch: &Batch, profile: &mut Profile) -> Result<Losses> {
         let began = Instant::now();
+        if let Some(tape) = &mut self.tape {
+            let Shared { shapes, rates, actor, .. } = &*self.shared;
+            let steps = actor.steps() + 1;
+            let losses = tape.update(shapes, batch, steps, *rates)?;
+            tape.write_back(self.shared.networks(), steps)?;
+            profile.lap(Phase::Tape, began);
+            return Ok(losses);
+        }
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
         self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
@@ -249,13 +267,20 @@ impl Learner {
     /// # Errors
     /// A part that is missing or of another size.
     pub fn restore(&mut self, updates: u64, find: impl Fn(&str, &str) -> Option<Vec<f32>>) -> Result<()> {
-        self.shared.named().try_for_each(|(name, network)| network.restore(updates, |part| find(&name, part)))
+        self.shared.named().try_for_each(|(name, network)| network.restore(updates, |part| find(&name, part)))?;
+        self.tape = Tape::new(self.backend, self.shared.networks())?;
+        Ok(())
     }
 }
 
 impl Shared {
     /// Tasks of the first phase that look which corners of tables the batch touches.
     const LOOKS: usize = 2;
+
+    /// Critics, model, actor.
+    fn networks(&self) -> impl Iterator<Item = &Network> {
+        self.critics.iter().chain([&self.model, &self.actor])
+    }
 
     /// All networks with their names.
     fn named(&self) -> impl Iterator<Item = (String, &Network)> {
@@ -266,13 +291,11 @@ impl Shared {
     /// The first phase of an update: its first tasks look which corners the steps will touch, each other one computes
     /// gradients of critics and model from its part of the batch.
     fn look_or_critic_and_model_gradients(&self, task: usize) -> Result<()> {
-        match task.checked_sub(Self::LOOKS) {
-            Some(part) => self.critic_and_model_gradients(part),
-            None => {
-                self.look(task == 0);
-                Ok(())
-            }
+        if let Some(part) = task.checked_sub(Self::LOOKS) {
+            return self.critic_and_model_gradients(part);
         }
+        self.look(task == 0);
+        Ok(())
     }
 
     /// Finds the corners that the batch's pairs, or its transitions, touch.

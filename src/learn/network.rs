@@ -56,7 +56,7 @@ impl Network {
     /// # Errors
     /// What candle reports.
     pub fn new(mlp: Mlp, grid: Option<&GridShape>, tau: Option<f32>, rng: &mut ChaCha8Rng) -> Result<Self> {
-        let dense = Dense::new(mlp, mlp.initial(rng), tau.is_some())?;
+        let dense = Dense::new(mlp, &mlp.initial(rng), tau.is_some())?;
         let table = grid.map(|grid| Table::new(&grid.initial(rng), grid.channels, tau)).transpose()?;
         Ok(Self { dense, table })
     }

@@ -17,19 +17,22 @@ pub enum Phase {
     ActorGradient,
     /// Its optimiser step and average.
     ActorStep,
+    /// A whole update on candle's tape, instead of the four before.
+    Tape,
     /// Building the bridge graph and its distances for distillation.
     Graph,
 }
 
 impl Phase {
     /// All phases, in the order in which they come.
-    pub const ALL: [Self; 7] = [
+    pub const ALL: [Self; 8] = [
         Self::Explore,
         Self::Sample,
         Self::CriticModelGradients,
         Self::CriticModelSteps,
         Self::ActorGradient,
         Self::ActorStep,
+        Self::Tape,
         Self::Graph,
     ];
 
@@ -42,6 +45,7 @@ impl Phase {
             Self::CriticModelSteps => "steps of critics and model",
             Self::ActorGradient => "gradient of the actor",
             Self::ActorStep => "step of the actor",
+            Self::Tape => "update on candle's tape",
             Self::Graph => "bridge graph",
         }
     }

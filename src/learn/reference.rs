@@ -1,30 +1,74 @@
-//! The same losses by plain candle operations and autograd: the oracle for the fused gradients, and the path for
-//! devices that the fused kernels do not know.
+//! The same losses by candle operations and autograd: the oracle for the learner's own gradients, and what updates
+//! on other devices are made of.
 
-use candle_core::{D, Device, Result, Tensor};
+use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
 
 use super::encoder::Encoder;
+use super::fused::fused_mlp;
 use super::grid::GridShape;
 use super::learner::Learner;
 use super::losses::{EXCESS_WEIGHT, Shapes};
 use super::mlp::Mlp;
-use super::network::Network;
 use super::settings::LossScale;
+
+/// A network's parameters as tensors.
+#[derive(Clone, Debug)]
+pub struct Parameters {
+    /// Flat parameters of the perceptron.
+    pub dense: Tensor,
+    /// Values of the grid table, `(corners, channels)`.
+    pub table: Option<Tensor>,
+}
+
+/// How a perceptron's layers are computed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Layers {
+    /// By candle-nn's Linear, one operation after the other: on any device.
+    Linear,
+    /// As one operation ([`fused_mlp`]): on the CPU.
+    Fused,
+}
 
 /// Losses of a learner's networks as candle tensors, from which `backward` gives every gradient.
 pub struct Reference<'a> {
-    learner: &'a Learner,
+    shapes: &'a Shapes,
+    critics: Vec<Parameters>,
+    model: Parameters,
+    actor: Parameters,
+    layers: Layers,
 }
 
 impl<'a> Reference<'a> {
     /// The losses of `learner`'s current weights.
-    pub fn new(learner: &'a Learner) -> Self {
-        Self { learner }
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn new(learner: &'a Learner, layers: Layers) -> Result<Self> {
+        let networks = learner.networks().map(|network| {
+            // Values are the first rows of the table's lines.
+            let values = |lines: &Var| lines.narrow(1, 0, 1)?.squeeze(1)?.contiguous();
+            let table = network.table().map(values).transpose()?;
+            Ok(Parameters { dense: network.dense().as_tensor().clone(), table })
+        });
+        Self::of(learner.shapes(), networks.collect::<Result<_>>()?, layers)
+    }
+
+    /// The losses of `networks`: critics, model, actor.
+    pub(super) fn of(shapes: &'a Shapes, mut networks: Vec<Parameters>, layers: Layers) -> Result<Self> {
+        let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("there are three networks") };
+        Ok(Self { shapes, critics: networks, model, actor, layers })
     }
 
     fn shapes(&self) -> &Shapes {
-        self.learner.shapes()
+        self.shapes
+    }
+
+    fn mlp(&self, shape: &Mlp, parameters: &Tensor, x: &Tensor) -> Result<Tensor> {
+        match self.layers {
+            Layers::Linear => mlp(shape, parameters, x),
+            Layers::Fused => fused_mlp(shape, x, parameters),
+        }
     }
 
     /// D(s, g) of critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`.
@@ -32,9 +76,9 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// What candle reports.
     pub fn distances(&self, k: usize, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
-        let critic = self.learner.critic(k);
+        let critic = &self.critics[k];
         let x = self.pair_rows(critic, states, goals)?;
-        let z = mlp(&self.shapes().critic, critic.dense(), &x)?.squeeze(1)?;
+        let z = self.mlp(&self.shapes().critic, &critic.dense, &x)?.squeeze(1)?;
         softplus(&z)? * f64::from(self.shapes().distance_scale)
     }
 
@@ -47,8 +91,8 @@ impl<'a> Reference<'a> {
     }
 
     fn actor_outputs(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
-        let actor = self.learner.actor();
-        mlp(&self.shapes().actor, actor.dense(), &self.pair_rows(actor, states, goals)?)
+        let x = self.pair_rows(&self.actor, states, goals)?;
+        self.mlp(&self.shapes().actor, &self.actor.dense, &x)
     }
 
     /// Next states f(s, a), `(rows, state_dim)`.
@@ -56,15 +100,14 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// What candle reports.
     pub fn predictions(&self, states: &Tensor, actions: &Tensor) -> Result<Tensor> {
-        let model = self.learner.model();
         let encoder = &self.shapes().encoder;
         let u = scaled(encoder, states)?;
         let mut columns = vec![state_row(encoder, &u)?];
-        if let (Some(grid), Some(table)) = (encoder.grid(), model.table()) {
-            columns.push(encode(grid, &values(table)?, &achieved(encoder, &u)?)?);
+        if let (Some(grid), Some(table)) = (encoder.grid(), &self.model.table) {
+            columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
         }
         columns.push(actions.clone());
-        let change = mlp(&self.shapes().model, model.dense(), &Tensor::cat(&columns, 1)?)?;
+        let change = self.mlp(&self.shapes().model, &self.model.dense, &Tensor::cat(&columns, 1)?)?;
         states + (change * f64::from(encoder.spec().goal_radius))?
     }
 
@@ -109,7 +152,7 @@ impl<'a> Reference<'a> {
         Ok((self.distances(0, &next, goals)?.mean_all()?, excess))
     }
 
-    fn pair_rows(&self, network: &Network, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+    fn pair_rows(&self, network: &Parameters, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let encoder = &self.shapes().encoder;
         let (u, v) = (scaled(encoder, states)?, scaled_goals(encoder, goals)?);
         let mut columns = vec![state_row(encoder, &u)?, v.clone()];
@@ -120,36 +163,36 @@ impl<'a> Reference<'a> {
             let difference = (goals - achieved(encoder, states)?)?;
             for axis in 0..encoder.spec().goal_dim() {
                 let d = difference.narrow(1, axis, 1)?;
-                let rates = Tensor::from_slice(encoder.relative(), (1, encoder.relative().len()), &Device::Cpu)?;
+                let rates = Tensor::from_slice(encoder.relative(), (1, encoder.relative().len()), d.device())?;
                 columns.push(d.broadcast_mul(&rates)?.tanh()?);
             }
         }
-        if let (Some(grid), Some(table)) = (encoder.grid(), network.table()) {
-            columns.push(encode(grid, &values(table)?, &achieved(encoder, &u)?)?);
-            columns.push(encode(grid, &values(table)?, &v)?);
+        if let (Some(grid), Some(table)) = (encoder.grid(), &network.table) {
+            columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
+            columns.push(encode(grid, table, &v)?);
         }
         Tensor::cat(&columns, 1)
     }
 }
 
-fn row(values: &[f32]) -> Result<Tensor> {
-    Tensor::from_slice(values, (1, values.len()), &Device::Cpu)
+fn row(values: &[f32], device: &Device) -> Result<Tensor> {
+    Tensor::from_slice(values, (1, values.len()), device)
 }
 
 fn scaled(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
-    let spec = encoder.spec();
-    states.broadcast_sub(&row(&spec.state_centre)?)?.broadcast_div(&row(&spec.state_half_range)?)
+    let (spec, device) = (encoder.spec(), states.device());
+    states.broadcast_sub(&row(&spec.state_centre, device)?)?.broadcast_div(&row(&spec.state_half_range, device)?)
 }
 
 fn scaled_goals(encoder: &Encoder, goals: &Tensor) -> Result<Tensor> {
     let spec = encoder.spec();
-    let of = |values: &[f32]| row(&spec.achieved.iter().map(|i| values[*i]).collect::<Vec<_>>());
+    let of = |values: &[f32]| row(&spec.achieved.iter().map(|i| values[*i]).collect::<Vec<_>>(), goals.device());
     goals.broadcast_sub(&of(&spec.state_centre)?)?.broadcast_div(&of(&spec.state_half_range)?)
 }
 
 fn achieved(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
     let indices: Vec<u32> = encoder.spec().achieved.iter().map(|i| *i as u32).collect();
-    states.index_select(&Tensor::new(indices, &Device::Cpu)?, 1)
+    states.index_select(&Tensor::new(indices, states.device())?, 1)
 }
 
 fn state_row(encoder: &Encoder, u: &Tensor) -> Result<Tensor> {
@@ -168,11 +211,6 @@ fn fourier(encoder: &Encoder, u: &Tensor) -> Result<Tensor> {
         }
     }
     Tensor::cat(&columns, 1)
-}
-
-/// Values of a table, `(corners, channels)`: the first rows of its lines.
-fn values(lines: &Tensor) -> Result<Tensor> {
-    lines.narrow(1, 0, 1)?.squeeze(1)?.contiguous()
 }
 
 /// The grid encoding by index and interpolation, `(rows, levels * channels)`.

@@ -14,6 +14,18 @@ pub enum LossScale {
     Log,
 }
 
+/// What computes updates. All do the same but for rounding; only the first one shares the work among threads.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Backend {
+    /// Kernels of our own on the CPU, without a tape.
+    Fused,
+    /// Candle's tape on the CPU, each perceptron one operation on it.
+    Tape,
+    /// Candle's tape and layers on the first CUDA device, in a program built with `--features cuda`.
+    Cuda,
+}
+
 /// Settings of networks, losses and batches. Defaults are the preset `default`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LearnSettings {
@@ -66,6 +78,8 @@ pub struct LearnSettings {
     pub distillation: f32,
     /// Transitions kept for replay.
     pub replay_capacity: usize,
+    /// What computes updates.
+    pub backend: Backend,
 }
 
 impl Default for LearnSettings {
@@ -94,6 +108,7 @@ impl Default for LearnSettings {
             grid_learning_rate: 5e-3,
             distillation: 0.3,
             replay_capacity: 1_000_000,
+            backend: Backend::Fused,
         }
     }
 }

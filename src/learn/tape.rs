@@ -1,0 +1,207 @@
+//! Updates composed on candle's tape: the same losses, averages and steps as the learner's own kernels, slower on a
+//! CPU, but on any device that candle knows, and easy to change.
+
+use std::ops::Range;
+
+use candle_core::{Device, Result, Tensor, Var, bail};
+
+use super::adam::adam_rate;
+use super::batch::Batch;
+use super::gradient::StepRates;
+use super::kernel::{AdamRate, BETA};
+use super::learner::Losses;
+use super::losses::Shapes;
+use super::network::{Network, NetworkState};
+use super::reference::{Layers, Parameters, Reference};
+use super::settings::Backend;
+
+/// Copies of all networks on a device, trained there.
+pub struct Tape {
+    device: Device,
+    layers: Layers,
+    /// Critics, model, actor.
+    networks: Vec<Trained>,
+}
+
+/// A network on the device.
+struct Trained {
+    dense: Slot,
+    /// Values `(corners, channels)`.
+    table: Option<Slot>,
+}
+
+/// Parameters with their moments and average.
+struct Slot {
+    values: Var,
+    m: Tensor,
+    v: Tensor,
+    average: Option<Tensor>,
+}
+
+impl Tape {
+    /// Copies of `networks` (critics, model, actor) on `backend`'s device; none for the learner's own kernels.
+    ///
+    /// # Errors
+    /// That there is no such device, or what candle reports.
+    pub fn new<'a>(backend: Backend, networks: impl Iterator<Item = &'a Network>) -> Result<Option<Self>> {
+        let (device, layers) = match backend {
+            Backend::Fused => return Ok(None),
+            Backend::Tape => (Device::Cpu, Layers::Fused),
+            Backend::Cuda => match Device::new_cuda(0) {
+                Ok(device) => (device, Layers::Linear),
+                Err(e) => bail!("backend=cuda wants an NVIDIA GPU and a build with --features cuda: {e}"),
+            },
+        };
+        let networks = networks.map(|network| Trained::new(network, &device)).collect::<Result<_>>()?;
+        Ok(Some(Self { device, layers, networks }))
+    }
+
+    /// One update, as [`super::Learner::update`]; `steps` is its number, from 1.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn update(&mut self, shapes: &Shapes, batch: &Batch, steps: u64, rates: StepRates) -> Result<Losses> {
+        let spec = shapes.encoder.spec();
+        let tensor =
+            |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (numbers.len() / width, width), &self.device);
+        let column = |numbers: &[f32]| Tensor::from_slice(numbers, numbers.len(), &self.device);
+        let (s, g) = (spec.state_dim(), spec.goal_dim());
+        let (states, goals, ahead) = (tensor(&batch.states, s)?, tensor(&batch.goals, g)?, tensor(&batch.ahead, s)?);
+        let (from, next) = (tensor(&batch.from, s)?, tensor(&batch.next, s)?);
+        let actions = tensor(&batch.actions, spec.action_dim)?;
+        let critics = 0..self.networks.len() - 2;
+        let (model, actor) = (critics.end, critics.end + 1);
+
+        let averages = self.reference(shapes, true)?;
+        let mut far = averages.distances(0, &ahead, &goals)?;
+        for k in critics.clone().skip(1) {
+            far = far.maximum(&averages.distances(k, &ahead, &goals)?)?;
+        }
+        let targets = (column(&batch.steps)? + (far * column(&batch.bootstrap)?)?)?;
+        let targets = targets.minimum(&column(&batch.bound)?)?.detach();
+
+        let now = self.reference(shapes, false)?;
+        let mut critic_losses = Vec::new();
+        for k in critics.clone() {
+            critic_losses.push(now.critic_loss(k, &states, &goals, &targets)?);
+        }
+        let critic_loss = Tensor::stack(&critic_losses, 0)?.sum_all()?;
+        let model_loss = now.model_loss(&from, &actions, &next)?;
+        self.step(critics.clone(), &critic_loss, steps, rates)?;
+        self.step(model..model + 1, &model_loss, steps, rates)?;
+        let (actor_loss, excess) = self.reference(shapes, false)?.actor_loss(&states, &goals)?;
+        self.step(actor..actor + 1, &(&actor_loss + excess)?, steps, rates)?;
+        Ok(Losses {
+            critic: critic_loss.to_scalar::<f32>()? / critics.len() as f32,
+            model: model_loss.to_scalar()?,
+            actor: actor_loss.to_scalar()?,
+        })
+    }
+
+    /// The losses at the current parameters, or their averages.
+    fn reference<'a>(&self, shapes: &'a Shapes, averaged: bool) -> Result<Reference<'a>> {
+        let parameters = self.networks.iter().map(|network| network.parameters(averaged)).collect();
+        Reference::of(shapes, parameters, self.layers)
+    }
+
+    /// Steps some networks down `loss`.
+    fn step(&mut self, which: Range<usize>, loss: &Tensor, steps: u64, rates: StepRates) -> Result<()> {
+        let gradients = loss.backward()?;
+        for network in &mut self.networks[which] {
+            if let Some(gradient) = gradients.get(&network.dense.values) {
+                network.dense.step(gradient, None, adam_rate(rates.dense, steps), rates.tau)?;
+            }
+            if let Some(table) = &mut network.table
+                && let Some(gradient) = gradients.get(&table.values)
+            {
+                // Corners that no position of the batch read rest.
+                let touched = gradient.abs()?.sum_keepdim(1)?.gt(0.0)?.broadcast_as(gradient.shape())?;
+                table.step(gradient, Some(&touched), adam_rate(rates.table, steps), rates.tau)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Brings `networks` (in the order they were copied in) to where their copies are, after `steps` updates.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn write_back<'a>(&self, networks: impl Iterator<Item = &'a Network>, steps: u64) -> Result<()> {
+        for (network, trained) in networks.zip(&self.networks) {
+            let state = trained.state(steps)?;
+            let mut state: std::collections::HashMap<_, _> = state.into_iter().collect();
+            network.restore(steps, |part| state.remove(part))?;
+        }
+        Ok(())
+    }
+}
+
+impl Trained {
+    fn new(network: &Network, device: &Device) -> Result<Self> {
+        let state: std::collections::HashMap<_, _> = network.state()?.into_iter().collect();
+        let (average, table_average) = network.copy(true)?;
+        let numbers = |name: &str| Tensor::from_slice(&state[name], state[name].len(), device);
+        let averaged = state.contains_key("dense_average");
+        let dense = Slot {
+            values: Var::from_tensor(&numbers("dense")?)?,
+            m: numbers("dense_m")?,
+            v: numbers("dense_v")?,
+            average: if averaged { Some(Tensor::from_slice(&average, average.len(), device)?) } else { None },
+        };
+        let table = match network.table() {
+            Some(lines) => {
+                let (corners, rows, channels) = lines.dims3()?;
+                let lines = numbers("table")?.reshape((corners, rows, channels))?;
+                let row = |i: usize| lines.narrow(1, i, 1)?.squeeze(1)?.contiguous();
+                let average = Tensor::from_slice(&table_average, (corners, channels), device)?;
+                let average = averaged.then_some(average);
+                Some(Slot { values: Var::from_tensor(&row(0)?)?, m: row(2)?, v: row(3)?, average })
+            }
+            None => None,
+        };
+        Ok(Self { dense, table })
+    }
+
+    fn parameters(&self, averaged: bool) -> Parameters {
+        let of = |slot: &Slot| match slot.average.as_ref().filter(|_| averaged) {
+            Some(average) => average.clone(),
+            None => slot.values.as_tensor().clone(),
+        };
+        Parameters { dense: of(&self.dense), table: self.table.as_ref().map(of) }
+    }
+
+    /// The state as [`Network::state`] has it.
+    fn state(&self, steps: u64) -> Result<NetworkState> {
+        let numbers = |t: &Tensor| t.flatten_all()?.to_vec1::<f32>();
+        let Slot { values, m, v, average } = &self.dense;
+        let mut state = vec![("dense", numbers(values)?), ("dense_m", numbers(m)?), ("dense_v", numbers(v)?)];
+        if let Some(average) = average {
+            state.push(("dense_average", numbers(average)?));
+        }
+        if let Some(Slot { values, m, v, average }) = &self.table {
+            let average = average.as_ref().unwrap_or(values.as_tensor());
+            state.push(("table", numbers(&Tensor::stack(&[values.as_tensor(), average, m, v], 1)?)?));
+            state.push(("table_last", vec![f32::from_bits(steps as u32); values.dim(0)?]));
+        }
+        Ok(state)
+    }
+}
+
+impl Slot {
+    /// One Adam step where `touched`, then one of the average.
+    fn step(&mut self, gradient: &Tensor, touched: Option<&Tensor>, rate: AdamRate, tau: f32) -> Result<()> {
+        let beta = (f64::from(BETA.0), f64::from(BETA.1));
+        let m = ((&self.m * beta.0)? + (gradient * (1.0 - beta.0))?)?;
+        let v = ((&self.v * beta.1)? + (gradient.sqr()? * (1.0 - beta.1))?)?;
+        let step = ((&m * f64::from(rate.rate))? / (v.sqrt()? + f64::from(rate.epsilon))?)?;
+        let values = (self.values.as_tensor() - step)?;
+        let chosen = |new: Tensor, old: &Tensor| touched.map_or(Ok(new.clone()), |t| t.where_cond(&new, old));
+        let values = chosen(values, &self.values)?.detach();
+        (self.m, self.v) = (chosen(m, &self.m)?.detach(), chosen(v, &self.v)?.detach());
+        self.values.set(&values)?;
+        if let Some(average) = &mut self.average {
+            *average = (&*average + ((values - &*average)? * f64::from(tau))?)?.detach();
+        }
+        Ok(())
+    }
+}
