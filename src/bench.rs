@@ -26,6 +26,7 @@ struct Measurements {
     peak_gflops: f64,
     updates: Vec<UpdateTimes>,
     default_preset: DefaultTimes,
+    interface: InterfaceTimes,
     other: Vec<Timed>,
 }
 
@@ -64,6 +65,18 @@ struct PhaseTimes {
     all_threads_us: f64,
 }
 
+/// Training on a map of 256 x 256 cells with the interface open at 200 x 60, against training alone.
+#[derive(Debug, Serialize)]
+struct InterfaceTimes {
+    runs: usize,
+    /// Updates a second without the interface.
+    alone: f64,
+    /// Speed with the interface as a share of that.
+    ratio: f64,
+    /// Drawing a frame.
+    frame_us: f64,
+}
+
 /// Something else that was timed.
 #[derive(Debug, Serialize)]
 struct Timed {
@@ -96,6 +109,7 @@ pub fn run(json: bool, threads: usize) -> Result<String, Report> {
         peak_gflops,
         updates: updates.collect::<candle_core::Result<_>>().into_diagnostic()?,
         default_preset: cases::default_preset(threads).into_diagnostic()?,
+        interface: cases::interface(threads).into_diagnostic()?,
         other: cases::other().into_diagnostic()?,
     };
     if json {
@@ -122,6 +136,10 @@ impl Measurements {
             out += &format!("  {:<36}{:>8.1} us{:>8.1} us\n", p.phase, p.one_thread_us, p.all_threads_us);
         }
         out += "\n";
+        let i = &self.interface;
+        out += &format!("256 x 256 cells: {:.0} updates/s on {} threads, ", i.alone, self.threads);
+        out += &format!("with the interface at 200 x 60 {:.2} of that ({} runs); ", i.ratio, i.runs);
+        out += &format!("a frame {:.1} ms\n\n", i.frame_us / 1e3);
         for t in &self.other {
             out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
         }

@@ -112,8 +112,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub scen: Option<PathBuf>,
 
-    /// Threads that share an update's work; results do not depend on it [default: this machine's cores, with the
-    /// interface one less]
+    /// Threads that share an update's work; results do not depend on it [default: this machine's cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
 

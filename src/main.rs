@@ -43,7 +43,7 @@ fn train(cli: &Cli) -> u8 {
         };
     }
     let headless = args.no_ui || !std::io::stdout().is_terminal();
-    let setup = match setup::prepare(args, !headless) {
+    let setup = match setup::prepare(args) {
         Ok(setup) => setup,
         Err(error) => return fail(&error, BAD_INPUT),
     };

@@ -47,17 +47,12 @@ pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
     train::settings_from(args.preset.into(), &overrides).map_err(|e| Report::new(*e))
 }
 
-/// Loads map, scenario and checkpoint and prepares the run, with a `screen` or without.
+/// Loads map, scenario and checkpoint and prepares the run.
 ///
 /// # Errors
 /// Whatever is wrong with the files or settings, as the user should see it.
-pub fn prepare(args: &TrainArgs, screen: bool) -> Result<Setup, Report> {
-    // With a screen to draw and its distances to compute, a core for that is worth more to training than one that it
-    // would have to share: the threads of an update wait for each other.
-    let threads = match args.threads {
-        None if screen => (threads(None) - 1).max(1),
-        asked => threads(asked),
-    };
+pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
+    let threads = threads(args.threads);
     let trainer = if let Some(path) = &args.resume {
         train::load(path, threads)?
     } else {

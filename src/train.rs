@@ -16,7 +16,7 @@ mod trainer;
 pub use checkpoint::{CheckpointError, load, save};
 pub use config::{ConfigError, Overrides, settings_from};
 pub use engine::{Command, Engine, Phase, Snapshot};
-pub use evaluate::{BridgeFacts, DistanceError, Evaluation};
+pub use evaluate::{BridgeFacts, DistanceError, Evaluation, EvaluationJob};
 pub use method::{Method, Preset};
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score};

@@ -16,6 +16,7 @@
 mod action;
 mod app;
 mod colour;
+mod measure;
 mod raster;
 mod render;
 mod terminal;
@@ -25,7 +26,7 @@ mod viewer;
 
 use std::io::Write;
 use std::sync::atomic::{AtomicUsize, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crossterm::event::EventStream;
 use futures_util::StreamExt;
@@ -35,11 +36,13 @@ use crate::cli::TrainArgs;
 use crate::setup::{Setup, ending_signals};
 use crate::train::{self, Engine};
 use app::App;
+pub use measure::Watched;
 use terminal::Terminal;
 use viewer::Viewer;
 
-/// Shortest time between two frames.
-const FRAME: Duration = Duration::from_millis(33);
+/// Shortest time between two frames: one that answers the user, and one that shows what has changed.
+const ANSWER: Duration = Duration::from_millis(16);
+const FRAME: Duration = Duration::from_millis(66);
 
 /// Opens the trainer; the exit status once it is closed.
 ///
@@ -75,34 +78,55 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
     let mut events = EventStream::new();
     let mut snapshots = app.snapshots();
     let mut views = app.views();
-    let mut frames = tokio::time::interval(FRAME);
-    frames.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
-    let mut changed = true;
+    let mut ticks = tokio::time::interval(ANSWER);
+    ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
+    let mut pace = Pace { asked: true, ..Pace::default() };
     while !app.is_done() && signal.load(Ordering::Relaxed) == 0 {
         tokio::select! {
             event = events.next() => match event {
                 Some(event) => {
                     app.on_event(&event?);
-                    changed = true;
+                    pace.asked = true;
                 }
                 // Nobody is left at the keyboard.
                 None => break,
             },
             Ok(()) = snapshots.changed() => {
                 app.on_snapshot(snapshots.borrow_and_update().clone());
-                changed = true;
+                pace.changed = true;
             }
             Ok(()) = views.changed() => {
                 app.on_view(views.borrow_and_update().clone());
-                changed = true;
+                pace.changed = true;
             }
-            _ = frames.tick() => {
-                if app.on_tick() || changed {
+            _ = ticks.tick() => {
+                pace.changed |= app.on_tick();
+                if pace.is_due() {
                     terminal.draw(|frame| render::draw(frame, app))?;
-                    changed = false;
                 }
             }
         }
     }
     Ok(())
+}
+
+/// When to draw: at once for the user, at leisure for what changes by itself.
+#[derive(Default)]
+struct Pace {
+    /// The user did something.
+    asked: bool,
+    /// There is something new to see.
+    changed: bool,
+    drawn: Option<Instant>,
+}
+
+impl Pace {
+    /// Whether a frame is to be drawn now; then it counts as drawn.
+    fn is_due(&mut self) -> bool {
+        let due = self.asked || self.changed && self.drawn.is_none_or(|at| at.elapsed() >= FRAME);
+        if due {
+            *self = Self { drawn: Some(Instant::now()), ..Self::default() };
+        }
+        due
+    }
 }

@@ -1,18 +1,20 @@
 //! What is measured.
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use candle_core::Result;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::plain::Plain;
-use super::{DefaultTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
+use super::{DefaultTimes, InterfaceTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
 use crate::bridge::{BridgeGraph, BridgeSettings, Experience, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Batch, LearnSettings, Learner, Phase, Profile, Scratch};
 use crate::map::{Grid, builtin};
 use crate::train::{Method, Preset, Run, Settings, Tick, Trainer};
+use crate::tui::Watched;
 
 /// Turns of each case, and updates in one turn.
 const TURNS: usize = 15;
@@ -20,6 +22,9 @@ const UPDATES: usize = 20;
 
 /// Side of the open map that fields and plans are measured on, in cells.
 const OPEN: usize = 256;
+
+/// Columns and rows of the screen that the interface is measured on.
+const SCREEN: (u16, u16) = (200, 60);
 
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(1)
@@ -131,6 +136,41 @@ pub fn default_preset(threads: usize) -> Result<DefaultTimes> {
         PhaseTimes { phase: phase.name(), one_thread_us: us(&trainers[0]), all_threads_us: us(&trainers[1]) }
     });
     Ok(DefaultTimes { runs: TURNS, one_thread: one, all_threads: all, phases: phases.collect() })
+}
+
+/// Training on a large map with the interface open and without, in turns.
+pub fn interface(threads: usize) -> Result<InterfaceTimes> {
+    const TURN: Duration = Duration::from_secs(2);
+    let map = rooms();
+    let trainer = || {
+        let run = Run { method: Method::GdgBridge, preset: Preset::Default, seed: 1, settings: Settings::default() };
+        Trainer::new(run, map.clone(), threads)
+    };
+    let mut alone = trainer()?;
+    let mut watched = Watched::open(trainer()?, OPEN as u32, SCREEN)?;
+    let (mut rates, mut ratios, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    for turn in 0..=TURNS {
+        let (began, mut updates) = (Instant::now(), 0);
+        while began.elapsed() < TURN {
+            updates += u64::from(alone.tick()? == Tick::Update);
+        }
+        let rate = f64::from(updates as u32) / began.elapsed().as_secs_f64();
+        let watching = watched.watch(TURN)?;
+        if turn > 0 {
+            rates.push(rate);
+            ratios.push(watching.updates_per_second / rate);
+            frames.extend(watching.frames_us);
+        }
+    }
+    let runs = ratios.len();
+    Ok(InterfaceTimes { runs, alone: median(rates), ratio: median(ratios), frame_us: median(frames) })
+}
+
+/// Rooms of thirty-one by thirty-one cells with doors, as large as the open map.
+fn rooms() -> Arc<Grid> {
+    let wall = |x: usize, y: usize| x % 32 == 31 && y % 32 != 15 || y % 32 == 31 && x % 32 != 15;
+    let free = (0..OPEN * OPEN).map(|i| !wall(i % OPEN, i / OPEN)).collect();
+    Arc::new(Grid::new("rooms", OPEN, free, Vec::new(), Vec::new()))
 }
 
 /// Acting, the field of a whole map, planning, environment steps.

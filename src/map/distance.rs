@@ -3,8 +3,6 @@
 //! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A library's search
 //! over hashed nodes is some thirty times slower here, and a map's diameter takes hundreds of searches.
 
-use std::collections::VecDeque;
-
 use super::grid::{Cell, Grid};
 
 /// Steps to a cell that cannot be reached.
@@ -17,7 +15,8 @@ pub struct StepSearch {
     /// Neighbours of each cell as a bit set over [`OFFSETS`].
     moves: Vec<u8>,
     steps: Vec<u32>,
-    queue: VecDeque<u32>,
+    /// Cells that the latest search reached, in the order in which it did.
+    reached: Vec<u32>,
 }
 
 const OFFSETS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
@@ -65,35 +64,44 @@ impl StepSearch {
                 bits | 1 << OFFSETS.iter().position(|o| *o == offset).unwrap_or(0)
             });
         }
-        Self { width: grid.width(), moves, steps: vec![UNREACHABLE; grid.free().len()], queue: VecDeque::new() }
+        Self { width: grid.width(), moves, steps: vec![UNREACHABLE; grid.free().len()], reached: Vec::new() }
     }
 
     /// Steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no way. As every step can be
     /// undone, these are the steps *to* `cell` as well.
     pub fn from(&mut self, cell: Cell) -> &[u32] {
-        let start = cell.y * self.width + cell.x;
-        self.steps.fill(UNREACHABLE);
-        self.flood(start, |steps, at, from| steps[at] = steps[from] + 1);
-        &self.steps
+        self.within(cell, UNREACHABLE)
     }
 
-    /// Visits everything reachable from `start` in breadth-first order.
-    fn flood(&mut self, start: usize, mut label: impl FnMut(&mut [u32], usize, usize)) {
-        self.steps[start] = 0;
-        self.queue.push_back(start as u32);
-        while let Some(at) = self.queue.pop_front() {
-            let at = at as usize;
-            let mut bits = self.moves[at];
+    /// The same as [`Self::from`] for cells up to `most` steps away, [`UNREACHABLE`] for all others.
+    pub fn within(&mut self, cell: Cell, most: u32) -> &[u32] {
+        let Self { width, moves, steps, reached } = self;
+        for at in reached.drain(..) {
+            steps[at as usize] = UNREACHABLE;
+        }
+        let start = cell.y * *width + cell.x;
+        steps[start] = 0;
+        reached.push(start as u32);
+        let mut done = 0;
+        while done < reached.len() {
+            let at = reached[done] as usize;
+            done += 1;
+            let next_steps = steps[at] + 1;
+            if next_steps > most {
+                break;
+            }
+            let mut bits = moves[at];
             while bits != 0 {
                 let (dx, dy) = OFFSETS[bits.trailing_zeros() as usize];
                 bits &= bits - 1;
-                let next = at.wrapping_add_signed(dy * self.width as isize + dx);
-                if self.steps[next] == UNREACHABLE {
-                    label(&mut self.steps, next, at);
-                    self.queue.push_back(next as u32);
+                let next = at.wrapping_add_signed(dy * *width as isize + dx);
+                if steps[next] == UNREACHABLE {
+                    steps[next] = next_steps;
+                    reached.push(next as u32);
                 }
             }
         }
+        steps
     }
 
     /// The connected components of the free cells.

@@ -1,7 +1,7 @@
 //! A trainer on a thread of its own: it takes commands and publishes snapshots, and knows no front end.
 
 use std::sync::Arc;
-use std::sync::mpsc::{Receiver, SyncSender, TryRecvError, sync_channel};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -10,6 +10,7 @@ use tokio::sync::watch;
 use super::checkpoint;
 use super::evaluate::Evaluation;
 use super::run::{Counters, Limits, Run, Tick};
+use super::tasks::TaskSet;
 use super::trainer::Trainer;
 use crate::bridge::{Experience, SearchOutcome};
 use crate::learn::{Losses, Policy};
@@ -18,12 +19,18 @@ use crate::map::Grid;
 /// How often snapshots are published while training.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);
 
-/// How often a snapshot brings new networks and candidates.
+/// How often a snapshot brings new networks and candidates at most; copying them holds training up, of which it takes
+/// no larger share than one part in [`PARTS_FOR_TRAINING`].
 const NETWORKS_EVERY: Duration = Duration::from_millis(300);
 
-/// Updates between evaluations, and tasks at each distance: small enough not to be noticed.
+/// Updates between evaluations at least, and tasks at each distance. They run beside training, but on the same cores:
+/// one begins only when so many times as long as the last one took has passed.
 const EVALUATE_EVERY_UPDATES: u64 = 2_500;
 const EVALUATION_TASKS: usize = 10;
+const PARTS_FOR_TRAINING: u32 = 60;
+
+/// How often a trainer that waits looks whether its evaluation is done.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
 
 /// What a front end can ask for.
 #[derive(Debug)]
@@ -95,7 +102,8 @@ impl Engine {
         let first = snapshot(&trainer)?;
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let (run, map) = (trainer.run().clone(), trainer.map().clone());
-        let worker = Worker { trainer, diameter, limits, inbox, publish, current: first };
+        let worker =
+            Worker { trainer, diameter, limits, inbox, publish, current: first, evaluation: None, rested: None };
         let thread = std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
         Ok(Self { commands, snapshots, thread, run, map })
     }
@@ -151,6 +159,16 @@ struct Worker {
     inbox: Receiver<Command>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
+    evaluation: Option<Evaluating>,
+    /// When the next evaluation may begin.
+    rested: Option<Instant>,
+}
+
+/// An evaluation under way on a thread of its own.
+struct Evaluating {
+    updates: u64,
+    began: Instant,
+    result: JoinHandle<Evaluation>,
 }
 
 impl Worker {
@@ -168,20 +186,28 @@ impl Worker {
 
     fn train(&mut self) -> candle_core::Result<()> {
         let mut published = Instant::now();
-        let mut renewed = Instant::now();
+        let mut renew_at = Instant::now();
         let mut rate_from = (self.trainer.seconds(), self.trainer.counters());
         loop {
             loop {
                 let waiting = self.current.phase != Phase::Running;
-                let command = if waiting {
-                    self.inbox.recv().map_err(|_| TryRecvError::Disconnected)
-                } else {
-                    self.inbox.try_recv()
+                let command = match (waiting, &self.evaluation) {
+                    (false, _) => self.inbox.try_recv(),
+                    (true, None) => self.inbox.recv().map_err(|_| TryRecvError::Disconnected),
+                    (true, Some(_)) => self.inbox.recv_timeout(LOOK_EVERY).map_err(|e| match e {
+                        RecvTimeoutError::Timeout => TryRecvError::Empty,
+                        RecvTimeoutError::Disconnected => TryRecvError::Disconnected,
+                    }),
                 };
                 match command {
                     Ok(command) => self.carry_out(command),
-                    Err(TryRecvError::Empty) => break,
                     Err(TryRecvError::Disconnected) => return Ok(()),
+                    Err(TryRecvError::Empty) => {
+                        self.collect_evaluation();
+                        if !waiting {
+                            break;
+                        }
+                    }
                 }
             }
             if self.trainer.limit_reached(&self.limits).is_some() {
@@ -191,16 +217,11 @@ impl Worker {
             }
             let tick = self.trainer.tick()?;
             if tick == Tick::Update && self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
-                let tasks = self.trainer.tasks(self.diameter, EVALUATION_TASKS);
-                let evaluation = self.trainer.evaluate(&tasks)?;
-                Arc::make_mut(&mut self.current.evaluations).push((self.trainer.counters().updates, evaluation));
+                self.begin_evaluation()?;
             }
             if published.elapsed() >= SNAPSHOT_EVERY {
                 published = Instant::now();
-                let networks = renewed.elapsed() >= NETWORKS_EVERY;
-                if networks {
-                    renewed = Instant::now();
-                }
+                let networks = published >= renew_at;
                 let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
                 if seconds - rate_from.0 > 1.0 {
                     let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - rate_from.0);
@@ -211,8 +232,41 @@ impl Worker {
                     rate_from = (seconds, counters);
                 }
                 self.renew(networks)?;
+                if networks {
+                    renew_at = Instant::now() + NETWORKS_EVERY.max(PARTS_FOR_TRAINING * published.elapsed());
+                }
             }
         }
+    }
+
+    /// Starts an evaluation of this moment unless one is under way or was a short while ago.
+    fn begin_evaluation(&mut self) -> candle_core::Result<()> {
+        if self.evaluation.is_some() || self.rested.is_some_and(|at| Instant::now() < at) {
+            return Ok(());
+        }
+        let (job, rng) = (self.trainer.evaluation()?, self.trainer.task_rng());
+        let (map, diameter) = (self.trainer.map().clone(), self.diameter);
+        let began = Instant::now();
+        let result = std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
+            let mut rng = rng;
+            job.carry_out(&TaskSet::sample(&map, diameter, EVALUATION_TASKS, &mut rng))
+        })?;
+        self.evaluation = Some(Evaluating { updates: self.trainer.counters().updates, began, result });
+        Ok(())
+    }
+
+    /// Takes up an evaluation that is done.
+    fn collect_evaluation(&mut self) {
+        let Some(Evaluating { updates, began, result }) = self.evaluation.take_if(|e| e.result.is_finished()) else {
+            return;
+        };
+        let now = Instant::now();
+        self.rested = Some(now + PARTS_FOR_TRAINING * (now - began));
+        match result.join() {
+            Ok(evaluation) => Arc::make_mut(&mut self.current.evaluations).push((updates, evaluation)),
+            Err(_) => self.current.notice = (self.current.notice.0 + 1, "an evaluation failed".to_owned()),
+        }
+        self.publish.send_replace(Arc::new(self.current.clone()));
     }
 
     /// Publishes what has changed; networks only now and then, as copying them takes longer.

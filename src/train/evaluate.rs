@@ -4,9 +4,11 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
+use super::method::Method;
+use super::run::Run;
 use super::score::{Score, spearman};
 use super::tasks::TaskSet;
-use crate::bridge::{BridgeGraph, Walker};
+use crate::bridge::{BridgeGraph, Experience, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Nets, Policy, Scratch};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
@@ -54,38 +56,34 @@ const NEAR_STEPS: u32 = 10;
 /// Goals, starts for each, and near starts for each, that D's error is measured on.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
 
-/// Evaluates a policy: `graph` for methods that plan.
-pub fn evaluate(
-    world: &PointMaze,
-    policy: &Policy,
-    graph: Option<&BridgeGraph>,
-    tasks: &TaskSet,
-    rng: &mut ChaCha8Rng,
-) -> Evaluation {
-    let nets = policy.nets();
-    let greedy = Actor::Greedy(&nets);
-    let planned = graph.map(|graph| walk(world, tasks, &Actor::Planned(&nets, graph), rng));
-    Evaluation {
-        greedy: walk(world, tasks, &greedy, rng),
-        planned,
-        distance_error: distance_error(world.map(), &nets, rng),
-        bridges: graph.map(|graph| bridge_facts(world.map(), graph)),
-    }
+/// An evaluation with all that it needs: it can be carried out at any time, by any thread.
+pub struct EvaluationJob {
+    pub(super) run: Run,
+    pub(super) world: PointMaze,
+    pub(super) policy: Policy,
+    /// Candidates and what was seen between them, for methods that plan.
+    pub(super) experience: Option<Experience>,
+    pub(super) rng: ChaCha8Rng,
 }
 
-/// Scores random walks, for the method `random`.
-pub fn evaluate_random(
-    world: &PointMaze,
-    policy: &Policy,
-    tasks: &TaskSet,
-    hold_steps: f32,
-    rng: &mut ChaCha8Rng,
-) -> Evaluation {
-    Evaluation {
-        greedy: walk(world, tasks, &Actor::Random { hold_steps }, rng),
-        planned: None,
-        distance_error: distance_error(world.map(), &policy.nets(), rng),
-        bridges: None,
+impl EvaluationJob {
+    /// Evaluates on `tasks`, against the truth.
+    pub fn carry_out(self, tasks: &TaskSet) -> Evaluation {
+        let Self { run, world, policy, experience, mut rng } = self;
+        let (nets, mut scratch, rng) = (policy.nets(), Scratch::default(), &mut rng);
+        let bridge = &run.settings.bridge;
+        let graph = experience.as_ref().map(|e| BridgeGraph::build(world.spec(), bridge, e, &nets, &mut scratch));
+        let planned = graph.as_ref().map(|graph| walk(&world, tasks, &Actor::Planned(&nets, graph), rng));
+        let greedy = match run.method {
+            Method::Random => Actor::Random { hold_steps: run.settings.train.random_hold_steps },
+            _ => Actor::Greedy(&nets),
+        };
+        Evaluation {
+            greedy: walk(&world, tasks, &greedy, rng),
+            planned,
+            distance_error: distance_error(world.map(), &nets, rng),
+            bridges: graph.map(|graph| bridge_facts(world.map(), &graph)),
+        }
     }
 }
 
@@ -196,7 +194,12 @@ fn distance_error(map: &Grid, nets: &Nets, rng: &mut ChaCha8Rng) -> DistanceErro
     }
 }
 
-/// Counts false edges: true distance (between the candidates' cells) above 2 D + 4.
+/// An edge of length D is false where its true distance is above this many steps.
+fn longest_true(distance: f32) -> f32 {
+    2.0 * distance + 4.0
+}
+
+/// Counts false edges, by the true distance between the candidates' cells.
 fn bridge_facts(map: &Grid, graph: &BridgeGraph) -> BridgeFacts {
     let mut search = StepSearch::new(map);
     let cell = |i: usize| Cell::new(graph.point(i)[0] as usize, graph.point(i)[1] as usize);
@@ -206,10 +209,11 @@ fn bridge_facts(map: &Grid, graph: &BridgeGraph) -> BridgeFacts {
         if !map.is_free(from) {
             continue;
         }
-        let steps = search.from(from);
+        let longest = edges.iter().map(|e| longest_true(e.distance)).fold(0.0, f32::max);
+        let steps = search.within(from, longest as u32);
         let is_false = |to: Cell, distance: f32| {
             let truth = steps[map.index(to)];
-            truth == UNREACHABLE || truth as f32 > 2.0 * distance + 4.0
+            truth == UNREACHABLE || truth as f32 > longest_true(distance)
         };
         false_edges += edges.iter().filter(|e| is_false(cell(e.to), e.distance)).count();
     }

@@ -8,7 +8,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::evaluate::{Evaluation, evaluate, evaluate_random};
+use super::evaluate::{Evaluation, EvaluationJob};
 use super::method::Method;
 use super::rollout::{Rollout, RolloutState};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
@@ -277,7 +277,12 @@ impl Trainer {
 
     /// Random tasks for an evaluation at this moment: the same ones however often was evaluated before.
     pub fn tasks(&self, diameter: u32, per_distance: usize) -> TaskSet {
-        TaskSet::sample(&self.map, diameter, per_distance, &mut self.evaluation_rng(1))
+        TaskSet::sample(&self.map, diameter, per_distance, &mut self.task_rng())
+    }
+
+    /// The random numbers that [`Self::tasks`] draws by.
+    pub fn task_rng(&self) -> ChaCha8Rng {
+        self.evaluation_rng(1)
     }
 
     fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
@@ -287,19 +292,26 @@ impl Trainer {
         rng
     }
 
-    /// Evaluates against the truth; the training goes on as if it had not happened.
+    /// An evaluation of this moment; the training goes on as if it had not happened.
     ///
     /// # Errors
     /// What candle reports.
-    pub fn evaluate(&mut self, tasks: &TaskSet) -> Result<Evaluation> {
-        let policy = self.policy()?;
-        let mut rng = self.evaluation_rng(0);
-        if self.run.method == Method::Random {
-            let hold = self.run.settings.train.random_hold_steps;
-            return Ok(evaluate_random(&self.world, &policy, tasks, hold, &mut rng));
-        }
-        let graph = if self.run.method.plans() { Some(self.graph()?) } else { None };
-        Ok(evaluate(&self.world, &policy, graph.as_ref(), tasks, &mut rng))
+    pub fn evaluation(&self) -> Result<EvaluationJob> {
+        Ok(EvaluationJob {
+            run: self.run.clone(),
+            world: self.world.clone(),
+            policy: self.policy()?,
+            experience: self.run.method.plans().then(|| self.experience.clone()),
+            rng: self.evaluation_rng(0),
+        })
+    }
+
+    /// Evaluates against the truth.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
+        Ok(self.evaluation()?.carry_out(tasks))
     }
 
     /// What a checkpoint holds besides networks, replay and candidates.

@@ -13,6 +13,7 @@ use tokio::sync::watch;
 use super::action::{Action, action_of};
 use super::colour::Depth;
 use super::raster::MapFrame;
+use super::render::Base;
 use super::viewer::{Request, View, Viewer};
 use crate::cli::TrainArgs;
 use crate::map::Cell;
@@ -43,6 +44,8 @@ pub struct App {
     notice: Option<(String, Instant)>,
     /// Where the map was drawn last: clicks are understood by it.
     frame: Option<MapFrame>,
+    /// What of the map pane did not change since then.
+    pub base: Option<Base>,
     save_to: PathBuf,
     rng: ChaCha8Rng,
     done: bool,
@@ -67,6 +70,7 @@ impl App {
             depth: Depth::detect(),
             notice: None,
             frame: None,
+            base: None,
             save_to: args.save.clone().unwrap_or_else(|| PathBuf::from("saves").join(name)),
             rng: ChaCha8Rng::seed_from_u64(run.seed),
             done: false,
@@ -168,6 +172,11 @@ impl App {
         over
     }
 
+    /// Passes a command on to the trainer; `false` where too many wait.
+    pub fn command(&self, command: Command) -> bool {
+        self.engine.send(command)
+    }
+
     /// The user did something, or the terminal changed.
     pub fn on_event(&mut self, event: &Event) {
         match event {
@@ -195,7 +204,7 @@ impl App {
         match action {
             Action::TogglePause => {
                 let command = if self.snapshot.phase == Phase::Paused { Command::Resume } else { Command::Pause };
-                self.engine.send(command);
+                self.command(command);
             }
             Action::NewGoal => {
                 let cell = self.random_cell();
@@ -207,7 +216,7 @@ impl App {
             Action::ToggleAgents => self.show_agents = !self.show_agents,
             Action::Save => {
                 self.notify(format!("saving {} ...", self.save_to.display()));
-                if !self.engine.send(Command::Save(self.save_to.clone())) {
+                if !self.command(Command::Save(self.save_to.clone())) {
                     self.notify("the trainer is busy: try again".to_owned());
                 }
             }

@@ -11,6 +11,8 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::action::BINDINGS;
+pub use map::Base;
+
 use super::app::App;
 use crate::train::Phase;
 

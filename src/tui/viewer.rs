@@ -14,14 +14,16 @@ use crate::bridge::{BridgeGraph, Experience, Target, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Nets, Policy, Scratch};
 use crate::map::{Cell, StepSearch, UNREACHABLE};
-use crate::train::{Engine, Method, Snapshot};
+use crate::train::{Engine, Method, Phase, Snapshot};
 
 /// Time between two steps of the walking agent.
 const STEP: Duration = Duration::from_millis(70);
 
-/// The field is computed anew at most this often, and takes at most this share of a core.
-const FIELD_EVERY: Duration = Duration::from_millis(250);
-const FIELD_SHARE: u32 = 5;
+/// Field and graph are computed anew at most this often. They run beside training, but on the same cores: each rests
+/// so many times as long as it took, less while training does not go on.
+const RENEW_EVERY: Duration = Duration::from_millis(250);
+const REST_WHILE_TRAINING: u32 = 80;
+const REST_OTHERWISE: u32 = 3;
 
 /// Steps that the walking agent rests at the goal before it starts from somewhere else.
 const REST_STEPS: u32 = 15;
@@ -118,15 +120,39 @@ struct Worker {
     snapshots: watch::Receiver<Arc<Snapshot>>,
     inbox: Receiver<Request>,
     publish: watch::Sender<Arc<View>>,
+    /// What the graph was built of and the agent walks by.
     networks: Arc<(Policy, Experience)>,
+    /// What the field was computed by.
+    shown: Arc<(Policy, Experience)>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
     window: Option<Raster>,
     view: View,
     resting: u32,
     scratch: Scratch,
-    /// When the field was computed, and how long that took.
-    computed: Option<(Instant, Duration)>,
+    field: Renewal,
+    graph_age: Renewal,
+}
+
+/// When something was computed, and how long that took.
+#[derive(Clone, Copy, Default)]
+struct Renewal(Option<(Instant, Duration)>);
+
+impl Renewal {
+    /// Whether it may be computed again, resting `times` as long as it took.
+    fn is_due(self, times: u32) -> bool {
+        self.0.is_none_or(|(at, took)| at.elapsed() >= RENEW_EVERY.max(took * times))
+    }
+
+    /// Notes that it was computed since `began`.
+    fn done(&mut self, began: Instant) {
+        self.0 = Some((Instant::now(), began.elapsed()));
+    }
+
+    /// Asks for it at once.
+    fn ask(&mut self) {
+        self.0 = None;
+    }
 }
 
 impl Worker {
@@ -144,11 +170,13 @@ impl Worker {
             view: View::default(),
             resting: 0,
             scratch: Scratch::default(),
-            computed: None,
+            field: Renewal::default(),
+            graph_age: Renewal::default(),
             world,
             snapshots,
             inbox,
             publish,
+            shown: networks.clone(),
             networks,
         };
         worker.restart();
@@ -173,13 +201,7 @@ impl Worker {
                 }
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            let latest = self.snapshots.borrow().networks.clone();
-            let renewed = !Arc::ptr_eq(&latest, &self.networks);
-            let rested = self.computed.is_none_or(|(at, took)| at.elapsed() >= FIELD_EVERY.max(took * FIELD_SHARE));
-            if self.computed.is_none() || renewed && rested {
-                self.networks = latest;
-                self.compute();
-            }
+            self.renew();
             self.publish.send_replace(Arc::new(self.view.clone()));
         }
     }
@@ -189,18 +211,36 @@ impl Worker {
             Request::Goal(cell) => {
                 self.view.goal = Some(cell);
                 self.begin_journey();
-                self.computed = None;
+                self.field.ask();
             }
             Request::NewStart => self.restart(),
             Request::Window(raster) => {
                 self.window = Some(raster);
-                self.computed = None;
+                self.field.ask();
             }
         }
     }
 
-    /// The graph and the field of the latest networks.
-    fn compute(&mut self) {
+    /// Computes graph and field of the latest networks where they are due.
+    fn renew(&mut self) {
+        let (latest, training) = {
+            let snapshot = self.snapshots.borrow();
+            (snapshot.networks.clone(), snapshot.phase == Phase::Running)
+        };
+        let times = if training { REST_WHILE_TRAINING } else { REST_OTHERWISE };
+        let renewed = !Arc::ptr_eq(&latest, &self.networks);
+        if self.graph_age.0.is_none() || renewed && self.graph_age.is_due(times) {
+            self.networks = latest.clone();
+            self.renew_graph();
+        }
+        let shown = Arc::ptr_eq(&latest, &self.shown);
+        if self.field.0.is_none() || !shown && self.field.is_due(times) {
+            self.shown = latest;
+            self.renew_field();
+        }
+    }
+
+    fn renew_graph(&mut self) {
         let began = Instant::now();
         let networks = self.networks.clone();
         let nets = networks.0.nets();
@@ -214,11 +254,17 @@ impl Worker {
             }
             self.graph = Some(graph);
         }
+        self.graph_age.done(began);
+    }
+
+    fn renew_field(&mut self) {
+        let began = Instant::now();
         if let (Some(goal), Some(raster)) = (self.view.goal, self.window) {
-            self.view.field = Arc::new(self.field(raster, goal.centre(), &nets));
+            let shown = self.shown.clone();
+            self.view.field = Arc::new(self.field(raster, goal.centre(), &shown.0.nets()));
             self.view.raster = Some(raster);
         }
-        self.computed = Some((Instant::now(), began.elapsed()));
+        self.field.done(began);
     }
 
     /// D(pixel, goal) of every pixel that shows free ground.

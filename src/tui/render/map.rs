@@ -1,5 +1,7 @@
 //! The map pane: two pixels a character cell, one above the other.
 
+use std::sync::Arc;
+
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
@@ -9,7 +11,6 @@ use crate::map::Grid;
 use crate::tui::app::App;
 use crate::tui::colour::{self, Depth, Rgb};
 use crate::tui::raster::{Ground, MapFrame, Raster};
-use crate::tui::viewer::View;
 
 /// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
 const CONTOUR_STEPS: f32 = 10.0;
@@ -22,7 +23,10 @@ const LEAST_SCALE_FOR_BRIDGES: f32 = 0.75;
 pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
     let Some(place) = MapFrame::fit(area, &app.map().clone()) else { return };
     app.set_frame(place.clone());
-    let canvas = Canvas::new(&place, app);
+    let base = app.base.take().filter(|base| base.shows(&place.raster, app));
+    let base = base.unwrap_or_else(|| Base::new(&place.raster, app));
+    let canvas = Canvas::new(&place, &base, app);
+    app.base = Some(base);
     canvas.paint(frame.buffer_mut(), &place, app.depth);
     let mut glyphs = Glyphs { place: &place, depth: app.depth, buffer: frame.buffer_mut() };
     let start = app.view.walk.start;
@@ -33,7 +37,44 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
     }
 }
 
+/// Map and distance field alone: they change far more rarely than what moves on them.
+#[derive(Clone)]
+pub struct Base {
+    raster: Raster,
+    map: Arc<Grid>,
+    field: Option<Arc<Vec<f32>>>,
+    canvas: Canvas,
+}
+
+impl Base {
+    fn new(raster: &Raster, app: &App) -> Self {
+        let (columns, rows) = raster.pixels;
+        let mut canvas = Canvas { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] };
+        canvas.terrain(raster, app.map());
+        let field = Self::field_on(raster, app).cloned();
+        if let Some(field) = &field {
+            canvas.field(field);
+        }
+        Self { raster: *raster, map: app.map().clone(), field, canvas }
+    }
+
+    /// The field that belongs on `raster`, if it has been computed.
+    fn field_on<'a>(raster: &Raster, app: &'a App) -> Option<&'a Arc<Vec<f32>>> {
+        (app.view.raster == Some(*raster)).then_some(&app.view.field)
+    }
+
+    /// Whether this is what is to be shown now.
+    fn shows(&self, raster: &Raster, app: &App) -> bool {
+        let same_field = match (&self.field, Self::field_on(raster, app)) {
+            (Some(own), Some(now)) => Arc::ptr_eq(own, now),
+            (own, now) => own.is_none() && now.is_none(),
+        };
+        self.raster == *raster && same_field && Arc::ptr_eq(&self.map, app.map())
+    }
+}
+
 /// The pixels, before they become characters.
+#[derive(Clone)]
 struct Canvas {
     columns: usize,
     /// Colour of each pixel; `None` outside the map.
@@ -43,13 +84,9 @@ struct Canvas {
 }
 
 impl Canvas {
-    fn new(place: &MapFrame, app: &App) -> Self {
-        let (columns, rows) = place.raster.pixels;
-        let mut canvas = Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] };
-        canvas.terrain(&place.raster, app.map());
-        if app.view.raster == Some(place.raster) {
-            canvas.field(&app.view);
-        }
+    /// What moves, drawn on `base`.
+    fn new(place: &MapFrame, base: &Base, app: &App) -> Self {
+        let mut canvas = base.canvas.clone();
         // On a shrunken map they would hide the rest.
         if app.show_bridges && place.raster.scale() >= LEAST_SCALE_FOR_BRIDGES {
             for point in app.view.candidates.iter() {
@@ -85,23 +122,23 @@ impl Canvas {
     }
 
     /// The distance field as colours, with contour lines.
-    fn field(&mut self, view: &View) {
-        let farthest = view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
+    fn field(&mut self, field: &[f32]) {
+        let farthest = field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
         let apart = (farthest / MOST_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS;
-        let band = |i: usize| (view.field[i] / apart).floor();
+        let band = |i: usize| (field[i] / apart).floor();
         for i in 0..self.pixels.len() {
             let wall = self.marks[i] == '#';
-            if wall || !view.field[i].is_finite() {
+            if wall || !field[i].is_finite() {
                 continue;
             }
             let neighbours = [(i + 1, !(i + 1).is_multiple_of(self.columns)), (i + self.columns, true)];
             let contour = neighbours.iter().any(|(n, same_row)| {
-                *same_row && *n < self.pixels.len() && view.field[*n].is_finite() && band(*n) != band(i)
+                *same_row && *n < self.pixels.len() && field[*n].is_finite() && band(*n) != band(i)
             });
             self.pixels[i] = Some(if contour {
-                colour::contour(view.field[i] / farthest)
+                colour::contour(field[i] / farthest)
             } else {
-                colour::of_distance(view.field[i] / farthest)
+                colour::of_distance(field[i] / farthest)
             });
             self.marks[i] = if contour { '\u{b7}' } else { ' ' };
         }

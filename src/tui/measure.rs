@@ -1,0 +1,91 @@
+//! The interface without a terminal, to measure what it costs.
+
+use std::io::{Sink, sink};
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use clap::Parser;
+use ratatui::backend::CrosstermBackend;
+use ratatui::layout::Rect;
+use ratatui::{Terminal, TerminalOptions, Viewport};
+use tokio::sync::watch;
+
+use super::app::App;
+use super::colour::Depth;
+use super::viewer::{View, Viewer};
+use super::{ANSWER, Pace, render};
+use crate::cli::Cli;
+use crate::train::{Command, Engine, Limits, Phase, Snapshot, Trainer};
+
+/// A run with the interface open on a screen that nobody sees.
+pub struct Watched {
+    app: App,
+    screen: Terminal<CrosstermBackend<Sink>>,
+    snapshots: watch::Receiver<Arc<Snapshot>>,
+    views: watch::Receiver<Arc<View>>,
+}
+
+/// What happened while a run was watched.
+pub struct Watching {
+    /// Updates a second.
+    pub updates_per_second: f64,
+    /// Time that each frame took, in microseconds.
+    pub frames_us: Vec<f64>,
+}
+
+impl Watched {
+    /// Opens the interface on `trainer`, with `columns` and `rows` of characters; training is paused.
+    ///
+    /// # Errors
+    /// What candle reports, or that a thread cannot be started.
+    pub fn open(trainer: Trainer, diameter: u32, (columns, rows): (u16, u16)) -> candle_core::Result<Self> {
+        let engine = Engine::start(trainer, diameter, Limits::default())?;
+        let viewer = Viewer::start(&engine)?;
+        let mut app = App::new(engine, viewer, &Cli::parse_from(["gdg-tui"]).train);
+        app.depth = Depth::True;
+        let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
+        let screen = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
+        let mut watched = Self { snapshots: app.snapshots(), views: app.views(), app, screen };
+        watched.command(Command::Pause, &Phase::Paused);
+        Ok(watched)
+    }
+
+    /// Lets it train for `time`, drawing as the interface does.
+    ///
+    /// # Errors
+    /// What the screen reports.
+    pub fn watch(&mut self, time: Duration) -> std::io::Result<Watching> {
+        let mut frames_us = Vec::new();
+        let mut pace = Pace::default();
+        self.command(Command::Resume, &Phase::Running);
+        let (began, before) = (Instant::now(), self.app.snapshot.counters.updates);
+        while began.elapsed() < time {
+            std::thread::sleep(ANSWER);
+            if self.snapshots.has_changed().unwrap_or(false) {
+                self.app.on_snapshot(self.snapshots.borrow_and_update().clone());
+                pace.changed = true;
+            }
+            if self.views.has_changed().unwrap_or(false) {
+                self.app.on_view(self.views.borrow_and_update().clone());
+                pace.changed = true;
+            }
+            if pace.is_due() {
+                let drawing = Instant::now();
+                self.screen.draw(|frame| render::draw(frame, &mut self.app))?;
+                frames_us.push(drawing.elapsed().as_secs_f64() * 1e6);
+            }
+        }
+        self.command(Command::Pause, &Phase::Paused);
+        let updates = self.app.snapshot.counters.updates - before;
+        Ok(Watching { updates_per_second: updates as f64 / began.elapsed().as_secs_f64(), frames_us })
+    }
+
+    /// Gives a command and waits until it is carried out.
+    fn command(&mut self, command: Command, then: &Phase) {
+        self.app.command(command);
+        while self.snapshots.borrow_and_update().phase != *then {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        self.app.on_snapshot(self.snapshots.borrow().clone());
+    }
+}
