@@ -89,13 +89,16 @@ struct Timed {
 ///
 /// # Errors
 /// What candle reports.
-pub fn run(json: bool, threads: usize) -> Result<String, Report> {
+pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
     // One thread against one thread, and candle at its best: its operations would spread over threads that spin.
     // It asks for their number in the environment, which only a new process can be given safely.
     if std::env::var_os(CANDLE_THREADS).is_none() {
         let threads = threads.to_string();
         let mut again = Command::new(std::env::current_exe().into_diagnostic()?);
-        again.args(["bench", "--threads", &threads]).args(json.then_some("--json")).env(CANDLE_THREADS, "1");
+        again
+            .args(["bench", "--threads", &threads, "--runs", &runs.to_string()])
+            .args(json.then_some("--json"))
+            .env(CANDLE_THREADS, "1");
         let output = again.stderr(Stdio::inherit()).output().into_diagnostic()?;
         if !output.status.success() {
             return Err(Report::msg("the measuring process failed"));
@@ -103,13 +106,13 @@ pub fn run(json: bool, threads: usize) -> Result<String, Report> {
         return String::from_utf8(output.stdout).into_diagnostic();
     }
     let peak_gflops = median((0..9).map(|_| crate::learn::kernel::multiply_add_gflops()).collect());
-    let updates = SHAPES.iter().map(|(batch, width)| cases::updates(*batch, *width, threads, peak_gflops));
+    let updates = SHAPES.iter().map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));
     let found = Measurements {
         threads,
         peak_gflops,
         updates: updates.collect::<candle_core::Result<_>>().into_diagnostic()?,
-        default_preset: cases::default_preset(threads).into_diagnostic()?,
-        interface: cases::interface(threads).into_diagnostic()?,
+        default_preset: cases::default_preset((threads, runs)).into_diagnostic()?,
+        interface: cases::interface((threads, runs)).into_diagnostic()?,
         other: cases::other().into_diagnostic()?,
     };
     if json {

@@ -42,6 +42,9 @@ pub enum Command {
         /// Threads to hold against one [default: this machine's cores]
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
         threads: Option<u16>,
+        /// Turns of each comparison, of which the median is told
+        #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(1..=1000))]
+        runs: u16,
     },
     /// Validate a map or scenario file and print its facts
     Check {

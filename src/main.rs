@@ -22,10 +22,12 @@ fn main() -> ExitCode {
             Ok(text) => print(&text),
             Err(error) => fail(&error, BAD_INPUT),
         },
-        Some(Command::Bench { json, threads }) => match bench::run(*json, setup::threads(*threads)) {
-            Ok(text) => print(&text),
-            Err(error) => fail(&error, FAILED),
-        },
+        Some(Command::Bench { json, threads, runs }) => {
+            match bench::run(*json, setup::threads(*threads), (*runs).into()) {
+                Ok(text) => print(&text),
+                Err(error) => fail(&error, FAILED),
+            }
+        }
         None => train(&cli),
     };
     ExitCode::from(status)

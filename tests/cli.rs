@@ -280,3 +280,26 @@ fn help_tells_how_to_begin() {
         assert!(text.contains(part), "{part}");
     }
 }
+
+#[test]
+fn bench_measures_everything_it_promises() {
+    let output = gdg().args(["bench", "--runs", "1", "--json"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    let positive =
+        |at: &str| assert!(found.pointer(at).and_then(Value::as_f64).unwrap_or(0.0) > 0.0, "{at}: {found:#}");
+    positive("/peak_gflops");
+    let shapes: Vec<_> = found["updates"].as_array().unwrap().iter().map(|u| [&u["batch"], &u["width"]]).collect();
+    assert_eq!(shapes, [[64, 64], [64, 128], [64, 256], [256, 256]]);
+    for i in 0..shapes.len() {
+        for field in ["plain_us", "fused_us", "fused_threads_us", "speed_up", "threads_speed_up", "peak_share"] {
+            positive(&format!("/updates/{i}/{field}"));
+        }
+    }
+    ["one_thread", "all_threads", "phases/0/one_thread_us"]
+        .iter()
+        .for_each(|f| positive(&format!("/default_preset/{f}")));
+    ["alone", "ratio", "frame_us"].iter().for_each(|f| positive(&format!("/interface/{f}")));
+    assert!(found["other"].as_array().unwrap().len() >= 5);
+    (0..5).for_each(|i| positive(&format!("/other/{i}/us")));
+}

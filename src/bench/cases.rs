@@ -16,8 +16,7 @@ use crate::map::{Grid, builtin};
 use crate::train::{Method, Preset, Run, Settings, Tick, Trainer};
 use crate::tui::Watched;
 
-/// Turns of each case, and updates in one turn.
-const TURNS: usize = 15;
+/// Updates in one turn.
 const UPDATES: usize = 20;
 
 /// Side of the open map that fields and plans are measured on, in cells.
@@ -66,7 +65,7 @@ fn operations(rows: usize, hidden: usize) -> f64 {
 }
 
 /// One update, plain and fused, on one thread and on all, in turns.
-pub fn updates(rows: usize, width: usize, threads: usize, peak_gflops: f64) -> Result<UpdateTimes> {
+pub fn updates(rows: usize, width: usize, (threads, runs): (usize, usize), peak_gflops: f64) -> Result<UpdateTimes> {
     let settings = LearnSettings { batch: rows, hidden: width, ..LearnSettings::paper() };
     let world = PointMaze::new(Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())), 1, 0.0);
     let mut fused = Learner::new(world.spec(), &settings, 1, &mut rng())?;
@@ -76,7 +75,7 @@ pub fn updates(rows: usize, width: usize, threads: usize, peak_gflops: f64) -> R
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
     let (mut failure, mut profile) = (Ok(()), Profile::default());
     // The first turn warms up.
-    for turn in 0..=TURNS {
+    for turn in 0..=runs {
         let mut repeat = |update: &mut dyn FnMut() -> Result<()>| {
             let took = time_us(|| (0..UPDATES).for_each(|_| failure = update()));
             took / UPDATES as f64
@@ -99,7 +98,7 @@ pub fn updates(rows: usize, width: usize, threads: usize, peak_gflops: f64) -> R
     Ok(UpdateTimes {
         batch: rows,
         width,
-        runs: TURNS,
+        runs,
         plain_us: median(of_plain),
         fused_us,
         fused_threads_us: median(of_together),
@@ -110,7 +109,7 @@ pub fn updates(rows: usize, width: usize, threads: usize, peak_gflops: f64) -> R
 }
 
 /// Training on the four rooms with the default preset.
-pub fn default_preset(threads: usize) -> Result<DefaultTimes> {
+pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes> {
     const UPDATES_A_TURN: u64 = 500;
     let Some(map) = builtin("fourrooms").map(Arc::new) else { unreachable!("it is built in") };
     let trainer = |threads| {
@@ -119,7 +118,7 @@ pub fn default_preset(threads: usize) -> Result<DefaultTimes> {
     };
     let mut trainers = [trainer(1)?, trainer(threads)?];
     let mut rates = [Vec::new(), Vec::new()];
-    for turn in 0..=TURNS {
+    for turn in 0..=runs {
         for (trainer, rates) in trainers.iter_mut().zip(&mut rates) {
             let (seconds, mut updates) = (trainer.seconds(), 0);
             while updates < UPDATES_A_TURN {
@@ -135,12 +134,12 @@ pub fn default_preset(threads: usize) -> Result<DefaultTimes> {
         let us = |t: &Trainer| t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64;
         PhaseTimes { phase: phase.name(), one_thread_us: us(&trainers[0]), all_threads_us: us(&trainers[1]) }
     });
-    Ok(DefaultTimes { runs: TURNS, one_thread: one, all_threads: all, phases: phases.collect() })
+    Ok(DefaultTimes { runs, one_thread: one, all_threads: all, phases: phases.collect() })
 }
 
 /// Training on a large map with the interface open and without, in turns.
-pub fn interface(threads: usize) -> Result<InterfaceTimes> {
-    const TURN: Duration = Duration::from_secs(2);
+pub fn interface((threads, runs): (usize, usize)) -> Result<InterfaceTimes> {
+    const TURN: Duration = Duration::from_secs(1);
     let map = rooms();
     let trainer = || {
         let run = Run { method: Method::GdgBridge, preset: Preset::Default, seed: 1, settings: Settings::default() };
@@ -149,7 +148,7 @@ pub fn interface(threads: usize) -> Result<InterfaceTimes> {
     let mut alone = trainer()?;
     let mut watched = Watched::open(trainer()?, OPEN as u32, SCREEN)?;
     let (mut rates, mut ratios, mut frames) = (Vec::new(), Vec::new(), Vec::new());
-    for turn in 0..=TURNS {
+    for turn in 0..=runs {
         let (began, mut updates) = (Instant::now(), 0);
         while began.elapsed() < TURN {
             updates += u64::from(alone.tick()? == Tick::Update);
@@ -162,7 +161,6 @@ pub fn interface(threads: usize) -> Result<InterfaceTimes> {
             frames.extend(watching.frames_us);
         }
     }
-    let runs = ratios.len();
     Ok(InterfaceTimes { runs, alone: median(rates), ratio: median(ratios), frame_us: median(frames) })
 }
 

@@ -239,3 +239,16 @@ impl Replay {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_million_transitions_of_the_point_maze_take_less_than_48_mib() {
+        let replay = Replay::new((2, 2, 2).into(), 16, 1_000_000);
+        let floats = replay.states.capacity() + replay.actions.capacity() + replay.goals.capacity();
+        let bytes = 4 * floats + 2 * replay.left.capacity();
+        assert!(replay.capacity() >= 1_000_000 && bytes <= 48 << 20, "{bytes} bytes");
+    }
+}
