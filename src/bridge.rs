@@ -10,8 +10,8 @@ mod planner;
 mod search;
 mod settings;
 
-pub use experience::{Experience, ExperienceState, NEVER};
-pub use graph::{BridgeGraph, Distilled, Edge, Route};
-pub use planner::{Target, Walker};
+pub use experience::{Experience, ExperienceState, NEVER, Practice};
+pub use graph::{BridgeGraph, Distilled, Edge, GraphState, Route, Standing};
+pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{SearchOutcome, search};
 pub use settings::BridgeSettings;

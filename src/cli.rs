@@ -146,6 +146,8 @@ pub enum MethodArg {
     Gdg,
     /// With bridge points in exploration, and planning through them at execution
     GdgBridge,
+    /// Search on the replay buffer, on the same learned D: unverified edges, waypoints planned once
+    Sorb,
     /// Random actions, nothing learned: the floor
     Random,
 }
@@ -164,6 +166,7 @@ impl From<MethodArg> for Method {
         match arg {
             MethodArg::Gdg => Self::Gdg,
             MethodArg::GdgBridge => Self::GdgBridge,
+            MethodArg::Sorb => Self::Sorb,
             MethodArg::Random => Self::Random,
         }
     }

@@ -59,6 +59,14 @@ fn everything(trainer: &Trainer) -> Vec<(String, Vec<u32>)> {
     all.push(("candidates".to_owned(), bits(&experience.states)));
     all.push(("visits".to_owned(), experience.visits));
     all.push(("observed".to_owned(), experience.observed.iter().map(|o| u32::from(*o)).collect()));
+    all.push(("practice".to_owned(), [experience.names, experience.practice].concat()));
+    for graph in trainer.graph_state().into_iter().flatten() {
+        let known = graph.state.experience;
+        all.push(("graph edges".to_owned(), [graph.state.ends, bits(&graph.state.lengths)].concat()));
+        all.push(("graph candidates".to_owned(), [bits(&known.states), known.names, known.practice].concat()));
+        all.push(("graph observed".to_owned(), known.observed.iter().map(|o| u32::from(*o)).collect()));
+    }
+    all.push(("visited".to_owned(), trainer.visited().to_vec()));
     let state = train_state_without_time(trainer);
     all.push(("trainer".to_owned(), state.bytes().map(u32::from).collect()));
     all
@@ -71,7 +79,9 @@ fn train_state_without_time(trainer: &Trainer) -> String {
 }
 
 fn assert_same(a: &Trainer, b: &Trainer) {
-    for ((name, a), (_, b)) in everything(a).iter().zip(&everything(b)) {
+    let (a, b) = (everything(a), everything(b));
+    assert_eq!(a.len(), b.len());
+    for ((name, a), (_, b)) in a.iter().zip(&b) {
         assert!(a == b, "{name} differs");
     }
 }
@@ -134,6 +144,7 @@ fn a_full_replay_is_resumed_too() {
     train_to(&mut first, 400);
     train::save(&first, &path).unwrap();
     let mut resumed = train::load(&path, 1).unwrap();
+    assert_same(&first, &resumed);
     train_to(&mut resumed, 500);
     assert_same(&straight, &resumed);
 }

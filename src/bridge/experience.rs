@@ -1,6 +1,6 @@
 //! Bridge candidates, and what trajectories show about the ways between them.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 
 use super::settings::BridgeSettings;
 use crate::env::Spec;
@@ -35,10 +35,25 @@ pub struct Experience {
     points: Vec<f32>,
     /// Fewest steps from row to column, `(most, most)`.
     observed: Vec<u16>,
+    /// What each candidate is called for as long as it lives: places among the candidates change when some retire.
+    names: Vec<u32>,
+    /// The next candidate's name.
+    next_name: u32,
+    /// What became of walks from one candidate to another, by their names.
+    practice: BTreeMap<(u32, u32), Practice>,
     /// Each agent's recent visits: step within the episode, candidate.
     visits: Vec<VecDeque<(u32, u32)>>,
     /// Steps of each agent's episode so far.
     clocks: Vec<u32>,
+}
+
+/// What became of walks from one candidate to another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Practice {
+    /// Walks that arrived in time.
+    pub arrived: u16,
+    /// Walks in a row that did not.
+    pub failed: u16,
 }
 
 /// Everything an [`Experience`] knows, as plain numbers, for checkpoints.
@@ -52,6 +67,10 @@ pub struct ExperienceState {
     pub observed: Vec<u16>,
     /// Each agent's clock, number of visits, and visits.
     pub visits: Vec<u32>,
+    /// The candidates' names, and behind them the next one's.
+    pub names: Vec<u32>,
+    /// From, to (by name), arrived, failed: four numbers each.
+    pub practice: Vec<u32>,
 }
 
 impl Experience {
@@ -67,9 +86,18 @@ impl Experience {
             states: Vec::new(),
             points: Vec::new(),
             observed: vec![NEVER; settings.most_candidates().pow(2)],
+            names: Vec::new(),
+            next_name: 0,
+            practice: BTreeMap::new(),
             visits: vec![VecDeque::new(); agents],
             clocks: vec![0; agents],
         }
+    }
+
+    /// What is known now, without the agents' visits: what a graph is built of.
+    #[must_use]
+    pub fn known(&self) -> Self {
+        Self { visits: Vec::new(), clocks: Vec::new(), ..self.clone() }
     }
 
     /// How many candidates there are.
@@ -95,6 +123,30 @@ impl Experience {
     /// Fewest steps in which a trajectory went from near `from` to near `to`, [`NEVER`] if none did.
     pub fn observed(&self, from: usize, to: usize) -> u16 {
         if from == to { 0 } else { self.observed[from * self.most + to] }
+    }
+
+    /// The name of candidate `i`: it stays the same while others retire.
+    pub fn name(&self, i: usize) -> u32 {
+        self.names[i]
+    }
+
+    /// What became of walks from candidate `from` to candidate `to`.
+    pub fn practice(&self, from: usize, to: usize) -> Practice {
+        self.practice.get(&(self.names[from], self.names[to])).copied().unwrap_or_default()
+    }
+
+    /// Takes note that a walk from one candidate to another, by their names, arrived or did not.
+    pub fn practise(&mut self, (from, to): (u32, u32), arrived: bool) {
+        let alive = |name: &u32| self.names.binary_search(name).is_ok();
+        if from == to || !alive(&from) || !alive(&to) {
+            return;
+        }
+        let practice = self.practice.entry((from, to)).or_default();
+        if arrived {
+            *practice = Practice { arrived: practice.arrived.saturating_add(1), failed: 0 };
+        } else {
+            practice.failed = practice.failed.saturating_add(1);
+        }
     }
 
     /// Least distance between candidates, in the environment's unit of length.
@@ -157,6 +209,8 @@ impl Experience {
         }
         self.states.extend(state);
         self.points.extend(self.spec.achieved(state));
+        self.names.push(self.next_name);
+        self.next_name += 1;
         Some(self.len() - 1)
     }
 
@@ -184,6 +238,10 @@ impl Experience {
         }
         self.states = kept.iter().flat_map(|i| self.states[i * s..(i + 1) * s].to_vec()).collect();
         self.points = kept.iter().flat_map(|i| self.points[i * g..(i + 1) * g].to_vec()).collect();
+        self.names = kept.iter().map(|i| self.names[*i]).collect();
+        let Self { names, practice, .. } = self;
+        let alive = |name: &u32| names.binary_search(name).is_ok();
+        practice.retain(|(from, to), _| alive(from) && alive(to));
         for visits in &mut self.visits {
             let renamed = visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
             *visits = renamed.collect();
@@ -199,7 +257,18 @@ impl Experience {
             visits.extend([*clock, own.len() as u32]);
             visits.extend(own.iter().flat_map(|(step, i)| [*step, *i]));
         }
-        ExperienceState { spacing: self.spacing, states: self.states.clone(), observed: rows.collect(), visits }
+        let mut names = self.names.clone();
+        names.push(self.next_name);
+        let practice = self.practice.iter();
+        let practice = practice.flat_map(|((from, to), p)| [*from, *to, u32::from(p.arrived), u32::from(p.failed)]);
+        ExperienceState {
+            spacing: self.spacing,
+            states: self.states.clone(),
+            observed: rows.collect(),
+            visits,
+            names,
+            practice: practice.collect(),
+        }
     }
 
     /// Takes up what [`Self::state`] gave.
@@ -219,6 +288,18 @@ impl Experience {
         for (i, row) in state.observed.chunks_exact(n.max(1)).enumerate() {
             self.observed[i * self.most..i * self.most + n].copy_from_slice(row);
         }
+        let (next_name, names) = state.names.split_last().ok_or_else(misfit)?;
+        let sorted = names.is_sorted_by(|a, b| a < b) && names.last().is_none_or(|last| last < next_name);
+        let (practice, []) = state.practice.as_chunks::<4>() else { return Err(misfit()) };
+        if names.len() != n || !sorted {
+            return Err(misfit());
+        }
+        self.names = names.to_vec();
+        self.next_name = *next_name;
+        let entry = |[from, to, arrived, failed]: &[u32; 4]| {
+            ((*from, *to), Practice { arrived: *arrived as u16, failed: *failed as u16 })
+        };
+        self.practice = practice.iter().map(entry).collect();
         let mut numbers = state.visits.iter().copied();
         let mut next = || numbers.next().ok_or_else(misfit);
         for (clock, visits) in self.clocks.iter_mut().zip(&mut self.visits) {

@@ -4,7 +4,7 @@ use pathfinding::directed::dijkstra::dijkstra_all;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::experience::{Experience, NEVER};
+use super::experience::{Experience, ExperienceState, NEVER, Practice};
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::{Nets, Scratch};
@@ -24,9 +24,50 @@ pub struct Edge {
     pub to: usize,
     /// D(from, to) by the most pessimistic critic when the graph was built, in steps.
     pub distance: f32,
-    /// What planning counts for it, in steps: D, or more where experience alone speaks for the edge.
+    /// What planning counts for it, in steps: D, or more where experience alone speaks for the edge or practice
+    /// against it.
     pub cost: f32,
+    /// What practice says of it.
+    pub standing: Standing,
 }
+
+/// What practice says of an edge.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Standing {
+    /// Nothing yet.
+    Untried,
+    /// The latest walk along it arrived in time.
+    Confirmed,
+    /// Walks along it failed more than once in a row.
+    Demoted,
+}
+
+impl From<Practice> for Standing {
+    fn from(practice: Practice) -> Self {
+        match practice {
+            Practice { failed: 2.., .. } => Self::Demoted,
+            Practice { arrived: 1.., failed: 0 } => Self::Confirmed,
+            _ => Self::Untried,
+        }
+    }
+}
+
+/// Everything that a [`BridgeGraph`] was built to, as plain numbers, for checkpoints.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GraphState {
+    /// The candidates and what was known of them.
+    pub experience: ExperienceState,
+    /// From and to of each edge.
+    pub ends: Vec<u32>,
+    /// D and cost of each edge.
+    pub lengths: Vec<f32>,
+}
+
+/// A demoted edge counts as so many times as long.
+const DEMOTED_FACTOR: f32 = 3.0;
+
+/// Candidates among which the one at the frontier is chosen.
+const FRONTIER_DRAWS: usize = 12;
 
 /// Candidates and edges at one moment of training.
 #[derive(Clone, Debug)]
@@ -58,6 +99,27 @@ pub struct Route {
     pub next: Vec<u32>,
     /// The candidate that is nearest to the goal by D.
     pub nearest: Option<usize>,
+    /// Candidates from which the goal comes next, and what that costs in parts of a step.
+    pub(super) links: Vec<(u32, u32)>,
+}
+
+/// Where a walk can go next.
+pub(super) struct Options {
+    /// The candidates around.
+    pub candidates: Vec<FirstHop>,
+    /// D to the goal itself.
+    pub to_goal: f32,
+    /// What going to the goal itself costs, where that link is verified.
+    pub direct: Option<f32>,
+}
+
+/// A first hop to a candidate.
+pub(super) struct FirstHop {
+    pub candidate: usize,
+    /// D to it.
+    pub distance: f32,
+    /// What the hop costs, where it is verified.
+    pub cost: Option<f32>,
 }
 
 /// Nodes of a search: candidates, and the goal that it starts from.
@@ -94,16 +156,53 @@ impl BridgeGraph {
             nets.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
                 let cost = link_cost(settings, *distance, experience.observed(from, *to))?;
-                Some(Edge { from, to: *to, distance: *distance, cost })
+                let standing = Standing::from(experience.practice(from, *to));
+                let cost = if standing == Standing::Demoted { DEMOTED_FACTOR * cost } else { cost };
+                Some(Edge { from, to: *to, distance: *distance, cost, standing })
             });
             edges.extend(found);
         }
+        Self::of(spec, settings, experience.known(), edges)
+    }
+
+    /// The graph of these edges, sorted by the candidate that they leave.
+    fn of(spec: &Spec, settings: &BridgeSettings, experience: Experience, edges: Vec<Edge>) -> Self {
         let mut first = vec![0u32; experience.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
         let mut incoming: Vec<u32> = (0..edges.len() as u32).collect();
         incoming.sort_by_key(|i| edges[*i as usize].to);
-        Self { spec: spec.clone(), settings: settings.clone(), experience: experience.clone(), edges, incoming, first }
+        Self { spec: spec.clone(), settings: settings.clone(), experience, edges, incoming, first }
+    }
+
+    /// What it was built to, for a checkpoint.
+    pub fn state(&self) -> GraphState {
+        GraphState {
+            experience: self.experience.state(),
+            ends: self.edges.iter().flat_map(|e| [e.from as u32, e.to as u32]).collect(),
+            lengths: self.edges.iter().flat_map(|e| [e.distance, e.cost]).collect(),
+        }
+    }
+
+    /// The graph that gave `state`.
+    ///
+    /// # Errors
+    /// Where the state was not saved from such a graph.
+    pub fn from_state(spec: &Spec, settings: &BridgeSettings, state: &GraphState) -> Result<Self, String> {
+        let mut experience = Experience::new(spec, 0, settings);
+        experience.restore(&state.experience)?;
+        let (ends, lengths) = (state.ends.as_chunks::<2>().0, state.lengths.as_chunks::<2>().0);
+        let known = |i: &u32| (*i as usize) < experience.len();
+        if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
+            return Err("the stored bridge graph does not fit its candidates".to_owned());
+        }
+        let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
+            let (from, to) = (*from as usize, *to as usize);
+            let standing = Standing::from(experience.practice(from, to));
+            Edge { from, to, distance: *distance, cost: *cost, standing }
+        });
+        let edges = edges.collect();
+        Ok(Self::of(spec, settings, experience, edges))
     }
 
     /// All edges, by the candidate that they leave.
@@ -123,7 +222,7 @@ impl BridgeGraph {
     }
 
     /// Candidate `i` as a state, `(state_dim)`.
-    pub fn state(&self, i: usize) -> &[f32] {
+    pub fn candidate(&self, i: usize) -> &[f32] {
         let s = self.spec.state_dim();
         &self.experience.states()[i * s..(i + 1) * s]
     }
@@ -145,7 +244,7 @@ impl BridgeGraph {
             .collect();
         around.sort_by(|a, b| a.1.total_cmp(&b.1));
         around.truncate(LINKS);
-        let states: Vec<f32> = around.iter().flat_map(|(i, _)| self.state(*i).iter().copied()).collect();
+        let states: Vec<f32> = around.iter().flat_map(|(i, _)| self.candidate(*i).iter().copied()).collect();
         let mut distances = vec![0.0; around.len()];
         nets.distances(&states, &goal.repeat(states.len() / s), &mut distances, scratch);
         debug_assert_eq!(goal.len(), g);
@@ -155,17 +254,18 @@ impl BridgeGraph {
             .zip(&distances)
             .filter_map(|((i, _), d)| Some((*i as u32, parts(self.link(Some(*i), nearest, *d)?))))
             .collect();
-        self.paths_back(goal, nearest, &links)
+        self.route_by(goal, nearest, links)
     }
 
     /// The ways to candidate `i` as a goal.
     fn route_to_candidate(&self, i: usize) -> Route {
-        self.paths_back(self.point(i), Some(i), &[(i as u32, 0)])
+        self.route_by(self.point(i), Some(i), vec![(i as u32, 0)])
     }
 
-    fn paths_back(&self, goal: &[f32], nearest: Option<usize>, links: &[(u32, u32)]) -> Route {
+    /// The ways to a goal whose last links are known.
+    pub(super) fn route_by(&self, goal: &[f32], nearest: Option<usize>, links: Vec<(u32, u32)>) -> Route {
         let predecessors = |node: &u32| {
-            let from_goal = if *node == GOAL { links } else { &[] };
+            let from_goal = if *node == GOAL { &links[..] } else { &[] };
             let incoming = match *node {
                 GOAL => &[],
                 j => &self.incoming[self.first[j as usize] as usize..self.first[j as usize + 1] as usize],
@@ -184,7 +284,7 @@ impl BridgeGraph {
                 next[node as usize] = if towards == GOAL { node } else { towards };
             }
         }
-        Route { goal: goal.to_vec(), steps, next, nearest }
+        Route { goal: goal.to_vec(), steps, next, nearest, links }
     }
 
     /// What a link of length D between a state near candidate `from` and a goal near `to` costs, in steps; `None`
@@ -197,6 +297,48 @@ impl BridgeGraph {
     /// Candidates near `state` by straight line, nearest first.
     pub(super) fn around(&self, state: &[f32]) -> Vec<usize> {
         nearest(&self.spec, &self.experience, state)
+    }
+
+    /// D(s, g) as the graph composes it, for each of `states` `(rows, state_dim)`: the shortest way over verified links,
+    /// or D itself where that is shorter and below the cut-off, or where there is no such way.
+    pub fn composed(&self, states: &[f32], route: &Route, nets: &Nets, scratch: &mut Scratch) -> Vec<f32> {
+        let distances = states.chunks_exact(self.spec.state_dim()).map(|state| {
+            let options = self.options(state, route, nets, scratch);
+            let over = options.candidates.iter().filter_map(|o| Some(o.cost? + route.steps[o.candidate]));
+            over.chain(options.direct)
+                .filter(|steps| steps.is_finite())
+                .min_by(f32::total_cmp)
+                .unwrap_or(options.to_goal)
+        });
+        distances.collect()
+    }
+
+    /// Where a walk to `route`'s goal can go from `state`.
+    pub(super) fn options(&self, state: &[f32], route: &Route, nets: &Nets, scratch: &mut Scratch) -> Options {
+        let around = self.around(state);
+        let mut goals: Vec<f32> = around.iter().flat_map(|i| self.point(*i).iter().copied()).collect();
+        goals.extend(&route.goal);
+        let mut distances = vec![0.0; around.len() + 1];
+        nets.distances(&state.repeat(around.len() + 1), &goals, &mut distances, scratch);
+        let to_goal = distances[around.len()];
+        let here = around.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
+        let candidates = around.iter().zip(&distances).map(|(candidate, distance)| {
+            let cost = self.link(here, Some(*candidate), *distance);
+            FirstHop { candidate: *candidate, distance: *distance, cost }
+        });
+        Options { candidates: candidates.collect(), to_goal, direct: self.link(here, route.nearest, to_goal) }
+    }
+
+    /// A candidate at the frontier: of some drawn at random, the one that the fewest edges leave.
+    pub fn frontier(&self, rng: &mut ChaCha8Rng) -> Option<usize> {
+        if self.experience.is_empty() {
+            return None;
+        }
+        let leaving = |i: usize| {
+            let from = self.edges.partition_point(|e| e.from < i);
+            self.edges[from..].iter().take_while(|e| e.from == i).count()
+        };
+        (0..FRONTIER_DRAWS).map(|_| rng.random_range(0..self.experience.len())).min_by_key(|i| leaving(*i))
     }
 
     /// Draws `goals` candidates and takes the graph distances to each from everywhere.

@@ -1,5 +1,7 @@
 //! Walking to a goal through bridge points.
 
+use serde::{Deserialize, Serialize};
+
 use super::graph::{BridgeGraph, Route};
 use crate::learn::{Nets, Scratch};
 
@@ -7,7 +9,7 @@ use crate::learn::{Nets, Scratch};
 const STUCK: u32 = 2;
 
 /// What a walker heads for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Target {
     /// The goal itself.
     Goal,
@@ -31,12 +33,113 @@ pub struct Walker {
     strikes: u32,
     /// Targets that were late, and until when they are banned.
     banned: Vec<(Target, u32)>,
+    /// The candidate reached last, where nothing came between.
+    at: Option<usize>,
+    /// The hop between two candidates that ended with the latest step.
+    hop: Option<Hop>,
+}
+
+/// A walk from one candidate to the next that has ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Hop {
+    /// Where it began.
+    pub from: usize,
+    /// Where it was to end.
+    pub to: usize,
+    /// Whether it did, in time.
+    pub arrived: bool,
+}
+
+/// A [`Walker`] as plain numbers, for checkpoints.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct WalkerState {
+    goal: Vec<f32>,
+    nearest: Option<usize>,
+    links: Vec<(u32, u32)>,
+    target: Option<Target>,
+    clock: u32,
+    deadline: u32,
+    /// `None` for infinite.
+    remaining: Option<f32>,
+    strikes: u32,
+    banned: Vec<(Target, u32)>,
+    at: Option<usize>,
+}
+
+impl Target {
+    fn candidate(self) -> Option<usize> {
+        match self {
+            Self::Goal => None,
+            Self::Candidate(i) => Some(i),
+        }
+    }
+}
+
+impl From<Option<usize>> for Target {
+    fn from(candidate: Option<usize>) -> Self {
+        candidate.map_or(Self::Goal, Self::Candidate)
+    }
 }
 
 impl Walker {
     /// A walk along `route`.
     pub fn new(route: Route) -> Self {
-        Self { route, target: None, clock: 0, deadline: 0, remaining: f32::INFINITY, strikes: 0, banned: Vec::new() }
+        Self {
+            route,
+            target: None,
+            clock: 0,
+            deadline: 0,
+            remaining: f32::INFINITY,
+            strikes: 0,
+            banned: Vec::new(),
+            at: None,
+            hop: None,
+        }
+    }
+
+    /// Everything that its next steps depend on besides the graph, for a checkpoint.
+    pub fn state(&self) -> WalkerState {
+        WalkerState {
+            goal: self.route.goal.clone(),
+            nearest: self.route.nearest,
+            links: self.route.links.clone(),
+            target: self.target,
+            clock: self.clock,
+            deadline: self.deadline,
+            remaining: self.remaining.is_finite().then_some(self.remaining),
+            strikes: self.strikes,
+            banned: self.banned.clone(),
+            at: self.at,
+        }
+    }
+
+    /// The walker that gave `state`, on the same graph.
+    ///
+    /// # Errors
+    /// Where the state was saved on another graph.
+    pub fn from_state(graph: &BridgeGraph, state: WalkerState) -> Result<Self, String> {
+        let mut named = state.links.iter().map(|(i, _)| *i as usize).chain(state.nearest).chain(state.at);
+        let mut targets = state.target.iter().chain(state.banned.iter().map(|(target, _)| target));
+        let known = |i: usize| i < graph.experience().len();
+        if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
+            return Err("a stored walk does not fit its bridge graph".to_owned());
+        }
+        Ok(Self {
+            route: graph.route_by(&state.goal, state.nearest, state.links),
+            target: state.target,
+            clock: state.clock,
+            deadline: state.deadline,
+            remaining: state.remaining.unwrap_or(f32::INFINITY),
+            strikes: state.strikes,
+            banned: state.banned,
+            at: state.at,
+            hop: None,
+        })
+    }
+
+    /// The hop between two candidates that ended with the latest step, if one did.
+    pub fn ended_hop(&self) -> Option<Hop> {
+        self.hop
     }
 
     /// The ways that it walks by.
@@ -67,15 +170,23 @@ impl Walker {
     ) -> &'a [f32] {
         let settings = graph.settings();
         let mut target = self.target;
+        self.hop = None;
         if let Some(current) = target {
             let reached = graph.spec().reached(state, self.aim(graph, current));
             let late = settings.progress_check && self.clock >= self.deadline;
+            if let (Some(from), Some(to)) = (self.at, current.candidate())
+                && (reached || late)
+            {
+                self.hop = Some(Hop { from, to, arrived: reached });
+            }
             match current {
                 Target::Candidate(i) if reached => {
                     self.remaining = self.route.steps[i];
                     self.strikes = 0;
+                    self.at = Some(i);
                 }
                 _ if late && !reached => {
+                    self.at = None;
                     self.banned.push((current, self.clock + settings.ban_steps));
                     self.remaining = f32::INFINITY;
                     self.strikes += 1;
@@ -88,7 +199,12 @@ impl Walker {
         }
         let clock = self.clock;
         self.banned.retain(|(_, until)| *until > clock);
-        let target = target.unwrap_or_else(|| {
+        let planned = || match (settings.open_loop, self.at) {
+            // The one plan goes on from the waypoint reached.
+            (true, Some(at)) => Some(Target::from(Some(self.route.next[at] as usize).filter(|next| *next != at))),
+            _ => None,
+        };
+        let target = target.or_else(planned).unwrap_or_else(|| {
             let (target, distance) = self.choose(state, graph, nets, scratch);
             self.deadline = clock + (settings.late_factor * distance + settings.late_slack_steps) as u32;
             target
@@ -104,37 +220,28 @@ impl Walker {
     /// below the cut-off and not longer than the way round. Where no verified link leads anywhere, unverified ones
     /// count; where the graph knows no way at all, the goal is approached directly.
     fn choose(&self, state: &[f32], graph: &BridgeGraph, nets: &Nets, scratch: &mut Scratch) -> (Target, f32) {
-        let around = graph.around(state);
-        let mut goals: Vec<f32> = around.iter().flat_map(|i| graph.point(*i).iter().copied()).collect();
-        goals.extend(&self.route.goal);
-        let mut distances = vec![0.0; around.len() + 1];
-        nets.distances(&state.repeat(around.len() + 1), &goals, &mut distances, scratch);
-        let to_goal = distances[around.len()];
-        let here = around.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
+        let options = graph.options(state, &self.route, nets, scratch);
         let allowed = |target: Target| self.banned.iter().all(|(b, _)| *b != target);
         let best = |verified: bool| {
-            let options = around.iter().zip(&distances).filter_map(|(i, d)| {
-                let cost = match (verified, graph.link(here, Some(*i), *d)) {
-                    (true, cost) => cost?,
-                    (false, cost) => cost.unwrap_or(2.0 * d),
-                };
-                let total = cost + self.route.steps[*i];
-                let usable = total.is_finite()
-                    && self.route.steps[*i] < self.remaining
-                    && allowed(Target::Candidate(*i))
-                    && !graph.spec().reached(state, graph.point(*i));
-                usable.then_some((*i, *d, total))
+            let usable = options.candidates.iter().filter_map(|hop| {
+                let cost = if verified { hop.cost? } else { hop.cost.unwrap_or(2.0 * hop.distance) };
+                let (i, ahead) = (hop.candidate, self.route.steps[hop.candidate]);
+                let usable = (cost + ahead).is_finite()
+                    && ahead < self.remaining
+                    && allowed(Target::Candidate(i))
+                    && !graph.spec().reached(state, graph.point(i));
+                usable.then_some((i, hop.distance, cost + ahead))
             });
             // An agent that got nowhere twice stands where the actor does not move: the shortest hop away from there.
             let key = |option: &(usize, f32, f32)| if self.strikes >= STUCK { option.1 } else { option.2 };
-            options.min_by(|a, b| key(a).total_cmp(&key(b)))
+            usable.min_by(|a, b| key(a).total_cmp(&key(b)))
         };
         let waypoint = best(true).or_else(|| best(false));
-        let direct = graph.link(here, self.route.nearest, to_goal).filter(|_| allowed(Target::Goal));
+        let direct = options.direct.filter(|_| allowed(Target::Goal));
         match (waypoint, direct) {
-            (Some((_, _, total)), Some(direct)) if direct <= total => (Target::Goal, to_goal),
+            (Some((_, _, total)), Some(direct)) if direct <= total => (Target::Goal, options.to_goal),
             (Some((i, distance, _)), _) => (Target::Candidate(i), distance),
-            (None, _) => (Target::Goal, to_goal),
+            (None, _) => (Target::Goal, options.to_goal),
         }
     }
 

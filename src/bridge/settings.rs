@@ -29,6 +29,13 @@ pub struct BridgeSettings {
     pub bridge_epsilon: f32,
     /// Candidates that one bridge search may try (Algorithm 2's number of searches).
     pub search_budget: usize,
+    /// Whether a plan is made once and followed to its end, instead of anew at every waypoint.
+    pub open_loop: bool,
+    /// Probability that an episode is walked through the bridge graph, so that the actor is trained on the waypoints
+    /// it will be given and edges are confirmed or demoted by practice.
+    pub planned_episodes: f32,
+    /// Probability that an episode's first goal is at the frontier: a candidate that few edges leave.
+    pub frontier_epsilon: f32,
     /// Whether planning and evaluation use the running averages of critics and actor.
     pub averaged_weights: bool,
 }
@@ -48,6 +55,9 @@ impl Default for BridgeSettings {
             ban_steps: 60,
             bridge_epsilon: 0.2,
             search_budget: 64,
+            open_loop: false,
+            planned_episodes: 0.1,
+            frontier_epsilon: 0.0,
             averaged_weights: true,
         }
     }
@@ -61,7 +71,23 @@ impl BridgeSettings {
             keep_observed_edges: false,
             progress_check: false,
             averaged_weights: false,
+            planned_episodes: 0.0,
             ..Self::default()
+        }
+    }
+
+    /// The same candidates planned on as SoRB does (Eysenbach et al. 2019, algorithm 1 and section 3): edges wherever D
+    /// is below the cut-off, one plan at the beginning.
+    #[must_use]
+    pub fn sorb(&self) -> Self {
+        Self {
+            verify_edges: false,
+            keep_observed_edges: false,
+            progress_check: false,
+            open_loop: true,
+            planned_episodes: 0.0,
+            bridge_epsilon: 0.0,
+            ..self.clone()
         }
     }
 
@@ -89,6 +115,8 @@ impl BridgeSettings {
             ("late_factor", within(self.late_factor, 0.0, 100.0), "a number from 0 to 100"),
             ("late_slack_steps", within(self.late_slack_steps, 1.0, 1e6), "a number of steps of at least 1"),
             ("bridge_epsilon", within(self.bridge_epsilon, 0.0, 1.0), "a probability from 0 to 1"),
+            ("planned_episodes", within(self.planned_episodes, 0.0, 1.0), "a probability from 0 to 1"),
+            ("frontier_epsilon", within(self.frontier_epsilon, 0.0, 1.0), "a probability from 0 to 1"),
             ("search_budget", (1..=100_000).contains(&self.search_budget), "a whole number from 1 to 100000"),
         ];
         checks.iter().find(|(_, ok, _)| !ok).map_or(Ok(()), |(name, _, right)| Err((*name, *right)))

@@ -28,6 +28,8 @@ pub struct PointMaze {
     components: Arc<Vec<Vec<Cell>>>,
     component_of: Arc<Vec<Option<u32>>>,
     largest: u32,
+    /// Cells that agents restart in; anywhere in the largest component if there is none.
+    starts: Vec<Cell>,
 }
 
 impl PointMaze {
@@ -62,8 +64,15 @@ impl PointMaze {
             components: Arc::new(cells),
             component_of: Arc::new(components.of_cell),
             largest,
+            starts: Vec::new(),
             map,
         }
+    }
+
+    /// The same world with all restarts in the map's starts.
+    #[must_use]
+    pub fn from_starts(self) -> Self {
+        Self { starts: self.map.starts().to_vec(), ..self }
     }
 
     /// The same world for other agents, all at the first free cell.
@@ -79,7 +88,10 @@ impl PointMaze {
     }
 
     fn random_position(&self, component: u32, rng: &mut ChaCha8Rng) -> [f32; 2] {
-        let cells = &self.components[component as usize];
+        Self::random_position_in(&self.components[component as usize], rng)
+    }
+
+    fn random_position_in(cells: &[Cell], rng: &mut ChaCha8Rng) -> [f32; 2] {
         let cell = cells[rng.random_range(0..cells.len())];
         // Below 1 even after rounding to the precision of a coordinate of some thousands.
         let mut inside = || rng.random::<f32>() * 0.998 + 0.001;
@@ -115,7 +127,10 @@ impl Environment for PointMaze {
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
-        let position = self.random_position(self.largest, rng);
+        let position = match &self.starts[..] {
+            [] => self.random_position(self.largest, rng),
+            starts => Self::random_position_in(starts, rng),
+        };
         self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
     }
 

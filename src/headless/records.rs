@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::updates_per_second;
 use crate::setup::Setup;
-use crate::train::{BridgeFacts, DistanceError, EndReason, Evaluation, Score, Trainer};
+use crate::train::{BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Score, Trainer};
 
 /// One line.
 #[derive(Debug, Serialize)]
@@ -35,6 +35,9 @@ pub enum Record {
         planned: Option<Score>,
         distance_error: DistanceError,
         bridges: Option<BridgeFacts>,
+        coverage: f64,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        marked: Option<MarkedTask>,
     },
     End {
         reason: EndReason,
@@ -99,7 +102,7 @@ impl Record {
 
     pub fn evaluation(trainer: &Trainer, evaluation: &Evaluation) -> Self {
         let counters = trainer.counters();
-        let Evaluation { greedy, planned, distance_error, bridges } = evaluation.clone();
+        let Evaluation { greedy, planned, distance_error, bridges, coverage, marked } = evaluation.clone();
         let (updates, env_steps) = (counters.updates, counters.env_steps);
         Self::Evaluation {
             seconds: round(trainer.seconds()),
@@ -109,6 +112,8 @@ impl Record {
             planned,
             distance_error,
             bridges,
+            coverage,
+            marked,
         }
     }
 

@@ -11,14 +11,18 @@ use std::sync::Arc;
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::de::DeserializeOwned;
 
+use super::graphs::StoredGraph;
 use super::run::Run;
 use super::trainer::{Trainer, TrainerState};
-use crate::bridge::ExperienceState;
+use crate::bridge::{ExperienceState, GraphState};
 use crate::learn::ReplayState;
 use crate::map::{parse_map, print_ascii};
 
 /// What the metadata calls this kind of file.
 const FORMAT: &str = "gdg-tui checkpoint 1";
+
+/// The bridge graph in use, and the one to come.
+const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
 /// A checkpoint that cannot be written or taken up.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
@@ -45,6 +49,15 @@ impl Tensors {
 
     fn u32(&mut self, name: &str, values: &[u32]) {
         self.0.push((name.to_owned(), Dtype::U32, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+    }
+
+    fn experience(&mut self, name: &str, state: &ExperienceState) {
+        self.f32(format!("{name}.spacing"), &[state.spacing]);
+        self.f32(format!("{name}.states"), &state.states);
+        self.u16(&format!("{name}.observed"), &state.observed);
+        self.u32(&format!("{name}.visits"), &state.visits);
+        self.u32(&format!("{name}.names"), &state.names);
+        self.u32(&format!("{name}.practice"), &state.practice);
     }
 
     fn u64(&mut self, name: &str, values: &[u64]) {
@@ -99,11 +112,15 @@ fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
     tensors.f32("replay.actions", &replay.actions);
     tensors.f32("replay.goals", &replay.goals);
     tensors.u16("replay.left", &replay.left);
-    let experience = trainer.experience().state();
-    tensors.f32("bridge.spacing", &[experience.spacing]);
-    tensors.f32("bridge.states", &experience.states);
-    tensors.u16("bridge.observed", &experience.observed);
-    tensors.u32("bridge.visits", &experience.visits);
+    tensors.experience("bridge", &trainer.experience().state());
+    tensors.u32("visited", trainer.visited());
+    for (name, graph) in GRAPHS.iter().zip(trainer.graph_state()) {
+        let Some(StoredGraph { at, due, state }) = graph else { continue };
+        tensors.u64(&format!("{name}.when"), &[at, due]);
+        tensors.experience(name, &state.experience);
+        tensors.u32(&format!("{name}.ends"), &state.ends);
+        tensors.f32(format!("{name}.lengths"), &state.lengths);
+    }
     let json = |value: Result<String, serde_json::Error>| value.map_err(|e| e.to_string());
     let metadata = HashMap::from([
         ("format".to_owned(), FORMAT.to_owned()),
@@ -163,13 +180,10 @@ fn from_bytes(bytes: &[u8], threads: usize) -> Result<Trainer, String> {
         goals: read.f32("replay.goals")?,
         left: read.numbers("replay.left", Dtype::U16, u16::from_le_bytes)?,
     })?;
-    trainer.experience_mut().restore(&ExperienceState {
-        spacing: read.f32("bridge.spacing")?.first().copied().unwrap_or_default(),
-        states: read.f32("bridge.states")?,
-        observed: read.numbers("bridge.observed", Dtype::U16, u16::from_le_bytes)?,
-        visits: read.numbers("bridge.visits", Dtype::U32, u32::from_le_bytes)?,
-    })?;
-    trainer.restore(state)?;
+    trainer.experience_mut().restore(&read.experience("bridge")?)?;
+    let graphs = GRAPHS.map(|name| read.graph(name));
+    let [current, next] = graphs;
+    trainer.restore(state, &[current?, next?], read.u32("visited")?)?;
     Ok(trainer)
 }
 
@@ -182,6 +196,34 @@ struct Reader<'a>(&'a SafeTensors<'a>);
 impl Reader<'_> {
     fn f32(&self, name: &str) -> Result<Vec<f32>, String> {
         self.numbers(name, Dtype::F32, f32::from_le_bytes)
+    }
+
+    fn u32(&self, name: &str) -> Result<Vec<u32>, String> {
+        self.numbers(name, Dtype::U32, u32::from_le_bytes)
+    }
+
+    fn experience(&self, name: &str) -> Result<ExperienceState, String> {
+        Ok(ExperienceState {
+            spacing: self.f32(&format!("{name}.spacing"))?.first().copied().unwrap_or_default(),
+            states: self.f32(&format!("{name}.states"))?,
+            observed: self.numbers(&format!("{name}.observed"), Dtype::U16, u16::from_le_bytes)?,
+            visits: self.u32(&format!("{name}.visits"))?,
+            names: self.u32(&format!("{name}.names"))?,
+            practice: self.u32(&format!("{name}.practice"))?,
+        })
+    }
+
+    /// The bridge graph saved under `name`, if there is one.
+    fn graph(&self, name: &str) -> Result<Option<StoredGraph>, String> {
+        let when = format!("{name}.when");
+        if !self.0.names().iter().any(|known| **known == when) {
+            return Ok(None);
+        }
+        let [at, due] = self.numbers(&when, Dtype::U64, u64::from_le_bytes)?[..] else {
+            return Err(format!("its {when} is of another length than 2"));
+        };
+        let (ends, lengths) = (self.u32(&format!("{name}.ends"))?, self.f32(&format!("{name}.lengths"))?);
+        Ok(Some(StoredGraph { at, due, state: GraphState { experience: self.experience(name)?, ends, lengths } }))
     }
 
     fn numbers<T, const N: usize>(&self, name: &str, dtype: Dtype, parse: fn([u8; N]) -> T) -> Result<Vec<T>, String> {

@@ -7,7 +7,7 @@ use serde::Serialize;
 use super::method::Method;
 use super::run::Run;
 use super::score::{Score, spearman};
-use super::tasks::TaskSet;
+use super::tasks::{Task, TaskSet};
 use crate::bridge::{BridgeGraph, Experience, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Nets, Policy, Scratch};
@@ -24,6 +24,30 @@ pub struct Evaluation {
     pub distance_error: DistanceError,
     /// The bridge graph against the truth, where there is one.
     pub bridges: Option<BridgeFacts>,
+    /// Share of the cells of the map's largest component that an agent has been in while exploring.
+    pub coverage: f64,
+    /// The map's own task, from its first start to its first goal, where it has both.
+    pub marked: Option<MarkedTask>,
+}
+
+/// The map's own task.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct MarkedTask {
+    /// By the actor alone.
+    pub greedy: Journey,
+    /// Between bridge points, where the method plans.
+    pub planned: Option<Journey>,
+}
+
+/// How one task went.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct Journey {
+    /// Whether the goal was reached in time.
+    pub reached: bool,
+    /// Steps taken.
+    pub steps: u32,
+    /// True steps from where it ended to the goal.
+    pub left_steps: u32,
 }
 
 /// Error of the learned distance, by pairs of free cells that reach each other.
@@ -37,6 +61,19 @@ pub struct DistanceError {
     pub bias: f64,
     /// Spearman's rank correlation.
     pub spearman: f64,
+    /// The distance composed by the bridge graph, on the same pairs, where there is one.
+    pub graph: Option<ComposedError>,
+}
+
+/// Error of the distance that the bridge graph composes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct ComposedError {
+    /// Mean absolute relative error.
+    pub mape: f64,
+    /// The same for pairs within 10 steps.
+    pub near_mape: f64,
+    /// Mean signed relative error.
+    pub bias: f64,
 }
 
 /// Size of the bridge graph and how many of its edges are false.
@@ -63,28 +100,67 @@ pub struct EvaluationJob {
     pub(super) policy: Policy,
     /// Candidates and what was seen between them, for methods that plan.
     pub(super) experience: Option<Experience>,
+    /// How often an agent was in each cell, row-major.
+    pub(super) visited: Vec<u32>,
     pub(super) rng: ChaCha8Rng,
 }
 
 impl EvaluationJob {
     /// Evaluates on `tasks`, against the truth.
     pub fn carry_out(self, tasks: &TaskSet) -> Evaluation {
-        let Self { run, world, policy, experience, mut rng } = self;
+        let Self { run, world, policy, experience, visited, mut rng } = self;
         let (nets, mut scratch, rng) = (policy.nets(), Scratch::default(), &mut rng);
-        let bridge = &run.settings.bridge;
-        let graph = experience.as_ref().map(|e| BridgeGraph::build(world.spec(), bridge, e, &nets, &mut scratch));
-        let planned = graph.as_ref().map(|graph| walk(&world, tasks, &Actor::Planned(&nets, graph), rng));
+        let graph =
+            experience.as_ref().map(|e| BridgeGraph::build(world.spec(), &run.bridge(), e, &nets, &mut scratch));
         let greedy = match run.method {
             Method::Random => Actor::Random { hold_steps: run.settings.train.random_hold_steps },
             _ => Actor::Greedy(&nets),
         };
+        let planned = graph.as_ref().map(|graph| Actor::Planned(&nets, graph));
+        let mut score = |actor: &Actor| Score::new(tasks, &walk(&world, &tasks.tasks, actor, rng).taken);
+        let planned_score = planned.as_ref().map(&mut score);
+        let greedy_score = score(&greedy);
         Evaluation {
-            greedy: walk(&world, tasks, &greedy, rng),
-            planned,
-            distance_error: distance_error(world.map(), &nets, rng),
-            bridges: graph.map(|graph| bridge_facts(world.map(), &graph)),
+            distance_error: distance_error(world.map(), &nets, graph.as_ref(), rng),
+            bridges: graph.as_ref().map(|graph| bridge_facts(world.map(), graph)),
+            coverage: coverage(world.map(), &visited),
+            marked: marked_task(&world, (&greedy, planned.as_ref()), rng),
+            greedy: greedy_score,
+            planned: planned_score,
         }
     }
+}
+
+/// Share of the largest component's cells that have been visited.
+fn coverage(map: &Grid, visited: &[u32]) -> f64 {
+    let components = StepSearch::new(map).components(map);
+    let (mut cells, mut seen) = (0u32, 0u32);
+    for cell in components.largest_cells(map) {
+        cells += 1;
+        seen += u32::from(visited[map.index(cell)] > 0);
+    }
+    f64::from(seen) / f64::from(cells.max(1))
+}
+
+/// Walks the map's own task.
+fn marked_task(
+    world: &PointMaze,
+    (greedy, planned): (&Actor, Option<&Actor>),
+    rng: &mut ChaCha8Rng,
+) -> Option<MarkedTask> {
+    let map = world.map();
+    let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
+    let steps = StepSearch::new(map).from(goal).to_vec();
+    let shortest = Some(steps[map.index(start)]).filter(|steps| *steps != UNREACHABLE)?;
+    let task = Task { start, goal, shortest, group: 0 };
+    let mut journey = |actor: &Actor| {
+        let walked = walk(world, &[task], actor, rng);
+        let at = walked.env.states();
+        let left = steps[map.index(Cell::new(at[0] as usize, at[1] as usize))];
+        let taken = walked.taken[0];
+        Journey { reached: taken.is_some(), steps: taken.unwrap_or(task.budget()), left_steps: left }
+    };
+    Some(MarkedTask { greedy: journey(greedy), planned: planned.map(journey) })
 }
 
 /// Who walks.
@@ -94,21 +170,29 @@ enum Actor<'a> {
     Random { hold_steps: f32 },
 }
 
-/// All tasks side by side; the steps each took, by its score.
-fn walk(world: &PointMaze, set: &TaskSet, actor: &Actor, rng: &mut ChaCha8Rng) -> Score {
-    let mut env = world.with_agents(set.tasks.len());
+/// How a number of tasks went.
+struct Walked {
+    /// Steps that each took, `None` where the goal was not reached in time.
+    taken: Vec<Option<u32>>,
+    /// Where the agents ended.
+    env: PointMaze,
+}
+
+/// Walks all tasks side by side.
+fn walk(world: &PointMaze, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> Walked {
+    let mut env = world.with_agents(tasks.len());
     let mut scratch = Scratch::default();
-    let goals: Vec<[f32; 2]> = set.tasks.iter().map(|t| t.goal.centre()).collect();
-    for (i, task) in set.tasks.iter().enumerate() {
+    let goals: Vec<[f32; 2]> = tasks.iter().map(|t| t.goal.centre()).collect();
+    for (i, task) in tasks.iter().enumerate() {
         env.place(i, &task.start.centre());
     }
     let mut walkers: Vec<Walker> = match actor {
         Actor::Planned(nets, graph) => goals.iter().map(|g| Walker::new(graph.route(g, nets, &mut scratch))).collect(),
         _ => Vec::new(),
     };
-    let mut taken: Vec<Option<u32>> = vec![None; set.tasks.len()];
-    let mut active: Vec<usize> = (0..set.tasks.len()).collect();
-    let mut actions = vec![0.0; 2 * set.tasks.len()];
+    let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
+    let mut active: Vec<usize> = (0..tasks.len()).collect();
+    let mut actions = vec![0.0; 2 * tasks.len()];
     let (mut states, mut aims, mut chosen) = (Vec::new(), Vec::new(), Vec::new());
     for clock in 0.. {
         active.retain(|&i| {
@@ -116,7 +200,7 @@ fn walk(world: &PointMaze, set: &TaskSet, actor: &Actor, rng: &mut ChaCha8Rng) -
             if env.spec().reached(at, &goals[i]) {
                 taken[i] = Some(clock);
             }
-            taken[i].is_none() && clock < set.tasks[i].budget()
+            taken[i].is_none() && clock < tasks[i].budget()
         });
         if active.is_empty() {
             break;
@@ -149,18 +233,20 @@ fn walk(world: &PointMaze, set: &TaskSet, actor: &Actor, rng: &mut ChaCha8Rng) -
         }
         env.step(&actions, rng);
     }
-    Score::new(set, &taken)
+    Walked { taken, env }
 }
 
 /// Compares D with breadth-first search.
-fn distance_error(map: &Grid, nets: &Nets, rng: &mut ChaCha8Rng) -> DistanceError {
+fn distance_error(map: &Grid, nets: &Nets, graph: Option<&BridgeGraph>, rng: &mut ChaCha8Rng) -> DistanceError {
     let mut search = StepSearch::new(map);
     let components = search.components(map);
     let cells: Vec<Cell> = components.largest_cells(map).collect();
     let (mut states, mut goals, mut truth, mut near) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+    let (mut composed, mut scratch) = (Vec::new(), Scratch::default());
     for _ in 0..ERROR_PAIRS.0 {
         let goal = cells[rng.random_range(0..cells.len())];
         let steps = search.from(goal);
+        let first = states.len();
         let around: Vec<usize> = (0..steps.len()).filter(|i| (1..=NEAR_STEPS).contains(&steps[*i])).collect();
         let mut push = |i: usize, only_near: bool| {
             if steps[i] == 0 {
@@ -177,21 +263,30 @@ fn distance_error(map: &Grid, nets: &Nets, rng: &mut ChaCha8Rng) -> DistanceErro
         for _ in 0..ERROR_PAIRS.2.min(around.len()) {
             push(around[rng.random_range(0..around.len())], true);
         }
+        if let Some(graph) = graph {
+            let route = graph.route(&goal.centre(), nets, &mut scratch);
+            composed.extend(graph.composed(&states[first..], &route, nets, &mut scratch));
+        }
     }
     let mut learned = vec![0.0; truth.len()];
-    nets.distances(&states, &goals, &mut learned, &mut Scratch::default());
-    let learned: Vec<f64> = learned.into_iter().map(f64::from).collect();
-    let pairs = || learned.iter().zip(&truth).zip(&near).map(|((d, t), near)| ((d - t) / t, *t, *near));
+    nets.distances(&states, &goals, &mut learned, &mut scratch);
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    let all = |of: fn(f64) -> f64| mean(pairs().filter(|p| !p.2).map(|p| of(p.0)).collect());
+    // Of all pairs drawn at random, and of those that are near: the relative errors of some distances.
+    let errors = |distances: &[f32]| {
+        let pairs = distances.iter().zip(&truth).zip(&near).map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
+        let pairs: Vec<_> = pairs.collect();
+        let all = |of: fn(f64) -> f64| mean(pairs.iter().filter(|p| !p.2).map(|p| of(p.0)).collect());
+        ComposedError {
+            mape: all(f64::abs),
+            near_mape: mean(pairs.iter().filter(|p| p.1 <= f64::from(NEAR_STEPS)).map(|p| p.0.abs()).collect()),
+            bias: all(|e| e),
+        }
+    };
     let kept: Vec<usize> = (0..near.len()).filter(|i| !near[*i]).collect();
-    let only = |values: &[f64]| kept.iter().map(|i| values[*i]).collect::<Vec<_>>();
-    DistanceError {
-        mape: all(f64::abs),
-        near_mape: mean(pairs().filter(|p| p.1 <= f64::from(NEAR_STEPS)).map(|p| p.0.abs()).collect()),
-        bias: all(|e| e),
-        spearman: spearman(&only(&learned), &only(&truth)),
-    }
+    let (drawn, true_steps): (Vec<f64>, Vec<f64>) = kept.iter().map(|i| (f64::from(learned[*i]), truth[*i])).unzip();
+    let ComposedError { mape, near_mape, bias } = errors(&learned);
+    let graph = graph.map(|_| errors(&composed));
+    DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph }
 }
 
 /// An edge of length D is false where its true distance is above this many steps.

@@ -14,6 +14,8 @@ pub enum Method {
     Gdg,
     /// The same with bridge points: searched in exploration, planned through at execution.
     GdgBridge,
+    /// Search on the replay buffer (Eysenbach et al. 2019) on the same learned D: unverified edges, one plan.
+    Sorb,
     /// Random actions, nothing learned: the floor.
     Random,
 }
@@ -24,12 +26,18 @@ impl Method {
         match self {
             Self::Gdg => "gdg",
             Self::GdgBridge => "gdg-bridge",
+            Self::Sorb => "sorb",
             Self::Random => "random",
         }
     }
 
-    /// Whether it plans through bridges.
+    /// Whether it plans over a graph at execution.
     pub fn plans(self) -> bool {
+        matches!(self, Self::GdgBridge | Self::Sorb)
+    }
+
+    /// Whether it also explores and learns by bridges.
+    pub fn bridges(self) -> bool {
         self == Self::GdgBridge
     }
 }

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::method::Method;
 use super::settings::Settings;
-use crate::bridge::{Experience, SearchOutcome, search};
+use crate::bridge::{BridgeGraph, Experience, Hop, SearchOutcome, Walker, WalkerState, search};
 use crate::env::Environment;
 use crate::learn::{Nets, Replay, Scratch};
 
@@ -24,10 +24,43 @@ pub struct Agent {
     held: Option<(Vec<f32>, u32)>,
 }
 
+/// An agent's way to a goal through the bridge graph; its waypoints are what it pursues.
+struct Plan {
+    walker: Walker,
+    goal: Vec<f32>,
+    /// Whether it moved at random since it set out for the waypoint: then being late says nothing of the edge.
+    disturbed: bool,
+}
+
+/// A [`Plan`] for checkpoints.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct PlanState {
+    walker: WalkerState,
+    goal: Vec<f32>,
+    disturbed: bool,
+}
+
+/// What a round of steps reads, and what it adds to.
+pub struct Surroundings<'a> {
+    /// How agents act.
+    pub method: Method,
+    /// All settings.
+    pub settings: &'a Settings,
+    /// The networks at this moment.
+    pub nets: &'a Nets<'a>,
+    /// The bridge graph in use.
+    pub graph: Option<&'a BridgeGraph>,
+    /// Gets the transitions.
+    pub replay: &'a mut Replay,
+    /// Gets the states visited, and which hops between candidates succeeded.
+    pub experience: &'a mut Experience,
+}
+
 /// Agents in an environment, acting and remembering.
 pub struct Rollout<E> {
     env: E,
     agents: Vec<Agent>,
+    plans: Vec<Option<Plan>>,
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
@@ -49,6 +82,8 @@ pub struct Round {
 pub struct RolloutState {
     /// The agents.
     pub agents: Vec<Agent>,
+    /// Their plans.
+    pub plans: Vec<Option<PlanState>>,
     /// Their states, `(agents, state_dim)`.
     pub states: Vec<f32>,
     /// The random state.
@@ -65,8 +100,9 @@ impl<E: Environment> Rollout<E> {
             env.sample_goal(i, &mut rng, &mut goal);
             Agent { goal, after_bridge: None, steps: 0, held: None }
         });
-        let agents = agents.collect();
+        let agents: Vec<_> = agents.collect();
         Self {
+            plans: agents.iter().map(|_| None).collect(),
             env,
             agents,
             rng,
@@ -92,21 +128,15 @@ impl<E: Environment> Rollout<E> {
         self.last_search
     }
 
-    /// Every agent takes one step, stored in `replay` and noted in `experience`.
-    pub fn step(
-        &mut self,
-        method: Method,
-        settings: &Settings,
-        nets: &Nets,
-        replay: &mut Replay,
-        experience: &mut Experience,
-    ) -> Round {
+    /// Every agent takes one step, which is stored in the replay and noted in experience.
+    pub fn step(&mut self, around: &mut Surroundings) -> Round {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
-        self.choose_actions(method, settings, nets);
+        self.follow_plans(around);
+        self.choose_actions(around.method, around.settings, around.nets);
         for (i, agent) in self.agents.iter().enumerate() {
             let state = &self.env.states()[i * s..(i + 1) * s];
-            replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
-            experience.visit(i, state);
+            around.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
+            around.experience.visit(i, state);
         }
         self.env.step(&self.actions, &mut self.rng);
         let mut round = Round::default();
@@ -114,50 +144,116 @@ impl<E: Environment> Rollout<E> {
             let state = &self.env.states()[i * s..(i + 1) * s];
             let agent = &mut self.agents[i];
             agent.steps += 1;
-            if agent.steps >= settings.train.episode_steps {
-                replay.end_episode(i, state);
-                experience.visit(i, state);
-                experience.end_episode(i);
+            let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
+            if agent.steps >= around.settings.train.episode_steps {
+                around.replay.end_episode(i, state);
+                around.experience.visit(i, state);
+                around.experience.end_episode(i);
                 round.episodes += 1;
-                self.begin_episode(i, method, settings, nets, experience);
-            } else if self.env.spec().reached(state, &agent.goal) {
+                self.begin_episode(i, around);
+            } else if self.env.spec().reached(state, pursued) {
                 if let Some(goal) = agent.after_bridge.take() {
                     agent.goal = goal;
-                } else if settings.train.new_goal_when_reached {
+                    self.plans[i] = None;
+                } else if around.settings.train.new_goal_when_reached {
                     round.reached += 1;
                     self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
+                    if self.plans[i].take().is_some() {
+                        self.plan(i, around);
+                    }
                 }
             }
         }
         round
     }
 
-    /// A random start and goal; with probability epsilon a bridge point is the first goal (Algorithm 1).
-    fn begin_episode(&mut self, i: usize, method: Method, settings: &Settings, nets: &Nets, experience: &Experience) {
+    /// A start and a goal; with some probability the frontier or a bridge point (Algorithm 1's epsilon) comes first, and
+    /// the way leads through the bridge graph.
+    fn begin_episode(&mut self, i: usize, around: &Surroundings) {
         self.env.restart(i, &mut self.rng);
         let agent = &mut self.agents[i];
         agent.steps = 0;
         agent.held = None;
         agent.after_bridge = None;
+        self.plans[i] = None;
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
-        if !method.plans() || self.rng.random::<f32>() >= settings.bridge.bridge_epsilon {
+        if !around.method.bridges() {
             return;
         }
+        let bridge = &around.settings.bridge;
+        let mut chance = |probability: f32| probability > 0.0 && self.rng.random::<f32>() < probability;
+        let (frontier, search, planned) =
+            (chance(bridge.frontier_epsilon), chance(bridge.bridge_epsilon), chance(bridge.planned_episodes));
+        let first = match around.graph {
+            Some(graph) if frontier => graph.frontier(&mut self.rng).map(|c| graph.point(c).to_vec()),
+            _ if search => self.search_bridge(i, around),
+            _ => None,
+        };
+        let to_frontier = first.is_some() && frontier;
+        if let Some(point) = first {
+            let agent = &mut self.agents[i];
+            agent.after_bridge = Some(std::mem::replace(&mut agent.goal, point));
+        }
+        if planned || to_frontier {
+            self.plan(i, around);
+        }
+    }
+
+    /// The published search for a bridge point on agent `i`'s way.
+    fn search_bridge(&mut self, i: usize, around: &Surroundings) -> Option<Vec<f32>> {
         let s = self.env.spec().state_dim();
+        let (experience, goal) = (&*around.experience, &self.agents[i].goal);
         let outcome = search(
-            (&self.env.states()[i * s..(i + 1) * s], &agent.goal),
+            (&self.env.states()[i * s..(i + 1) * s], goal),
             (experience.states(), experience.points()),
-            settings.bridge.search_budget,
-            nets,
+            around.settings.bridge.search_budget,
+            around.nets,
             &mut self.rng,
             &mut self.scratch,
         );
-        if let Some((bridge, _)) = outcome.found {
-            let g = agent.goal.len();
-            let point = experience.points()[bridge * g..(bridge + 1) * g].to_vec();
-            agent.after_bridge = Some(std::mem::replace(&mut agent.goal, point));
-        }
         self.last_search = Some(outcome);
+        let g = goal.len();
+        outcome.found.map(|(bridge, _)| experience.points()[bridge * g..(bridge + 1) * g].to_vec())
+    }
+
+    /// Makes agent `i` walk to its goal through the graph, if there is one.
+    fn plan(&mut self, i: usize, around: &Surroundings) {
+        let Some(graph) = around.graph else { return };
+        let goal = self.agents[i].goal.clone();
+        let walker = Walker::new(graph.route(&goal, around.nets, &mut self.scratch));
+        self.plans[i] = Some(Plan { walker, goal, disturbed: false });
+    }
+
+    /// Plans anew where there is a plan: the graph has been replaced.
+    pub fn plan_anew(&mut self, around: &Surroundings) {
+        for i in 0..self.plans.len() {
+            if let Some(plan) = self.plans[i].take() {
+                self.agents[i].goal = plan.goal;
+                self.plan(i, around);
+            }
+        }
+    }
+
+    /// Gives agents with a plan their next waypoint, and notes which hops succeeded.
+    fn follow_plans(&mut self, around: &mut Surroundings) {
+        let Some(graph) = around.graph else { return };
+        let s = self.env.spec().state_dim();
+        for (i, plan) in self.plans.iter_mut().enumerate() {
+            let Some(plan) = plan else { continue };
+            let (state, before) = (&self.env.states()[i * s..(i + 1) * s], plan.walker.target());
+            let aim = plan.walker.step(state, graph, around.nets, &mut self.scratch);
+            self.agents[i].goal.copy_from_slice(aim);
+            if let Some(Hop { from, to, arrived }) = plan.walker.ended_hop()
+                && (arrived || !plan.disturbed)
+            {
+                let name = |candidate| graph.experience().name(candidate);
+                around.experience.practise((name(from), name(to)), arrived);
+            }
+            if plan.walker.ended_hop().is_some() || plan.walker.target() != before {
+                plan.disturbed = false;
+            }
+            plan.disturbed |= self.agents[i].held.is_some();
+        }
     }
 
     /// The actor's actions with noise, or a random direction held for a while.
@@ -200,14 +296,26 @@ impl<E: Environment> Rollout<E> {
 
     /// Everything that the next steps depend on, for a checkpoint.
     pub fn state(&self) -> RolloutState {
-        RolloutState { agents: self.agents.clone(), states: self.env.states().to_vec(), rng: self.rng.clone() }
+        let plans = self.plans.iter().map(|plan| {
+            plan.as_ref().map(|Plan { walker, goal, disturbed }| PlanState {
+                walker: walker.state(),
+                goal: goal.clone(),
+                disturbed: *disturbed,
+            })
+        });
+        RolloutState {
+            agents: self.agents.clone(),
+            plans: plans.collect(),
+            states: self.env.states().to_vec(),
+            rng: self.rng.clone(),
+        }
     }
 
     /// Takes up what [`Self::state`] gave.
     ///
     /// # Errors
     /// Where it was not saved from as many agents in such an environment.
-    pub fn restore(&mut self, state: RolloutState) -> Result<(), String> {
+    pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), String> {
         let (s, g) = (self.env.spec().state_dim(), self.env.spec().goal_dim());
         let whole = state.agents.iter().all(|a| a.goal.len() == g);
         if state.agents.len() != self.agents.len() || state.states.len() != self.agents.len() * s || !whole {
@@ -216,6 +324,15 @@ impl<E: Environment> Rollout<E> {
         for (i, own) in state.states.chunks_exact(s).enumerate() {
             self.env.place(i, own);
         }
+        if state.plans.len() != self.agents.len() {
+            return Err("the stored plans do not fit the agents".to_owned());
+        }
+        let plans = state.plans.into_iter().map(|plan| {
+            let Some(PlanState { walker, goal, disturbed }) = plan else { return Ok(None) };
+            let graph = graph.ok_or_else(|| "a stored plan has no bridge graph".to_owned())?;
+            Ok(Some(Plan { walker: Walker::from_state(graph, walker)?, goal, disturbed }))
+        });
+        self.plans = plans.collect::<Result<_, String>>()?;
         self.agents = state.agents;
         self.rng = state.rng;
         Ok(())

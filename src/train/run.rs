@@ -4,6 +4,7 @@ use serde::{Deserialize, Serialize};
 
 use super::method::{Method, Preset};
 use super::settings::Settings;
+use crate::bridge::BridgeSettings;
 
 /// What a run is of: everything that its result depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -16,6 +17,16 @@ pub struct Run {
     pub seed: u64,
     /// The settings.
     pub settings: Settings,
+}
+
+impl Run {
+    /// Settings of bridges as the method has them.
+    pub fn bridge(&self) -> BridgeSettings {
+        match self.method {
+            Method::Sorb => self.settings.bridge.sorb(),
+            _ => self.settings.bridge.clone(),
+        }
+    }
 }
 
 /// How far a run has come.

@@ -29,6 +29,16 @@ pub enum UpdateWhen {
     EpisodeEnd,
 }
 
+/// Where episodes begin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Restart {
+    /// At a random free place.
+    Anywhere,
+    /// At the map's start `S` (one of them at random, if there are several).
+    StartCell,
+}
+
 /// Settings of agents, episodes and exploration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainSettings {
@@ -36,6 +46,8 @@ pub struct TrainSettings {
     pub agents: usize,
     /// Steps of an episode.
     pub episode_steps: u32,
+    /// Where episodes begin.
+    pub restart: Restart,
     /// Environment steps (of all agents together) for each update.
     pub env_steps_per_update: u64,
     /// When updates that are due get done.
@@ -59,6 +71,7 @@ impl Default for TrainSettings {
         Self {
             agents: 32,
             episode_steps: 150,
+            restart: Restart::Anywhere,
             env_steps_per_update: 16,
             update_when: UpdateWhen::Step,
             warmup_env_steps: 4_000,

@@ -9,18 +9,16 @@ use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
 use super::evaluate::{Evaluation, EvaluationJob};
+use super::graphs::{Built, GraphJob, Graphs, StoredGraph};
 use super::method::Method;
-use super::rollout::{Rollout, RolloutState};
+use super::rollout::{Rollout, RolloutState, Surroundings};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
-use super::settings::UpdateWhen;
+use super::settings::{Restart, Settings, UpdateWhen};
 use super::tasks::TaskSet;
-use crate::bridge::{BridgeGraph, Distilled, Experience, SearchOutcome};
+use crate::bridge::{BridgeGraph, Experience, SearchOutcome};
 use crate::env::{Environment, PointMaze, Spec};
-use crate::learn::{Batch, BatchSampler, Learner, Losses, Phase, Policy, Profile, Replay, Scratch};
-use crate::map::Grid;
-
-/// Candidates whose graph distances are distilled between two rebuilds of the graph.
-const DISTILLED_GOALS: usize = 32;
+use crate::learn::{Batch, BatchSampler, Learner, Losses, Phase, Policy, Profile, Replay};
+use crate::map::{Cell, Grid};
 
 /// Losses are reported as running means over about this many updates.
 const LOSS_MEMORY_UPDATES: f64 = 500.0;
@@ -32,6 +30,7 @@ enum Stream {
     Explore = 1,
     Batch = 2,
     Evaluate = 3,
+    Graph = 4,
 }
 
 /// What a checkpoint holds of a trainer besides networks, replay and candidates.
@@ -45,10 +44,6 @@ pub struct TrainerState {
     pub rollout: RolloutState,
     /// The random state of batches.
     pub batch_rng: ChaCha8Rng,
-    /// Graph distances that are being distilled.
-    pub distilled: Vec<(u32, u32, f32)>,
-    /// Candidates' states when those distances were taken, `(candidates, state_dim)`.
-    pub distilled_states: Vec<f32>,
 }
 
 /// A run in progress.
@@ -63,12 +58,12 @@ pub struct Trainer {
     batch: Batch,
     batch_rng: ChaCha8Rng,
     experience: Experience,
-    distilled: Distilled,
-    distilled_states: Vec<f32>,
+    graphs: Graphs,
+    /// How often an agent was in each cell, row-major.
+    visited: Vec<u32>,
     counters: Counters,
     seconds: f64,
     profile: Profile,
-    scratch: Scratch,
 }
 
 fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
@@ -85,6 +80,10 @@ impl Trainer {
     pub fn new(run: Run, map: Arc<Grid>, threads: usize) -> Result<Self> {
         let settings = &run.settings;
         let world = PointMaze::new(map.clone(), settings.train.agents, settings.train.env_noise);
+        let world = match settings.train.restart {
+            Restart::Anywhere => world,
+            Restart::StartCell => world.from_starts(),
+        };
         let spec = world.spec().clone();
         let learner = Learner::new(&spec, &settings.learn, threads, &mut stream(run.seed, Stream::Initial))?;
         let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
@@ -95,12 +94,11 @@ impl Trainer {
             batch: Batch::default(),
             batch_rng: stream(run.seed, Stream::Batch),
             experience: Experience::new(&spec, settings.train.agents, &settings.bridge),
-            distilled: Distilled::default(),
-            distilled_states: Vec::new(),
+            graphs: Graphs::default(),
+            visited: vec![0; map.free().len()],
             counters: Counters::default(),
             seconds: 0.0,
             profile: Profile::default(),
-            scratch: Scratch::default(),
             learner,
             world,
             map,
@@ -196,22 +194,34 @@ impl Trainer {
     }
 
     fn step(&mut self) -> Result<Tick> {
-        let Self { rollout, learner, replay, experience, run, .. } = self;
-        let round =
-            learner.with_nets(false, |nets| rollout.step(run.method, &run.settings, &nets, replay, experience))?;
-        let steps = run.settings.train.agents as u64;
+        let round = self.with_surroundings(|rollout, around| rollout.step(around))?;
+        for at in self.rollout.env().states().chunks_exact(2) {
+            let cell = self.map.index(Cell::new(at[0] as usize, at[1] as usize));
+            self.visited[cell] = self.visited[cell].saturating_add(1);
+        }
+        let steps = self.run.settings.train.agents as u64;
         let counters = &mut self.counters;
         counters.env_steps += steps;
         counters.episodes += round.episodes;
         counters.goals_reached += round.reached;
-        if counters.env_steps <= run.settings.train.warmup_env_steps {
+        if counters.env_steps <= self.run.settings.train.warmup_env_steps {
             return Ok(Tick::Step);
         }
         counters.waiting += steps;
-        if run.settings.train.update_when == UpdateWhen::Step || round.episodes > 0 {
+        if self.run.settings.train.update_when == UpdateWhen::Step || round.episodes > 0 {
             counters.owed += std::mem::take(&mut counters.waiting);
         }
         Ok(Tick::Step)
+    }
+
+    /// Lets the agents do something with what surrounds them.
+    fn with_surroundings<R>(&mut self, act: impl FnOnce(&mut Rollout<PointMaze>, &mut Surroundings) -> R) -> Result<R> {
+        let Self { rollout, learner, replay, experience, run, graphs, .. } = self;
+        let graph = graphs.current().map(|built| &*built.graph);
+        learner.with_nets(false, |nets| {
+            let (method, settings) = (run.method, &run.settings);
+            act(rollout, &mut Surroundings { method, settings, nets: &nets, graph, replay, experience })
+        })
     }
 
     fn update(&mut self) -> Result<Tick> {
@@ -221,6 +231,8 @@ impl Trainer {
             return Ok(Tick::Update);
         }
         let began = Instant::now();
+        self.renew_graph()?;
+        let began = self.profile.lap(Phase::Graph, began);
         self.sampler.sample(&self.replay, &mut self.batch_rng, &mut self.batch);
         self.distil_into_batch();
         self.profile.lap(Phase::Sample, began);
@@ -229,42 +241,62 @@ impl Trainer {
         for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
             *mean += (1.0 - keep) * (f64::from(loss) - *mean);
         }
-        let every = self.run.settings.bridge.graph_every_updates;
-        let distils = self.run.settings.learn.distillation > 0.0 && self.run.method.plans();
-        if distils && self.counters.updates.is_multiple_of(every) {
-            let began = Instant::now();
-            let graph = self.graph()?;
-            self.distilled = graph.distil(DISTILLED_GOALS, &mut self.batch_rng);
-            self.distilled_states = graph.experience().states().to_vec();
-            self.profile.lap(Phase::Graph, began);
-        }
         Ok(Tick::Update)
+    }
+
+    /// Takes up the bridge graph that counts from now on, and begins to build the next one where that is due.
+    fn renew_graph(&mut self) -> Result<()> {
+        let Settings { learn, bridge, .. } = &self.run.settings;
+        let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon > 0.0;
+        if !wanted || !self.run.method.bridges() {
+            return Ok(());
+        }
+        let (now, every) = (self.counters.updates, bridge.graph_every_updates);
+        if self.graphs.take_up(now) {
+            self.with_surroundings(|rollout, around| rollout.plan_anew(around))?;
+        }
+        if now.is_multiple_of(every) {
+            let job = GraphJob {
+                spec: self.spec().clone(),
+                settings: self.run.bridge(),
+                policy: self.policy()?,
+                experience: self.experience.known(),
+                rng: self.graph_rng(now),
+            };
+            self.graphs.begin(now, every, job)?;
+        }
+        Ok(())
+    }
+
+    /// Draws what a graph whose build began at update `at` distils.
+    fn graph_rng(&self, at: u64) -> ChaCha8Rng {
+        let mut rng = stream(self.run.seed, Stream::Graph);
+        rng.set_word_pos(u128::from(at) << 34);
+        rng
     }
 
     /// Replaces a share of the batch by pairs of candidates with their graph distance.
     fn distil_into_batch(&mut self) {
-        if self.distilled.pairs.is_empty() {
+        let share = self.run.settings.learn.distillation;
+        let Some(Built { graph, distilled, .. }) = self.graphs.current().filter(|_| share > 0.0) else { return };
+        if distilled.pairs.is_empty() {
             return;
         }
-        let s = self.spec().state_dim();
-        let count = (self.run.settings.learn.distillation * self.batch.len() as f32).round() as usize;
+        let count = (share * self.batch.len() as f32).round() as usize;
         for i in 0..count {
-            let (from, to, steps) = self.distilled.pairs[self.batch_rng.random_range(0..self.distilled.pairs.len())];
-            let state = |i: u32| &self.distilled_states[i as usize * s..(i as usize + 1) * s];
-            let goal: Vec<f32> = self.world.spec().achieved(state(to)).collect();
-            self.batch.set_known(i, state(from), &goal, steps);
+            let (from, to, steps) = distilled.pairs[self.batch_rng.random_range(0..distilled.pairs.len())];
+            self.batch.set_known(i, graph.candidate(from as usize), graph.point(to as usize), steps);
         }
     }
 
-    /// The bridge graph of this moment.
-    ///
-    /// # Errors
-    /// What candle reports.
-    pub fn graph(&mut self) -> Result<BridgeGraph> {
-        let bridge = &self.run.settings.bridge;
-        let (spec, experience, scratch) = (self.world.spec(), &self.experience, &mut self.scratch);
-        self.learner
-            .with_nets(bridge.averaged_weights, |nets| BridgeGraph::build(spec, bridge, experience, &nets, scratch))
+    /// The bridge graph in use, if there is one.
+    pub fn graph(&self) -> Option<&BridgeGraph> {
+        self.graphs.current().map(|built| &*built.graph)
+    }
+
+    /// How often an agent was in each cell, row-major.
+    pub fn visited(&self) -> &[u32] {
+        &self.visited
     }
 
     /// A frozen copy of the networks, as planning and evaluation use them.
@@ -301,7 +333,8 @@ impl Trainer {
             run: self.run.clone(),
             world: self.world.clone(),
             policy: self.policy()?,
-            experience: self.run.method.plans().then(|| self.experience.clone()),
+            experience: self.run.method.plans().then(|| self.experience.known()),
+            visited: self.visited.clone(),
             rng: self.evaluation_rng(0),
         })
     }
@@ -321,26 +354,35 @@ impl Trainer {
             seconds: self.seconds,
             rollout: self.rollout.state(),
             batch_rng: self.batch_rng.clone(),
-            distilled: self.distilled.pairs.clone(),
-            distilled_states: self.distilled_states.clone(),
         }
+    }
+
+    /// The bridge graphs, for a checkpoint.
+    pub fn graph_state(&self) -> [Option<StoredGraph>; 2] {
+        self.graphs.state()
     }
 
     /// Takes up a state; the networks, replay and candidates come through their own parts.
     ///
     /// # Errors
     /// Where it was not saved from such a run.
-    pub fn restore(&mut self, state: TrainerState) -> std::result::Result<(), String> {
-        let candidates = state.distilled_states.len() / self.spec().state_dim();
-        if state.distilled.iter().any(|(from, to, _)| (*from).max(*to) as usize >= candidates) {
-            return Err("the stored graph distances do not fit their candidates".to_owned());
+    pub fn restore(
+        &mut self,
+        state: TrainerState,
+        graphs: &[Option<StoredGraph>; 2],
+        visited: Vec<u32>,
+    ) -> std::result::Result<(), String> {
+        if visited.len() != self.visited.len() {
+            return Err("the stored visits do not fit the map".to_owned());
         }
-        self.rollout.restore(state.rollout)?;
+        let mut restored = Graphs::default();
+        restored.restore(self.spec(), &self.run.bridge(), graphs, |at| self.graph_rng(at))?;
+        self.graphs = restored;
+        self.rollout.restore(state.rollout, self.graphs.current().map(|built| &*built.graph))?;
+        self.visited = visited;
         self.counters = state.counters;
         self.seconds = state.seconds;
         self.batch_rng = state.batch_rng;
-        self.distilled = Distilled { pairs: state.distilled };
-        self.distilled_states = state.distilled_states;
         Ok(())
     }
 

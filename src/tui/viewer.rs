@@ -163,7 +163,7 @@ impl Worker {
             search: StepSearch::new(world.map()),
             rng: ChaCha8Rng::seed_from_u64(engine.run().seed),
             method: engine.run().method,
-            bridge: engine.run().settings.bridge.clone(),
+            bridge: engine.run().bridge(),
             graph: None,
             walker: None,
             window: None,
