@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
+use crate::ablate::AblateArgs;
+use crate::map::Kind;
 use crate::train::{Limits, Method, Preset};
 
 const EXAMPLES: &str = "\
@@ -32,8 +34,17 @@ pub struct Cli {
 /// Commands besides training.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// List the built-in maps: size, free cells, farthest distance
-    Maps,
+    /// List the built-in maps: size, free cells, farthest distance; or print a random map
+    Maps {
+        /// Print a random map of this kind as plain ASCII
+        #[arg(long, value_name = "KIND", value_enum)]
+        random: Option<KindArg>,
+        /// Which one: same seed, same map
+        #[arg(long, default_value_t = 0, requires = "random")]
+        seed: u64,
+    },
+    /// Measure what each piece of the default preset is worth, by switching it off
+    Ablate(AblateArgs),
     /// Measure the learner's speed on this machine, side by side with plain candle-nn
     Bench {
         /// Print JSON instead of a table
@@ -150,6 +161,24 @@ pub enum MethodArg {
     Sorb,
     /// Random actions, nothing learned: the floor
     Random,
+}
+
+/// [`Kind`] on the command line.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum KindArg {
+    /// Rooms of 4 by 4 cells joined by doors, thin walls between
+    Maze,
+    /// Streets between blocks, about a third of them closed
+    City,
+}
+
+impl From<KindArg> for Kind {
+    fn from(arg: KindArg) -> Self {
+        match arg {
+            KindArg::Maze => Self::Maze,
+            KindArg::City => Self::City,
+        }
+    }
 }
 
 /// [`Preset`] on the command line.

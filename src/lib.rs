@@ -32,6 +32,7 @@
 //! resumed or not. Each purpose has its own random stream; a batch is split into parts that do not depend on the number
 //! of threads and are summed in their order.
 
+pub mod ablate;
 pub mod bench;
 pub mod bridge;
 pub mod cli;

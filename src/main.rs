@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use gdg_tui::cli::{Cli, Command};
-use gdg_tui::{bench, facts, headless, setup};
+use gdg_tui::map::{print_ascii, random};
+use gdg_tui::{ablate, bench, facts, headless, setup};
 use miette::Report;
 
 /// Exit status of what fails while running.
@@ -17,7 +18,12 @@ const BAD_INPUT: u8 = 2;
 fn main() -> ExitCode {
     let cli = Cli::parse();
     let status = match &cli.command {
-        Some(Command::Maps) => print(&facts::list()),
+        Some(Command::Maps { random: None, .. }) => print(&facts::list()),
+        Some(Command::Maps { random: Some(kind), seed }) => print(&print_ascii(&random((*kind).into(), *seed))),
+        Some(Command::Ablate(args)) => match ablate::run(args) {
+            Ok(table) => print(&table),
+            Err(error) => fail(&error, BAD_INPUT),
+        },
         Some(Command::Check { file, map }) => match facts::check(file, map.as_deref()) {
             Ok(text) => print(&text),
             Err(error) => fail(&error, BAD_INPUT),

@@ -9,6 +9,7 @@ mod error;
 mod grid;
 mod load;
 mod movingai;
+mod random;
 mod scenario;
 mod text;
 
@@ -19,4 +20,5 @@ pub use error::{MapError, MapResult};
 pub use grid::{Cell, Grid, MAX_CELLS};
 pub use load::{load_map, load_scenario, parse_map};
 pub use movingai::print_movingai;
+pub use random::{Kind, random};
 pub use scenario::{ScenarioTask, parse_scenario};

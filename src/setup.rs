@@ -9,7 +9,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::TrainArgs;
 use crate::map::{self, Diameter, Grid, MapError, ScenarioTask, StepSearch};
-use crate::train::{self, Overrides, Run, Settings, Trainer};
+use crate::train::{self, Overrides, Restart, Run, Settings, Trainer};
 
 /// Breadth-first searches that a map's diameter may take: exact on the built-in maps, within a second on large ones.
 const DIAMETER_CELLS: usize = 60_000_000;
@@ -59,6 +59,10 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
         let (method, preset) = (args.method.into(), args.preset.into());
         let run = Run { method, preset, seed: args.seed, settings: settings(args)? };
         let map = Arc::new(find_map(&args.map)?);
+        if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
+            let what = "has no start S, where restart=start-cell would begin all episodes";
+            return Err(report(MapError::whole(&args.map, what, "mark one with S, or leave restart=anywhere")));
+        }
         Trainer::new(run, map, threads).into_diagnostic()?
     };
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();

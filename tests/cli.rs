@@ -96,12 +96,60 @@ fn the_same_seed_prints_the_same_whatever_the_threads() {
 
 #[test]
 fn other_methods_and_the_paper_preset_run() {
-    for args in [["--method", "gdg"], ["--method", "random"], ["--preset", "paper"]] {
+    let plans = [(["--method", "gdg"], false), (["--method", "random"], false), (["--preset", "paper"], true)];
+    for (args, plans) in [(["--method", "sorb"], true)].into_iter().chain(plans) {
         let all = run(&["trap", "--max-updates", "200", "--eval-tasks", "1", args[0], args[1]]);
         let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
-        assert_eq!(evaluation["planned"].is_null(), args[0] == "--method", "{args:?}");
-        assert_eq!(evaluation["bridges"].is_null(), args[0] == "--method", "{args:?}");
+        assert_eq!(evaluation["planned"].is_null(), !plans, "{args:?}");
+        assert_eq!(evaluation["bridges"].is_null(), !plans, "{args:?}");
+        assert_eq!(evaluation["distance_error"]["graph"].is_null(), !plans, "{args:?}");
+        // The trap marks a start and a goal: how its own task went.
+        let journey = &evaluation["marked"]["greedy"];
+        assert!(journey["left_steps"].as_u64().unwrap() <= 200 && journey["reached"].is_boolean(), "{journey}");
+        assert_eq!(evaluation["marked"]["planned"].is_null(), !plans, "{args:?}");
     }
+}
+
+#[test]
+fn episodes_can_begin_at_the_start_cell_alone() {
+    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1"];
+    let coverage = |more: &[&str]| {
+        let all = run(&[&args[..], more].concat());
+        all.iter().find(|r| r["event"] == "evaluation").unwrap()["coverage"].as_f64().unwrap()
+    };
+    let (anywhere, start) = (coverage(&[]), coverage(&["--set", "restart=start-cell"]));
+    assert!(start > 0.0 && start < 0.7 * anywhere, "{start} of the cells from the start, {anywhere} from anywhere");
+    let no_start = gdg().args(["--no-ui", &file("valid/plain.txt"), "--set", "restart=start-cell"]).output().unwrap();
+    assert_eq!(no_start.status.code(), Some(2));
+    let error = String::from_utf8_lossy(&no_start.stderr).into_owned();
+    assert!(error.contains("plain.txt") && error.contains("no start S"), "{error}");
+}
+
+#[test]
+fn ablate_gives_a_table_and_json() {
+    let folder = tempfile::tempdir().unwrap();
+    let json = folder.path().join("all.json");
+    let mut command = gdg();
+    command.args(["ablate", "trap", "--updates", "30", "--seeds", "1", "--eval-tasks", "1", "--json"]).arg(&json);
+    let output = command.output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let table = String::from_utf8_lossy(&output.stdout).into_owned();
+    for row in ["| default |", "| no distillation |", "| method sorb |", "| method gdg (no bridges) | - |"] {
+        assert!(table.contains(row), "{table}");
+    }
+    let all: Value = serde_json::from_slice(&std::fs::read(&json).unwrap()).unwrap();
+    let all = all.as_array().unwrap();
+    assert_eq!(all.len(), table.lines().filter(|l| l.starts_with("| ")).count() - 1, "a row for each, below the head");
+    assert!(all.iter().all(|o| o["evaluation"]["greedy"]["success"].is_number()));
+}
+
+#[test]
+fn maps_prints_random_maps() {
+    let print = |kind: &str| gdg().args(["maps", "--random", kind, "--seed", "3"]).output().unwrap();
+    let (maze, city) = (print("maze"), print("city"));
+    assert!(maze.status.success() && city.status.success());
+    assert_eq!(maze.stdout.split(|b| *b == b'\n').filter(|l| l.len() == 44).count(), 44);
+    assert_eq!(city.stdout.split(|b| *b == b'\n').filter(|l| l.len() == 101).count(), 101);
 }
 
 #[test]

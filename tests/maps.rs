@@ -7,7 +7,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use gdg_tui::env::{Environment, PointMaze};
-use gdg_tui::map::{self, BUILTIN, Cell, Grid, StepSearch, UNREACHABLE, parse_map, print_ascii, print_movingai};
+use gdg_tui::map::{
+    self, BUILTIN, Cell, Grid, Kind, StepSearch, UNREACHABLE, parse_map, print_ascii, print_movingai, random,
+};
 use proptest::prelude::*;
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -370,5 +372,22 @@ fn real_maps_and_scenarios_are_read() {
             // An octile length counts a diagonal sqrt 2 where a step count counts it 1.
             assert!(steps <= task.optimal_octile + 1e-6 && task.optimal_octile <= steps * 2f64.sqrt() + 1e-6);
         }
+    }
+}
+
+#[test]
+fn random_maps_are_whole_and_repeatable_and_differ_by_seed() {
+    for (kind, side) in [(Kind::Maze, 44), (Kind::City, 101)] {
+        let mut shares = Vec::new();
+        for seed in 0..20 {
+            let grid = random(kind, seed);
+            assert_eq!((grid.width(), grid.height()), (side, side));
+            assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1, "{} in one piece", grid.name());
+            assert_eq!(grid, random(kind, seed));
+            assert_ne!(grid, random(kind, seed + 1).named(grid.name()));
+            shares.push(grid.free_count());
+        }
+        let (fewest, most) = (shares.iter().min().unwrap(), shares.iter().max().unwrap());
+        assert!(fewest < most && *most < side * side, "{fewest} to {most} free cells");
     }
 }

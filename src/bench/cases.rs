@@ -197,18 +197,23 @@ pub fn other() -> Result<Vec<Timed>> {
     for (candidates, what) in
         [(500, "a planning query at 500 candidates"), (1500, "a planning query at 1500 candidates")]
     {
-        let graph = graph(&map, candidates, &nets, &mut scratch);
+        let (experience, settings) = experience(&map, candidates);
+        let graph = BridgeGraph::build(world.spec(), &settings, &experience, &nets, &mut scratch);
         all.push(timed(what, 50, &mut || {
             let mut walker = Walker::new(graph.route(&[40.5, 200.5], &nets, &mut scratch));
             walker.step(&[200.5, 40.5], &graph, &nets, &mut scratch);
         }));
     }
+    let (experience, _) = experience(&map, 1500);
+    all.push(timed("holding training up for a graph of 1500 candidates", 20, &mut || {
+        std::hint::black_box((learner.policy(true).is_ok(), experience.known()));
+    }));
     all.push(timed("a step of 32 agents in the environment", 500, &mut || world.step(&actions, &mut rng)));
     Ok(all)
 }
 
-/// A graph of `candidates` from random walks on the open map.
-fn graph(map: &Arc<Grid>, candidates: usize, nets: &crate::learn::Nets, scratch: &mut Scratch) -> BridgeGraph {
+/// About `candidates` candidates from random walks on the open map.
+fn experience(map: &Arc<Grid>, candidates: usize) -> (Experience, BridgeSettings) {
     let mut rng = rng();
     let mut world = PointMaze::new(map.clone(), 32, 0.0);
     let settings = BridgeSettings { candidates, ..BridgeSettings::default() };
@@ -227,5 +232,5 @@ fn graph(map: &Arc<Grid>, candidates: usize, nets: &crate::learn::Nets, scratch:
         world.states().chunks_exact(2).enumerate().for_each(|(i, state)| experience.visit(i, state));
         world.step(&actions, &mut rng);
     }
-    BridgeGraph::build(world.spec(), &settings, &experience, nets, scratch)
+    (experience, settings)
 }

@@ -317,3 +317,76 @@ impl Experience {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn line() -> (Spec, BridgeSettings) {
+        let spec = Spec {
+            state_centre: vec![50.0, 0.5],
+            state_half_range: vec![50.0; 2],
+            achieved: vec![0, 1],
+            action_dim: 2,
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        };
+        (spec, BridgeSettings { candidates: 10, ..BridgeSettings::default() })
+    }
+
+    /// Walks one agent along the line from 0 to `end`, half a length a step.
+    fn walk(experience: &mut Experience, end: f32) {
+        let mut at = 0.0;
+        while at <= end {
+            experience.visit(0, &[at, 0.5]);
+            at += 0.5;
+        }
+        experience.end_episode(0);
+    }
+
+    #[test]
+    fn practice_counts_failures_in_a_row_and_arrivals_forgive_them() {
+        let (spec, settings) = line();
+        let mut experience = Experience::new(&spec, 1, &settings);
+        walk(&mut experience, 12.0);
+        let hop = (experience.name(0), experience.name(1));
+        experience.practise(hop, false);
+        experience.practise(hop, false);
+        assert_eq!(experience.practice(0, 1), Practice { arrived: 0, failed: 2 });
+        assert_eq!(experience.practice(1, 0), Practice::default(), "the other direction is another edge");
+        experience.practise(hop, true);
+        assert_eq!(experience.practice(0, 1), Practice { arrived: 1, failed: 0 });
+        experience.practise((hop.0, 12_345), true);
+        experience.practise((hop.0, hop.0), true);
+        assert_eq!(experience.state().practice.len(), 4, "of candidates that are gone nothing is kept");
+    }
+
+    #[test]
+    fn practice_follows_candidates_when_others_retire() {
+        let (spec, settings) = line();
+        let mut experience = Experience::new(&spec, 1, &settings);
+        walk(&mut experience, 15.0);
+        let before: Vec<(u32, f32)> =
+            (0..experience.len()).map(|i| (experience.name(i), experience.points()[2 * i])).collect();
+        for (a, _) in &before {
+            before.iter().for_each(|(b, _)| experience.practise((*a, *b), true));
+        }
+        // So far out that the line holds more candidates than wanted, and some have to go.
+        walk(&mut experience, 400.0);
+        let place = |name: u32, e: &Experience| (0..e.len()).find(|i| e.name(*i) == name);
+        let (kept, gone): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| place(*name, &experience).is_some());
+        assert!(kept.len() > 1 && !gone.is_empty(), "{} stayed, {} retired", kept.len(), gone.len());
+        for (name, point) in &kept {
+            let i = place(*name, &experience).unwrap_or_default();
+            assert_eq!(experience.points()[2 * i], *point);
+            for (other, _) in kept.iter().filter(|(other, _)| other != name) {
+                let j = place(*other, &experience).unwrap_or_default();
+                assert_eq!(experience.practice(i, j).arrived, 1);
+            }
+        }
+        assert_eq!(experience.state().practice.len(), 4 * kept.len() * (kept.len() - 1));
+        let mut restored = Experience::new(&spec, 1, &settings);
+        restored.restore(&experience.state()).expect("its own state");
+        assert_eq!(restored.state(), experience.state());
+    }
+}

@@ -24,8 +24,8 @@ pub struct Edge {
     pub to: usize,
     /// D(from, to) by the most pessimistic critic when the graph was built, in steps.
     pub distance: f32,
-    /// What planning counts for it, in steps: D, or more where experience alone speaks for the edge or practice
-    /// against it.
+    /// What planning counts for it, in steps: D and what lies between arriving and leaving, or more where experience
+    /// alone speaks for the edge or practice against it.
     pub cost: f32,
     /// What practice says of it.
     pub standing: Standing,
@@ -158,6 +158,7 @@ impl BridgeGraph {
                 let cost = link_cost(settings, *distance, experience.observed(from, *to))?;
                 let standing = Standing::from(experience.practice(from, *to));
                 let cost = if standing == Standing::Demoted { DEMOTED_FACTOR * cost } else { cost };
+                let cost = cost + settings.hop_steps;
                 Some(Edge { from, to: *to, distance: *distance, cost, standing })
             });
             edges.extend(found);
@@ -252,7 +253,9 @@ impl BridgeGraph {
         let links: Vec<(u32, u32)> = around
             .iter()
             .zip(&distances)
-            .filter_map(|((i, _), d)| Some((*i as u32, parts(self.link(Some(*i), nearest, *d)?))))
+            .filter_map(|((i, _), d)| {
+                Some((*i as u32, parts(self.link(Some(*i), nearest, *d)? + self.settings.hop_steps)))
+            })
             .collect();
         self.route_by(goal, nearest, links)
     }
@@ -348,7 +351,8 @@ impl BridgeGraph {
             let goal = rng.random_range(0..self.experience.len());
             let route = self.route_to_candidate(goal);
             let reachable = route.steps.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
-            pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, *s)));
+            // These ways begin exactly at a candidate, not somewhere near it.
+            pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
         }
         Distilled { pairs }
     }
@@ -389,4 +393,73 @@ fn link_cost(settings: &BridgeSettings, distance: f32, observed: u16) -> Option<
     }
     let kept = settings.keep_observed_edges && seen;
     kept.then(|| settings.edge_cutoff_steps.max(observed + OBSERVED_PENALTY_STEPS))
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    /// Candidates in a row, each joined to the next; nothing leaves the last one.
+    fn row() -> BridgeGraph {
+        let spec = Spec {
+            state_centre: vec![50.0, 0.5],
+            state_half_range: vec![50.0; 2],
+            achieved: vec![0, 1],
+            action_dim: 2,
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        };
+        let settings = BridgeSettings { candidates: 20, ..BridgeSettings::default() };
+        let mut experience = Experience::new(&spec, 1, &settings);
+        (0..60).for_each(|step| experience.visit(0, &[0.5 * step as f32, 0.5]));
+        let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, cost: 3.0, standing: Standing::Untried };
+        let edges = (0..experience.len() - 1).map(edge).collect();
+        BridgeGraph::of(&spec, &settings, experience, edges)
+    }
+
+    #[test]
+    fn a_graph_comes_back_from_its_state_and_no_other_is_taken() {
+        let graph = row();
+        let state = graph.state();
+        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &state).expect("its own state");
+        assert_eq!((again.state(), again.edges()), (state.clone(), graph.edges()));
+        let wrong = [
+            GraphState { ends: vec![0, 999], lengths: vec![1.0, 1.0], ..state.clone() },
+            GraphState { ends: vec![1, 0, 0, 1], lengths: vec![1.0; 4], ..state.clone() },
+            GraphState { lengths: Vec::new(), ..state },
+        ];
+        assert!(wrong.iter().all(|s| BridgeGraph::from_state(&graph.spec, &graph.settings, s).is_err()));
+    }
+
+    #[test]
+    fn routes_add_up_edges_and_know_where_there_is_no_way() {
+        let graph = row();
+        let last = graph.experience().len() - 1;
+        let route = graph.route_to_candidate(last);
+        assert!((0..=last).all(|i| route.steps[i] == 3.0 * (last - i) as f32), "{:?}", route.steps);
+        assert!((0..last).all(|i| route.next[i] as usize == i + 1));
+        let route = graph.route_to_candidate(0);
+        assert!(route.steps[1..].iter().all(|s| s.is_infinite()), "edges lead one way");
+    }
+
+    #[test]
+    fn the_frontier_is_where_few_edges_leave() {
+        let graph = row();
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let last = graph.experience().len() - 1;
+        let at_the_end = (0..200).filter(|_| graph.frontier(&mut rng) == Some(last)).count();
+        assert!(at_the_end > 80, "the only candidate without a way on was chosen {at_the_end} times of 200");
+    }
+
+    #[test]
+    fn walks_that_fail_demote_an_edge_and_walks_that_arrive_confirm_it() {
+        let standing = |arrived, failed| Standing::from(Practice { arrived, failed });
+        assert_eq!(standing(0, 0), Standing::Untried);
+        assert_eq!(standing(0, 1), Standing::Untried);
+        assert_eq!(standing(0, 2), Standing::Demoted);
+        assert_eq!(standing(9, 2), Standing::Demoted);
+        assert_eq!(standing(3, 0), Standing::Confirmed);
+    }
 }

@@ -11,6 +11,9 @@ pub struct BridgeSettings {
     pub candidate_spacing: f32,
     /// An edge needs D below this, in steps.
     pub edge_cutoff_steps: f32,
+    /// Steps that a way through a waypoint takes beyond D to it and D from it: D ends a goal radius before its goal, where
+    /// the way on does not begin.
+    pub hop_steps: f32,
     /// Whether an edge also needs a stored trajectory that went from one end to the other in about D steps.
     pub verify_edges: bool,
     /// Whether a pair that trajectories join is kept as a costly edge where D is above the cut-off.
@@ -46,6 +49,7 @@ impl Default for BridgeSettings {
             candidates: 600,
             candidate_spacing: 2.0,
             edge_cutoff_steps: 10.0,
+            hop_steps: 1.0,
             verify_edges: true,
             keep_observed_edges: true,
             graph_every_updates: 1_000,
@@ -56,7 +60,7 @@ impl Default for BridgeSettings {
             bridge_epsilon: 0.2,
             search_budget: 64,
             open_loop: false,
-            planned_episodes: 0.1,
+            planned_episodes: 0.3,
             frontier_epsilon: 0.0,
             averaged_weights: true,
         }
@@ -71,6 +75,7 @@ impl BridgeSettings {
             keep_observed_edges: false,
             progress_check: false,
             averaged_weights: false,
+            hop_steps: 0.0,
             planned_episodes: 0.0,
             ..Self::default()
         }
@@ -85,6 +90,7 @@ impl BridgeSettings {
             keep_observed_edges: false,
             progress_check: false,
             open_loop: true,
+            hop_steps: 0.0,
             planned_episodes: 0.0,
             bridge_epsilon: 0.0,
             ..self.clone()
@@ -111,6 +117,7 @@ impl BridgeSettings {
             ("candidates", (2..=10_000).contains(&self.candidates), "a whole number from 2 to 10000"),
             ("candidate_spacing", within(self.candidate_spacing, 0.01, 1e6), "a number of at least 0.01"),
             ("edge_cutoff_steps", within(self.edge_cutoff_steps, 1.0, 100.0), "a number of steps from 1 to 100"),
+            ("hop_steps", within(self.hop_steps, 0.0, 100.0), "a number of steps from 0 to 100"),
             ("graph_every_updates", self.graph_every_updates > 0, "a whole number of at least 1"),
             ("late_factor", within(self.late_factor, 0.0, 100.0), "a number from 0 to 100"),
             ("late_slack_steps", within(self.late_slack_steps, 1.0, 1e6), "a number of steps of at least 1"),

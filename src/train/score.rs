@@ -11,6 +11,8 @@ pub struct Score {
     pub success: f64,
     /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018).
     pub spl: f64,
+    /// Mean of steps / shortest over the tasks that were done; 0 if none was.
+    pub steps_ratio: f64,
     /// The same for each distance.
     pub by_distance: Vec<DistanceScore>,
 }
@@ -36,7 +38,7 @@ impl Score {
             .iter()
             .map(|distance_steps| DistanceScore { distance_steps: *distance_steps, ..DistanceScore::default() })
             .collect();
-        let (mut success, mut spl) = (0.0, 0.0);
+        let (mut success, mut spl, mut ratios) = (0.0, 0.0, 0.0);
         for (task, steps) in set.tasks.iter().zip(steps) {
             let group = &mut by_distance[task.group];
             group.tasks += 1;
@@ -47,6 +49,7 @@ impl Score {
             group.spl += weight;
             success += 1.0;
             spl += weight;
+            ratios += f64::from((*steps).max(1)) / f64::from(task.shortest.max(1));
         }
         for group in &mut by_distance {
             let tasks = group.tasks.max(1) as f64;
@@ -54,7 +57,8 @@ impl Score {
             group.spl /= tasks;
         }
         let tasks = set.tasks.len().max(1) as f64;
-        Self { success: success / tasks, spl: spl / tasks, by_distance }
+        let steps_ratio = if success > 0.0 { ratios / success } else { 0.0 };
+        Self { success: success / tasks, spl: spl / tasks, steps_ratio, by_distance }
     }
 }
 

@@ -10,7 +10,7 @@ use rand_chacha::ChaCha8Rng;
 use tokio::sync::watch;
 
 use super::raster::{Ground, Raster};
-use crate::bridge::{BridgeGraph, Experience, Target, Walker};
+use crate::bridge::{BridgeGraph, Experience, Standing, Target, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Nets, Policy, Scratch};
 use crate::map::{Cell, StepSearch, UNREACHABLE};
@@ -53,8 +53,8 @@ pub struct View {
     pub raster: Option<Raster>,
     /// Bridge candidates, as positions.
     pub candidates: Arc<Vec<[f32; 2]>>,
-    /// Edges of the bridge graph.
-    pub edges: usize,
+    /// Edges of the bridge graph: all, those that practice confirmed, and those that it demoted.
+    pub edges: (usize, usize, usize),
     /// Waypoints ahead of the walking agent, ending at the goal.
     pub path: Vec<[f32; 2]>,
     /// Where the walking agent is, and where it was.
@@ -246,7 +246,8 @@ impl Worker {
         let nets = networks.0.nets();
         if self.method.plans() {
             let graph = BridgeGraph::build(self.world.spec(), &self.bridge, &networks.1, &nets, &mut self.scratch);
-            self.view.edges = graph.edges().len();
+            let of = |standing: Standing| graph.edges().iter().filter(|e| e.standing == standing).count();
+            self.view.edges = (graph.edges().len(), of(Standing::Confirmed), of(Standing::Demoted));
             self.view.candidates = Arc::new(networks.1.points().chunks_exact(2).map(|p| [p[0], p[1]]).collect());
             // Candidates may have changed places: the walk is planned anew.
             if let (Some(goal), false) = (self.view.goal, self.view.walk.arrived) {

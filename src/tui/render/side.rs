@@ -104,7 +104,12 @@ fn bridges(app: &App) -> Vec<Line<'static>> {
         Some((_, gain)) => format!("{} tried, gain {gain:.0}", s.tried),
         None => format!("{} tried, none", s.tried),
     });
-    vec![fact("points", app.view.candidates.len()), fact("edges", short(app.view.edges as f64)), fact("search", search)]
+    let (edges, confirmed, demoted) = app.view.edges;
+    vec![
+        fact("points", format!("{}, {} edges", app.view.candidates.len(), short(edges as f64))),
+        fact("walked", format!("{} good, {demoted} bad", short(confirmed as f64))),
+        fact("search", search),
+    ]
 }
 
 /// The critic's loss from the beginning on, on a logarithmic scale.

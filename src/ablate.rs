@@ -1,0 +1,180 @@
+//! `gdg-tui ablate`: what each piece of the default preset is worth, by switching it off.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicUsize, Ordering};
+
+use clap::Args;
+use miette::{IntoDiagnostic, Report, WrapErr};
+use parking_lot::Mutex;
+use serde::Serialize;
+
+use crate::map::Grid;
+use crate::setup::{diameter, find_map, threads};
+use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Run, Trainer, settings_from};
+
+/// What `gdg-tui ablate` is asked for.
+#[derive(Debug, Args)]
+pub struct AblateArgs {
+    /// Built-in map or map file
+    #[arg(default_value = "fourrooms", value_name = "MAP")]
+    map: String,
+    /// Updates of each run
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..))]
+    updates: u64,
+    /// Runs of each variant: seeds 1, 2, ...
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    seeds: u64,
+    /// Evaluation tasks for each of six distances
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    eval_tasks: u32,
+    /// Runs side by side, each on one thread [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    jobs: Option<u16>,
+    /// Write all results as JSON too
+    #[arg(long, value_name = "FILE")]
+    json: Option<PathBuf>,
+}
+
+/// The default with one thing changed.
+struct Variant {
+    name: &'static str,
+    method: Method,
+    set: &'static str,
+}
+
+const fn without(name: &'static str, set: &'static str) -> Variant {
+    Variant { name, method: Method::GdgBridge, set }
+}
+
+const VARIANTS: [Variant; 20] = [
+    without("default", ""),
+    without("1-step targets", "n_step=1"),
+    without("plain squares instead of expectile", "expectile=0.5"),
+    without("no hindsight bound", "hindsight_bound=false"),
+    without("one critic", "critics=1"),
+    without("squared error of D", "loss=squared"),
+    without("no random goals in a batch", "goal_random=0"),
+    without("no Fourier features", "fourier_octaves=0"),
+    without("no relative inputs", "relative_scales=[]"),
+    without("no grid encoding", "grid_cells=[]"),
+    without("unbounded actor", "actor_bound=0"),
+    without("no distillation", "distillation=0"),
+    without("unverified edges", "verify_edges=false"),
+    without("no edges by experience alone", "keep_observed_edges=false"),
+    without("no progress check", "progress_check=false"),
+    without("current weights, no averages", "averaged_weights=false"),
+    without("no bridge goals in exploration", "bridge_epsilon=0"),
+    without("no planned episodes", "planned_episodes=0"),
+    Variant { name: "method sorb", method: Method::Sorb, set: "" },
+    Variant { name: "method gdg (no bridges)", method: Method::Gdg, set: "" },
+];
+
+/// One run's result.
+#[derive(Debug, Serialize)]
+struct Outcome {
+    variant: &'static str,
+    set: &'static str,
+    method: &'static str,
+    seed: u64,
+    evaluation: Evaluation,
+}
+
+/// Trains every variant and gives the table as Markdown.
+///
+/// # Errors
+/// What is wrong with the map, or what candle or writing the JSON file report.
+pub fn run(args: &AblateArgs) -> Result<String, Report> {
+    let map = Arc::new(find_map(&args.map)?);
+    let diameter = diameter(&map).steps;
+    let runs: Vec<(&Variant, u64)> =
+        VARIANTS.iter().flat_map(|v| (1..=args.seeds).map(move |seed| (v, seed))).collect();
+    let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
+    let work = || -> Result<(), Report> {
+        while let Some((variant, seed)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let evaluation = train(variant, *seed, &map, diameter, args)?;
+            let mut outcomes = outcomes.lock();
+            let planned = evaluation.planned.as_ref().map_or(String::new(), |p| format!("planned {:.3}, ", p.success));
+            let done = outcomes.len() + 1;
+            eprintln!(
+                "{done} of {}: {}, seed {seed}: {planned}greedy {:.3}",
+                runs.len(),
+                variant.name,
+                evaluation.greedy.success
+            );
+            let (variant, set, method) = (variant.name, variant.set, variant.method.name());
+            outcomes.push(Outcome { variant, set, method, seed: *seed, evaluation });
+        }
+        Ok(())
+    };
+    std::thread::scope(|scope| {
+        let workers: Vec<_> = (0..threads(args.jobs)).map(|_| scope.spawn(work)).collect();
+        workers
+            .into_iter()
+            .try_for_each(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
+    })?;
+    let mut outcomes = outcomes.into_inner();
+    let place = |name: &str| VARIANTS.iter().position(|v| v.name == name);
+    outcomes.sort_by_key(|o| (place(o.variant), o.seed));
+    if let Some(path) = &args.json {
+        let json = serde_json::to_string_pretty(&outcomes).into_diagnostic()?;
+        std::fs::write(path, json + "\n")
+            .into_diagnostic()
+            .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+    }
+    Ok(table(&map, &outcomes, args))
+}
+
+fn train(
+    variant: &Variant,
+    seed: u64,
+    map: &Arc<Grid>,
+    diameter: u32,
+    args: &AblateArgs,
+) -> Result<Evaluation, Report> {
+    let set: Vec<String> = (!variant.set.is_empty()).then(|| variant.set.to_owned()).into_iter().collect();
+    let settings =
+        settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(|e| Report::new(*e))?;
+    let run = Run { method: variant.method, preset: Preset::Default, seed, settings };
+    let mut trainer = Trainer::new(run, map.clone(), 1).into_diagnostic()?;
+    let limits = Limits { updates: Some(args.updates), ..Limits::default() };
+    while trainer.limit_reached(&limits).is_none() {
+        trainer.tick().into_diagnostic()?;
+    }
+    let tasks = trainer.tasks(diameter, args.eval_tasks as usize);
+    trainer.evaluate(&tasks).into_diagnostic()
+}
+
+fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
+    let mut out = format!(
+        "{}, {} updates, means of {} seeds (of success: the worst seed's in brackets), {} tasks at each of six distances\n\n",
+        map.name(),
+        args.updates,
+        args.seeds,
+        args.eval_tasks
+    );
+    out += "| variant | planned | SPL | greedy | error of D | of the graph's | false edges |\n|---|---|---|---|---|---|---|\n";
+    for own in outcomes.chunk_by(|a, b| a.variant == b.variant) {
+        let all =
+            |of: &dyn Fn(&Evaluation) -> Option<f64>| own.iter().map(|o| of(&o.evaluation)).collect::<Option<Vec<_>>>();
+        let mean = |values: &[f64]| values.iter().sum::<f64>() / values.len() as f64;
+        let worst = |values: &[f64]| values.iter().copied().fold(f64::INFINITY, f64::min);
+        let success = |of: &dyn Fn(&Evaluation) -> Option<f64>| {
+            all(of).map_or("-".to_owned(), |v| format!("{:.3} ({:.2})", mean(&v), worst(&v)))
+        };
+        let number =
+            |of: &dyn Fn(&Evaluation) -> Option<f64>| all(of).map_or("-".to_owned(), |v| format!("{:.2}", mean(&v)));
+        let false_edges = all(&|e| Some(e.bridges.as_ref()?.false_edges as f64));
+        out += &format!(
+            "| {} | {} | {} | {} | {} | {} | {} |\n",
+            own[0].variant,
+            success(&|e| Some(e.planned.as_ref()?.success)),
+            number(&|e| Some(e.planned.as_ref()?.spl)),
+            success(&|e| Some(e.greedy.success)),
+            number(&|e| Some(e.distance_error.mape)),
+            number(&|e| Some(e.distance_error.graph?.mape)),
+            false_edges.map_or("-".to_owned(), |v| format!("{:.0}", mean(&v))),
+        );
+    }
+    out
+}
