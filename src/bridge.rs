@@ -11,7 +11,7 @@ mod search;
 mod settings;
 
 pub use experience::{Experience, ExperienceState, NEVER, Practice};
-pub use graph::{BridgeGraph, Distilled, Edge, GraphState, Route, Standing};
+pub use graph::{BridgeGraph, Distilled, Edge, GraphState, LINKS, Route, Standing};
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{SearchOutcome, search};
 pub use settings::BridgeSettings;

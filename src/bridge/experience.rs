@@ -372,7 +372,7 @@ mod tests {
             before.iter().for_each(|(b, _)| experience.practise((*a, *b), true));
         }
         // So far out that the line holds more candidates than wanted, and some have to go.
-        walk(&mut experience, 400.0);
+        walk(&mut experience, 60.0);
         let place = |name: u32, e: &Experience| (0..e.len()).find(|i| e.name(*i) == name);
         let (kept, gone): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| place(*name, &experience).is_some());
         assert!(kept.len() > 1 && !gone.is_empty(), "{} stayed, {} retired", kept.len(), gone.len());

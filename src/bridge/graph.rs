@@ -13,7 +13,10 @@ use crate::learn::{Nets, Scratch};
 const PARTS_PER_STEP: f32 = 1024.0;
 
 /// Candidates around a state or goal that first and last links may lead to.
-const LINKS: usize = 48;
+pub const LINKS: usize = 48;
+
+/// States whose composed distances are computed together.
+const COMPOSED_AT_ONCE: usize = 64;
 
 /// A way from one candidate to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -143,7 +146,7 @@ impl BridgeGraph {
             let to: Vec<usize> = if settings.verify_edges {
                 (0..experience.len()).filter(|to| *to != from && experience.observed(from, *to) != NEVER).collect()
             } else {
-                let near = nearest(spec, experience, state);
+                let near = nearest(spec, experience, state, LINKS);
                 near.into_iter().filter(|to| *to != from).collect()
             };
             states.clear();
@@ -297,16 +300,22 @@ impl BridgeGraph {
         link_cost(&self.settings, distance, self.experience.observed(from, to))
     }
 
-    /// Candidates near `state` by straight line, nearest first.
-    pub(super) fn around(&self, state: &[f32]) -> Vec<usize> {
-        nearest(&self.spec, &self.experience, state)
-    }
-
-    /// D(s, g) as the graph composes it, for each of `states` `(rows, state_dim)`: the shortest way over verified links,
-    /// or D itself where that is shorter and below the cut-off, or where there is no such way.
-    pub fn composed(&self, states: &[f32], route: &Route, nets: &Nets, scratch: &mut Scratch) -> Vec<f32> {
-        let distances = states.chunks_exact(self.spec.state_dim()).map(|state| {
-            let options = self.options(state, route, nets, scratch);
+    /// D(s, g) as the graph composes it, for each of `states` `(rows, state_dim)`: the shortest way over verified links
+    /// to one of the nearest `links` candidates, or D itself where that is shorter and below the cut-off, or where there
+    /// is no such way.
+    pub fn composed(
+        &self,
+        states: &[f32],
+        route: &Route,
+        links: usize,
+        nets: &Nets,
+        scratch: &mut Scratch,
+    ) -> Vec<f32> {
+        let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
+        // Many at once: the networks take large batches better than small ones.
+        let batches =
+            states.chunks(COMPOSED_AT_ONCE).flat_map(|states| self.options(states, route, links, nets, scratch));
+        let distances = batches.map(|options| {
             let over = options.candidates.iter().filter_map(|o| Some(o.cost? + route.steps[o.candidate]));
             over.chain(options.direct)
                 .filter(|steps| steps.is_finite())
@@ -316,20 +325,38 @@ impl BridgeGraph {
         distances.collect()
     }
 
-    /// Where a walk to `route`'s goal can go from `state`.
-    pub(super) fn options(&self, state: &[f32], route: &Route, nets: &Nets, scratch: &mut Scratch) -> Options {
-        let around = self.around(state);
-        let mut goals: Vec<f32> = around.iter().flat_map(|i| self.point(*i).iter().copied()).collect();
-        goals.extend(&route.goal);
-        let mut distances = vec![0.0; around.len() + 1];
-        nets.distances(&state.repeat(around.len() + 1), &goals, &mut distances, scratch);
-        let to_goal = distances[around.len()];
-        let here = around.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
-        let candidates = around.iter().zip(&distances).map(|(candidate, distance)| {
-            let cost = self.link(here, Some(*candidate), *distance);
-            FirstHop { candidate: *candidate, distance: *distance, cost }
+    /// Where walks to `route`'s goal can go from each of `states`: to the nearest `links` candidates, or to the goal.
+    pub(super) fn options(
+        &self,
+        states: &[&[f32]],
+        route: &Route,
+        links: usize,
+        nets: &Nets,
+        scratch: &mut Scratch,
+    ) -> Vec<Options> {
+        let around: Vec<Vec<usize>> =
+            states.iter().map(|state| nearest(&self.spec, &self.experience, state, links)).collect();
+        let (mut from, mut to) = (Vec::new(), Vec::new());
+        for (state, around) in states.iter().zip(&around) {
+            from.extend(state.repeat(around.len() + 1));
+            to.extend(around.iter().flat_map(|i| self.point(*i)));
+            to.extend(&route.goal);
+        }
+        let mut distances = vec![0.0; to.len() / route.goal.len()];
+        nets.distances(&from, &to, &mut distances, scratch);
+        let mut rest = &distances[..];
+        let options = around.into_iter().map(|around| {
+            let (own, others) = rest.split_at(around.len() + 1);
+            rest = others;
+            let to_goal = own[around.len()];
+            let here = around.iter().zip(own).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
+            let candidates = around.iter().zip(own).map(|(candidate, distance)| {
+                let cost = self.link(here, Some(*candidate), *distance);
+                FirstHop { candidate: *candidate, distance: *distance, cost }
+            });
+            Options { candidates: candidates.collect(), to_goal, direct: self.link(here, route.nearest, to_goal) }
         });
-        Options { candidates: candidates.collect(), to_goal, direct: self.link(here, route.nearest, to_goal) }
+        options.collect()
     }
 
     /// A candidate at the frontier: of some drawn at random, the one that the fewest edges leave.
@@ -362,13 +389,13 @@ fn parts(cost: f32) -> u32 {
     (cost * PARTS_PER_STEP) as u32
 }
 
-/// The [`LINKS`] candidates nearest to `state`, nearest first.
-fn nearest(spec: &Spec, experience: &Experience, state: &[f32]) -> Vec<usize> {
+/// The `count` candidates nearest to `state` by straight line, nearest first.
+fn nearest(spec: &Spec, experience: &Experience, state: &[f32], count: usize) -> Vec<usize> {
     let points = experience.points().chunks_exact(spec.goal_dim());
     let mut all: Vec<(usize, f32)> = points.enumerate().map(|(i, p)| (i, spec.goal_distance(state, p))).collect();
-    if all.len() > LINKS {
-        all.select_nth_unstable_by(LINKS, |a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        all.truncate(LINKS);
+    if all.len() > count {
+        all.select_nth_unstable_by(count, |a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        all.truncate(count);
     }
     all.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
     all.into_iter().map(|(i, _)| i).collect()
@@ -416,7 +443,7 @@ mod tests {
         (0..60).for_each(|step| experience.visit(0, &[0.5 * step as f32, 0.5]));
         let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, cost: 3.0, standing: Standing::Untried };
         let edges = (0..experience.len() - 1).map(edge).collect();
-        BridgeGraph::of(&spec, &settings, experience, edges)
+        BridgeGraph::of(&spec, &settings, experience.known(), edges)
     }
 
     #[test]

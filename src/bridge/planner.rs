@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::graph::{BridgeGraph, Route};
+use super::graph::{BridgeGraph, LINKS, Route};
 use crate::learn::{Nets, Scratch};
 
 /// So many late targets in a row mean that an agent is stuck.
@@ -220,7 +220,7 @@ impl Walker {
     /// below the cut-off and not longer than the way round. Where no verified link leads anywhere, unverified ones
     /// count; where the graph knows no way at all, the goal is approached directly.
     fn choose(&self, state: &[f32], graph: &BridgeGraph, nets: &Nets, scratch: &mut Scratch) -> (Target, f32) {
-        let options = graph.options(state, &self.route, nets, scratch);
+        let options = &graph.options(&[state], &self.route, LINKS, nets, scratch)[0];
         let allowed = |target: Target| self.banned.iter().all(|(b, _)| *b != target);
         let best = |verified: bool| {
             let usable = options.candidates.iter().filter_map(|hop| {

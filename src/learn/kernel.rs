@@ -1,6 +1,8 @@
-//! Dense kernels on row-major slices. The one place with unsafe code: the calls into `gemm`.
+//! Dense kernels on row-major slices. The one place with unsafe code: loads and stores of vectors where a block is
+//! transposed in registers.
 //!
-//! Element-wise loops run through `pulp`'s dispatch, so that a portable build uses the vectors that the CPU has.
+//! Element-wise loops are compiled for several generations of vectors and chosen at run time, so that a portable build
+//! uses those that the CPU has.
 #![allow(unsafe_code)]
 
 use multiversion::multiversion;

@@ -8,7 +8,7 @@ use super::method::Method;
 use super::run::Run;
 use super::score::{Score, spearman};
 use super::tasks::{Task, TaskSet};
-use crate::bridge::{BridgeGraph, Experience, Walker};
+use crate::bridge::{BridgeGraph, Experience, LINKS, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Nets, Policy, Scratch};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
@@ -265,7 +265,7 @@ fn distance_error(map: &Grid, nets: &Nets, graph: Option<&BridgeGraph>, rng: &mu
         }
         if let Some(graph) = graph {
             let route = graph.route(&goal.centre(), nets, &mut scratch);
-            composed.extend(graph.composed(&states[first..], &route, nets, &mut scratch));
+            composed.extend(graph.composed(&states[first..], &route, LINKS, nets, &mut scratch));
         }
     }
     let mut learned = vec![0.0; truth.len()];

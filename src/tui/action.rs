@@ -13,6 +13,8 @@ pub enum Action {
     MoveGoal(isize, isize),
     /// A random place for the walking agent.
     NewStart,
+    /// Show another distance by colours and contours.
+    NextLayer,
     /// Show or hide the bridge candidates.
     ToggleBridges,
     /// Show or hide the exploring agents.
@@ -93,6 +95,13 @@ pub const BINDINGS: &[Binding] = &[
         shown: "w",
         short: "",
         long: "put the walking agent @ somewhere else",
+    },
+    Binding {
+        action: Action::NextLayer,
+        keys: &[(KeyCode::Char('v'), NONE)],
+        shown: "v",
+        short: "view",
+        long: "colours for D as learned, as the graph composes it, as it is",
     },
     Binding {
         action: Action::ToggleBridges,

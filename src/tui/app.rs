@@ -14,7 +14,7 @@ use super::action::{Action, action_of};
 use super::colour::Depth;
 use super::raster::MapFrame;
 use super::render::Base;
-use super::viewer::{Request, View, Viewer};
+use super::viewer::{Layer, Request, View, Viewer};
 use crate::cli::TrainArgs;
 use crate::map::Cell;
 use crate::train::{Command, Engine, Phase, Snapshot, Trainer};
@@ -37,6 +37,8 @@ pub struct App {
     pub losses: Vec<f32>,
     /// Snapshots that one value of the curve stands for, and those since the last.
     curve_every: (usize, usize),
+    /// Which distance is asked for.
+    pub layer: Layer,
     pub show_help: bool,
     pub show_bridges: bool,
     pub show_agents: bool,
@@ -64,6 +66,7 @@ impl App {
             goal: Cell::new(0, 0),
             losses: Vec::new(),
             curve_every: (1, 0),
+            layer: Layer::default(),
             show_help: false,
             show_bridges: true,
             show_agents: true,
@@ -212,6 +215,10 @@ impl App {
             }
             Action::MoveGoal(dx, dy) => self.move_goal(dx, dy),
             Action::NewStart => self.viewer.ask(Request::NewStart),
+            Action::NextLayer => {
+                self.layer = self.layer.next(self.run().method);
+                self.viewer.ask(Request::Layer(self.layer));
+            }
             Action::ToggleBridges => self.show_bridges = !self.show_bridges,
             Action::ToggleAgents => self.show_agents = !self.show_agents,
             Action::Save => {

@@ -51,6 +51,7 @@ fn header(frame: &mut Frame, area: Rect, app: &App) {
         Span::styled(format!(" {} ", app.map().name()), bold),
         Span::raw(format!("{} {} seed {}  ", run.method.name(), run.preset.name(), run.seed)),
         Span::styled(phase, bold),
+        Span::raw(format!("  {}", app.layer.name())),
     ]);
     frame.render_widget(Paragraph::new(line), area);
 }

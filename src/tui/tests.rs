@@ -13,7 +13,7 @@ use super::action::BINDINGS;
 use super::app::App;
 use super::colour::Depth;
 use super::render;
-use super::viewer::Viewer;
+use super::viewer::{Layer, Viewer};
 use crate::cli::Cli;
 use crate::map::{Cell, Grid, parse_map};
 use crate::train::{Engine, Limits, Method, Phase, Preset, Run, Settings, Trainer};
@@ -189,6 +189,23 @@ fn the_field_is_light_at_the_goal_and_dark_far_away() {
     let (near, far) = (at([18.5, 4.5]), at([1.5, 0.5]));
     assert!(near.is_finite() && far.is_finite() && near < far, "{near} and {far}");
     assert!(field.iter().any(|d| d.is_nan()), "walls have no distance");
+}
+
+#[test]
+fn other_distances_can_be_shown() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 1_000 && app.view.edges.0 > 0);
+    press(&mut app, KeyCode::Char('v'));
+    assert!(text(&draw(&mut app, 80, 24)).contains("D by the graph"));
+    wait_until(&mut app, |app| app.view.layer == Layer::Composed && !app.view.field.is_empty());
+    press(&mut app, KeyCode::Char('v'));
+    wait_until(&mut app, |app| app.view.layer == Layer::True && !app.view.field.is_empty());
+    let (field, raster) = (app.view.field.clone(), app.view.raster.expect("a raster"));
+    let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
+    assert_eq!(field[row * raster.pixels.0 + column], 19.0, "from the left to the goal in the lower right corner");
+    press(&mut app, KeyCode::Char('v'));
+    assert_eq!(app.layer, Layer::Learned);
 }
 
 #[test]

@@ -31,6 +31,41 @@ const REST_STEPS: u32 = 15;
 /// Steps of the trail that is kept.
 const TRAIL_STEPS: usize = 12;
 
+/// Which distance to the goal colours and contours show.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Layer {
+    /// D as the critics have it.
+    #[default]
+    Learned,
+    /// D as the bridge graph composes it.
+    Composed,
+    /// The map's own steps.
+    True,
+}
+
+impl Layer {
+    /// What it is called on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Learned => "D learned",
+            Self::Composed => "D by the graph",
+            Self::True => "true steps",
+        }
+    }
+
+    /// The next one that there is for `method`.
+    pub fn next(self, method: Method) -> Self {
+        match self {
+            Self::Learned if method.plans() => Self::Composed,
+            Self::Learned | Self::Composed => Self::True,
+            Self::True => Self::Learned,
+        }
+    }
+}
+
+/// Candidates that composed distances of the field consider at each pixel.
+const LINKS_OF_A_PIXEL: usize = 6;
+
 /// What the screen wants to see.
 #[derive(Clone, Copy, Debug)]
 pub enum Request {
@@ -40,6 +75,8 @@ pub enum Request {
     NewStart,
     /// The pixels that the map is shown by.
     Window(Raster),
+    /// The distance to show.
+    Layer(Layer),
 }
 
 /// What can be seen at one moment.
@@ -47,7 +84,9 @@ pub enum Request {
 pub struct View {
     /// The goal.
     pub goal: Option<Cell>,
-    /// D(pixel, goal) in steps, row by row; NaN at walls.
+    /// Which distance the field holds.
+    pub layer: Layer,
+    /// The distance of each pixel to the goal in steps, row by row; NaN at walls.
     pub field: Arc<Vec<f32>>,
     /// The pixels of the field.
     pub raster: Option<Raster>,
@@ -214,6 +253,10 @@ impl Worker {
                 self.field.ask();
             }
             Request::NewStart => self.restart(),
+            Request::Layer(layer) => {
+                self.view.layer = layer;
+                self.field.ask();
+            }
             Request::Window(raster) => {
                 self.window = Some(raster);
                 self.field.ask();
@@ -277,8 +320,26 @@ impl Worker {
             _ => None,
         });
         let (shown, positions): (Vec<usize>, Vec<[f32; 2]>) = shown.unzip();
-        let mut distances = vec![0.0; shown.len()];
-        nets.distances(positions.as_flattened(), &goal.repeat(shown.len()), &mut distances, &mut self.scratch);
+        let states = positions.as_flattened();
+        let distances = match (self.view.layer, &self.graph) {
+            (Layer::True, _) => {
+                let steps = self.search.from(Cell::new(goal[0] as usize, goal[1] as usize));
+                let of = |at: &[f32; 2]| match steps[map.index(Cell::new(at[0] as usize, at[1] as usize))] {
+                    UNREACHABLE => f32::NAN,
+                    steps => steps as f32,
+                };
+                positions.iter().map(of).collect()
+            }
+            (Layer::Composed, Some(graph)) => {
+                let route = graph.route(&goal, nets, &mut self.scratch);
+                graph.composed(states, &route, LINKS_OF_A_PIXEL, nets, &mut self.scratch)
+            }
+            _ => {
+                let mut distances = vec![0.0; shown.len()];
+                nets.distances(states, &goal.repeat(shown.len()), &mut distances, &mut self.scratch);
+                distances
+            }
+        };
         let mut field = vec![f32::NAN; columns * rows];
         shown.iter().zip(distances).for_each(|(i, d)| field[*i] = d);
         field
