@@ -101,13 +101,13 @@ pub const BINDINGS: &[Binding] = &[
         keys: &[(KeyCode::Char('v'), NONE)],
         shown: "v",
         short: "view",
-        long: "colours for D as learned, as the graph composes it, as it is",
+        long: "show D as learned, D by the graph, or true steps",
     },
     Binding {
         action: Action::ToggleBridges,
         keys: &[(KeyCode::Char('b'), NONE)],
         shown: "b",
-        short: "bridges",
+        short: "",
         long: "show or hide the bridge candidates",
     },
     Binding {
