@@ -118,6 +118,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub eval_every_updates: Option<u64>,
 
+    /// Go on with another map of the same size from that update on (repeatable; without the interface)
+    #[arg(long, value_name = "UPDATES:FILE", value_parser = edit_at, requires = "no_ui")]
+    pub edit_at: Vec<EditAt>,
+
     /// Evaluation tasks for each of six distances
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub eval_tasks: u32,
@@ -141,6 +145,22 @@ pub struct TrainArgs {
     /// Exit with status 3 unless the final evaluation's success reaches this
     #[arg(long, value_name = "X", value_parser = share)]
     pub require_success: Option<f64>,
+}
+
+/// A map to change to, and when.
+#[derive(Clone, Debug)]
+pub struct EditAt {
+    /// After so many updates.
+    pub updates: u64,
+    /// The map's file.
+    pub file: PathBuf,
+}
+
+fn edit_at(text: &str) -> Result<EditAt, String> {
+    let (updates, file) =
+        text.split_once(':').ok_or("a number of updates, a colon and a map file, as 20000:closed.txt")?;
+    let updates = updates.parse().map_err(|_| format!("{updates:?} is no number of updates"))?;
+    Ok(EditAt { updates, file: PathBuf::from(file) })
 }
 
 impl TrainArgs {

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use miette::{IntoDiagnostic, Report, WrapErr};
 
 use crate::cli::TrainArgs;
-use crate::setup::{Setup, ending_signals};
+use crate::setup::{self, Setup, ending_signals};
 use crate::train::{self, EndReason, Evaluation, TaskSet, Tick, Trainer};
 use progress::Progress;
 use records::Record;
@@ -86,11 +86,23 @@ impl Session<'_> {
                 print(&Record::progress(&self.setup.trainer))?;
                 self.progress.show(&self.setup.trainer);
             }
+            self.edit(updates)?;
             let due = self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every));
             if due && self.limit_reached().is_none() {
                 self.evaluate()?;
             }
         }
+    }
+
+    /// Changes the map where that is asked for after `updates`.
+    fn edit(&mut self, updates: u64) -> Result<(), Report> {
+        let Setup { trainer, diameter, edits, .. } = &mut self.setup;
+        for (_, map) in edits.iter().filter(|(at, _)| *at == updates) {
+            let change = trainer.change_map(map.clone()).map_err(Report::msg)?;
+            *diameter = setup::diameter(map);
+            print(&Record::edit(trainer, change))?;
+        }
+        Ok(())
     }
 
     fn limit_reached(&self) -> Option<EndReason> {

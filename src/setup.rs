@@ -7,7 +7,7 @@ use std::sync::atomic::AtomicUsize;
 use miette::{IntoDiagnostic, Report};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::cli::TrainArgs;
+use crate::cli::{EditAt, TrainArgs};
 use crate::map::{self, Diameter, Grid, MapError, ScenarioTask, StepSearch};
 use crate::train::{self, Overrides, Restart, Run, Settings, Trainer};
 
@@ -22,6 +22,8 @@ pub struct Setup {
     pub diameter: Diameter,
     /// Tasks to evaluate on instead of sampled ones.
     pub scenario: Option<Vec<ScenarioTask>>,
+    /// Maps to change to, and after how many updates.
+    pub edits: Vec<(u64, Arc<Grid>)>,
     /// Threads that share an update's work.
     pub threads: usize,
 }
@@ -67,7 +69,8 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     };
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
-    Ok(Setup { diameter: diameter(trainer.map()), trainer, scenario, threads })
+    let edits = load_edits(args, trainer.map())?;
+    Ok(Setup { diameter: diameter(trainer.map()), trainer, scenario, edits, threads })
 }
 
 /// The number of threads asked for, else this machine's cores.
@@ -100,6 +103,20 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
 /// The map's diameter, within a bounded time.
 pub fn diameter(grid: &Grid) -> Diameter {
     StepSearch::new(grid).diameter(grid, DIAMETER_CELLS / grid.free_count().max(1))
+}
+
+/// The maps that a run is to change to, and when; all are read before it begins.
+fn load_edits(args: &TrainArgs, map: &Grid) -> Result<Vec<(u64, Arc<Grid>)>, Report> {
+    let load = |edit: &EditAt| {
+        let new = map::load_map(&edit.file).map_err(report)?;
+        if (new.width(), new.height()) != (map.width(), map.height()) {
+            let what = format!("is {} x {} cells", new.width(), new.height());
+            let right = format!("give a map of {} x {}, as the run has", map.width(), map.height());
+            return Err(report(MapError::whole(&edit.file.to_string_lossy(), what, right)));
+        }
+        Ok((edit.updates, Arc::new(new)))
+    };
+    args.edit_at.iter().map(load).collect()
 }
 
 /// A map error as a report.

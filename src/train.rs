@@ -23,4 +23,4 @@ pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score};
 pub use settings::{Restart, Settings, TrainSettings, UpdateWhen};
 pub use tasks::{Task, TaskSet};
-pub use trainer::Trainer;
+pub use trainer::{MapChange, Trainer};

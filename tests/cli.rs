@@ -351,3 +351,22 @@ fn bench_measures_everything_it_promises() {
     assert!(found["other"].as_array().unwrap().len() >= 5);
     (0..5).for_each(|i| positive(&format!("/other/{i}/us")));
 }
+
+#[test]
+fn a_map_can_be_edited_at_an_update() {
+    let folder = tempfile::tempdir().unwrap();
+    let edited = folder.path().join("wider.txt");
+    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
+    // Everything that was wall is free.
+    std::fs::write(&edited, trap.replace('#', ".")).unwrap();
+    let at = format!("100:{}", edited.display());
+    let all = run(&["trap", "--max-updates", "200", "--eval-tasks", "1", "--edit-at", &at]);
+    let edit = all.iter().find(|r| r["event"] == "edit").unwrap();
+    assert_eq!((&edit["updates"], &edit["map"], &edit["walled"]), (&100.into(), &"wider".into(), &0.into()));
+    assert!(edit["opened"].as_u64().unwrap() > 100 && edit["transitions_removed"].is_number(), "{edit}");
+    let wrong = format!("100:{}", file("valid/plain.txt"));
+    let output = gdg().args(["--no-ui", "trap", "--edit-at", &wrong]).output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert!(error.contains("plain.txt") && error.contains("53 x 41"), "{error}");
+}

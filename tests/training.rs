@@ -5,9 +5,10 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use gdg_tui::env::Environment;
 use gdg_tui::learn::Scratch;
-use gdg_tui::map::{StepSearch, parse_map};
-use gdg_tui::train::{self, Method, Preset, Run, Settings, Tick, Trainer};
+use gdg_tui::map::{Grid, StepSearch, parse_map};
+use gdg_tui::train::{self, MapChange, Method, Preset, Run, Settings, Tick, Trainer};
 
 /// Two rooms joined by a door: the straight way between them is mostly wall.
 const TWO_ROOMS: &str = "\
@@ -251,4 +252,64 @@ fn the_paper_preset_updates_as_often_as_it_stepped_after_each_episode() {
     }
     assert_eq!(run.tick().unwrap(), Tick::Step, "the next episode begins");
     assert_eq!((run.counters().updates, run.counters().episodes), (episode, 1));
+}
+
+/// The two rooms with the door in the first row instead.
+fn door_above() -> Arc<Grid> {
+    let row = |(i, line): (usize, &str)| {
+        let (left, right) = (&line[..10], &line[11..]);
+        format!("{left}{}{right}\n", if i == 0 { '.' } else { '#' })
+    };
+    let text: String = TWO_ROOMS.lines().enumerate().map(row).collect();
+    Arc::new(parse_map("door-above", text.as_bytes()).unwrap())
+}
+
+#[test]
+fn a_door_that_moves_is_learned_by_the_same_networks() {
+    let mut run = trainer(settings(), 13, 2);
+    train_to(&mut run, 3_000);
+    let other_size = parse_map("small", b"...\n...\n").unwrap();
+    let error = run.change_map(Arc::new(other_size)).unwrap_err();
+    assert!(error.contains("3 x 2") && error.contains("21 x"), "{error}");
+    let map = door_above();
+    let change = run.change_map(map.clone()).unwrap();
+    let doors = TWO_ROOMS.lines().filter(|line| !line.contains('#')).count();
+    assert_eq!((change.walled, change.opened), (doors, 1));
+    assert!(change.transitions_removed > 100, "{change:?}");
+    assert_eq!(run.change_map(map.clone()).unwrap(), MapChange { walled: 0, opened: 0, transitions_removed: 0 });
+    assert_eq!(run.map(), &map);
+    // Nothing that is left leads through the wall, and nobody stands in it.
+    let mut before: Option<Vec<f32>> = None;
+    run.replay().retell(|_, state| {
+        if let (Some(a), Some(b)) = (&before, state) {
+            let crosses = (a[0] < 10.5) != (b[0] < 10.5);
+            assert!(!crosses || a[1] <= 2.1 && b[1] <= 2.1, "from {a:?} to {b:?}");
+        }
+        before = state.map(<[f32]>::to_vec);
+    });
+    assert!(run.rollout().env().states().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
+    assert!(run.experience().points().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
+    train_to(&mut run, 6_000);
+    let diameter = StepSearch::new(&map).diameter(&map, 10_000).steps;
+    let found = run.evaluate(&run.tasks(diameter, 20)).unwrap();
+    let planned = found.planned.unwrap().success;
+    assert!(planned >= 0.9 && found.bridges.unwrap().false_edges == 0, "planned {planned}, {:?}", found.bridges);
+}
+
+#[test]
+fn a_run_on_an_edited_map_is_resumed_on_it() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("edited.safetensors");
+    let map = door_above();
+    let mut run = trainer(settings(), 14, 1);
+    train_to(&mut run, 450);
+    run.change_map(map.clone()).unwrap();
+    train_to(&mut run, 500);
+    train::save(&run, &path).unwrap();
+    let mut resumed = train::load(&path, 1).unwrap();
+    assert_eq!(resumed.map(), &map);
+    assert_same(&run, &resumed);
+    train_to(&mut run, 700);
+    train_to(&mut resumed, 700);
+    assert_same(&run, &resumed);
 }

@@ -100,6 +100,12 @@ impl Experience {
         Self { visits: Vec::new(), clocks: Vec::new(), ..self.clone() }
     }
 
+    /// Forgets everything, but that names go on: practice of old is not taken for that of new candidates.
+    pub fn forget(&mut self, settings: &BridgeSettings) {
+        let fresh = Self::new(&self.spec, self.visits.len(), settings);
+        *self = Self { next_name: self.next_name, ..fresh };
+    }
+
     /// How many candidates there are.
     pub fn len(&self) -> usize {
         self.states.len() / self.spec.state_dim()

@@ -15,6 +15,9 @@ const SUBSTEPS: usize = 10;
 /// Goal reached below this Euclidean distance, in cells.
 const GOAL_RADIUS_CELLS: f32 = 1.0;
 
+/// Places nearer than this are the same, in cells.
+const SAME_PLACE_CELLS: f32 = 1e-3;
+
 /// Agents as points on a map; state and goal are the position (x, y) in cells, y down.
 #[derive(Clone)]
 pub struct PointMaze {
@@ -85,6 +88,17 @@ impl PointMaze {
     /// The map that the agents move on.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
+    }
+
+    /// Whether a step could have led from `state` by `action` to `next` here. With noise of the environment's own, whether
+    /// both are free places.
+    pub fn possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool {
+        let free = |at: &[f32]| self.map.is_free_at(at[0], at[1]);
+        if !free(state) || !free(next) {
+            return false;
+        }
+        let reached = slide(&self.map, [state[0], state[1]], [action[0], action[1]]);
+        self.action_noise > 0.0 || (reached[0] - next[0]).abs().max((reached[1] - next[1]).abs()) < SAME_PLACE_CELLS
     }
 
     fn random_position(&self, component: u32, rng: &mut ChaCha8Rng) -> [f32; 2] {

@@ -4,7 +4,7 @@ use serde::Serialize;
 
 use super::updates_per_second;
 use crate::setup::Setup;
-use crate::train::{BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Score, Trainer};
+use crate::train::{BridgeFacts, DistanceError, EndReason, Evaluation, MapChange, MarkedTask, Score, Trainer};
 
 /// One line.
 #[derive(Debug, Serialize)]
@@ -38,6 +38,13 @@ pub enum Record {
         coverage: f64,
         #[serde(skip_serializing_if = "Option::is_none")]
         marked: Option<MarkedTask>,
+    },
+    Edit {
+        seconds: f64,
+        updates: u64,
+        map: String,
+        #[serde(flatten)]
+        change: MapChange,
     },
     End {
         reason: EndReason,
@@ -114,6 +121,15 @@ impl Record {
             bridges,
             coverage,
             marked,
+        }
+    }
+
+    pub fn edit(trainer: &Trainer, change: MapChange) -> Self {
+        Self::Edit {
+            seconds: round(trainer.seconds()),
+            updates: trainer.counters().updates,
+            map: trainer.map().name().to_owned(),
+            change,
         }
     }
 

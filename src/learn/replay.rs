@@ -116,6 +116,47 @@ impl Replay {
         moment.agent * self.capacity + (moment.slot % self.capacity as u64) as usize
     }
 
+    /// Takes out transitions (state, action, next state) that are not `possible`: an episode then ends before one and
+    /// another begins after it. Every agent's episode must have ended. Returns how many went.
+    pub fn keep_possible(&mut self, possible: impl Fn(&[f32], &[f32], &[f32]) -> bool) -> usize {
+        let mut gone = 0;
+        for agent in 0..self.agents {
+            let mut left_behind = 0;
+            for slot in (self.oldest(agent)..self.written[agent]).rev() {
+                let moment = Moment { agent, slot };
+                let at = self.slot_index(moment);
+                if self.left[at] > 0 {
+                    let next = Moment { agent, slot: slot + 1 };
+                    let kept = possible(self.state(moment), self.action(moment), self.state(next));
+                    gone += usize::from(!kept);
+                    self.left[at] = if kept { left_behind + 1 } else { 0 };
+                }
+                left_behind = self.left[at];
+            }
+        }
+        gone
+    }
+
+    /// Tells all stored episodes again, agent by agent: `visit(agent, Some(state))` for each state, and
+    /// `visit(agent, None)` where an episode ends.
+    pub fn retell(&self, mut visit: impl FnMut(usize, Option<&[f32]>)) {
+        for agent in 0..self.agents {
+            let mut going = false;
+            for slot in self.oldest(agent)..self.written[agent] {
+                let moment = Moment { agent, slot };
+                let left = self.steps_left(moment);
+                if going || left > 0 {
+                    visit(agent, Some(self.state(moment)));
+                }
+                going = left > 0;
+                if !going {
+                    visit(agent, None);
+                }
+            }
+            visit(agent, None);
+        }
+    }
+
     /// Slots that hold something.
     pub fn len(&self) -> usize {
         self.written.iter().map(|w| (*w).min(self.capacity as u64) as usize).sum()

@@ -86,6 +86,23 @@ impl Grid {
         &self.goals
     }
 
+    /// The same map with some cells made free (`true`) or wall; starts and goals that wall then covers go. `None` where
+    /// no free cell would remain. Cells beyond the map are left out.
+    #[must_use]
+    pub fn with_cells(&self, changes: impl IntoIterator<Item = (Cell, bool)>) -> Option<Self> {
+        let mut grid = self.clone();
+        for (cell, free) in changes {
+            if cell.x < grid.width && cell.y < grid.height {
+                grid.free[cell.y * grid.width + cell.x] = free;
+            }
+        }
+        let Self { free, width, starts, goals, .. } = &mut grid;
+        for marks in [starts, goals] {
+            marks.retain(|c| free[c.y * *width + c.x]);
+        }
+        grid.free.contains(&true).then_some(grid)
+    }
+
     /// Whether `cell` lies on the map and is free.
     pub fn is_free(&self, cell: Cell) -> bool {
         cell.x < self.width && cell.y < self.height && self.free[cell.y * self.width + cell.x]

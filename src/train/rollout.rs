@@ -224,6 +224,23 @@ impl<E: Environment> Rollout<E> {
         self.plans[i] = Some(Plan { walker, goal, disturbed: false });
     }
 
+    /// Puts all agents, where they are, into another environment of the same kind: their episodes end and others begin.
+    pub fn enter(&mut self, env: E, replay: &mut Replay, experience: &mut Experience) {
+        let s = env.spec().state_dim();
+        let before = std::mem::replace(&mut self.env, env);
+        for (i, state) in before.states().chunks_exact(s).enumerate() {
+            if self.agents[i].steps > 0 {
+                replay.end_episode(i, state);
+            }
+            experience.end_episode(i);
+            self.env.place(i, state);
+            let agent = &mut self.agents[i];
+            self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
+            (agent.steps, agent.held, agent.after_bridge) = (0, None, None);
+            self.plans[i] = None;
+        }
+    }
+
     /// Plans anew where there is a plan: the graph has been replaced.
     pub fn plan_anew(&mut self, around: &Surroundings) {
         for i in 0..self.plans.len() {

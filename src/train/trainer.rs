@@ -46,6 +46,17 @@ pub struct TrainerState {
     pub batch_rng: ChaCha8Rng,
 }
 
+/// What a change of the map brought with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct MapChange {
+    /// Cells that became wall.
+    pub walled: usize,
+    /// Cells that became free.
+    pub opened: usize,
+    /// Transitions that left the replay because they are no longer possible.
+    pub transitions_removed: usize,
+}
+
 /// A run in progress.
 pub struct Trainer {
     run: Run,
@@ -297,6 +308,41 @@ impl Trainer {
     /// How often an agent was in each cell, row-major.
     pub fn visited(&self) -> &[u32] {
         &self.visited
+    }
+
+    /// Goes on with the same networks on another map of the same size. Transitions that the new walls make impossible
+    /// leave the replay, bridge candidates and edges are found anew from what remains, agents in walls are moved.
+    ///
+    /// # Errors
+    /// A map of another size.
+    pub fn change_map(&mut self, map: Arc<Grid>) -> std::result::Result<MapChange, String> {
+        let size = |map: &Grid| (map.width(), map.height());
+        if size(&map) != size(&self.map) {
+            let ((w, h), (own_w, own_h)) = (size(&map), size(&self.map));
+            return Err(format!("the map is {w} x {h}, the run's {own_w} x {own_h}"));
+        }
+        let changed =
+            |to: bool| map.free().iter().zip(self.map.free()).filter(move |(new, old)| new != old && **new == to);
+        let (walled, opened) = (changed(false).count(), changed(true).count());
+        let train = &self.run.settings.train;
+        let world = PointMaze::new(map.clone(), train.agents, train.env_noise);
+        let world = match train.restart {
+            Restart::Anywhere => world,
+            Restart::StartCell => world.from_starts(),
+        };
+        self.rollout.enter(world.clone(), &mut self.replay, &mut self.experience);
+        let transitions_removed = self.replay.keep_possible(|s, a, next| world.possible(s, a, next));
+        let Self { experience, replay, .. } = self;
+        experience.forget(&self.run.settings.bridge);
+        replay.retell(|agent, state| match state {
+            Some(state) => experience.visit(agent, state),
+            None => experience.end_episode(agent),
+        });
+        self.graphs = Graphs::default();
+        self.visited.fill(0);
+        self.world = world;
+        self.map = map;
+        Ok(MapChange { walled, opened, transitions_removed })
     }
 
     /// A frozen copy of the networks, as planning and evaluation use them.
