@@ -9,8 +9,8 @@ use miette::{IntoDiagnostic, Report, WrapErr};
 use parking_lot::Mutex;
 use serde::Serialize;
 
-use crate::map::Grid;
-use crate::setup::{diameter, find_map, threads};
+use crate::map::{Diameter, Grid};
+use crate::setup::{find_map, threads};
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Run, Trainer, settings_from};
 
 /// What `gdg-tui ablate` is asked for.
@@ -86,7 +86,7 @@ struct Outcome {
 /// What is wrong with the map, or what candle or writing the JSON file report.
 pub fn run(args: &AblateArgs) -> Result<String, Report> {
     let map = Arc::new(find_map(&args.map)?);
-    let diameter = diameter(&map).steps;
+    let diameter = Diameter::of(&map).steps;
     let runs: Vec<(&Variant, u64)> =
         VARIANTS.iter().flat_map(|v| (1..=args.seeds).map(move |seed| (v, seed))).collect();
     let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(Vec::new()));

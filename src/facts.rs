@@ -5,14 +5,14 @@ use std::path::Path;
 use miette::Report;
 
 use crate::map::{self, BUILTIN, Diameter, Grid, MapError, StepSearch};
-use crate::setup::{diameter, report};
+use crate::setup::report;
 
 /// The table of the built-in maps.
 pub fn list() -> String {
     let head = format!("{:<12}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
     let lines = BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)).map(|grid| {
         let size = format!("{}x{}", grid.width(), grid.height());
-        let farthest = farthest(diameter(&grid));
+        let farthest = farthest(Diameter::of(&grid));
         format!("{:<12}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
     });
     std::iter::once(head).chain(lines).collect()
@@ -68,7 +68,7 @@ fn facts(grid: &Grid) -> String {
             components.sizes.len(),
             100.0 * largest as f64 / free as f64
         ),
-        format!("farthest:   {} steps", farthest(diameter(grid))),
+        format!("farthest:   {} steps", farthest(Diameter::of(grid))),
     ];
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
         lines.push(format!("marked:     {} starts, {} goals", grid.starts().len(), grid.goals().len()));

@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use miette::{IntoDiagnostic, Report, WrapErr};
 
 use crate::cli::TrainArgs;
-use crate::setup::{self, Setup, ending_signals};
+use crate::map::Diameter;
+use crate::setup::{Setup, ending_signals};
 use crate::train::{self, EndReason, Evaluation, TaskSet, Tick, Trainer};
 use progress::Progress;
 use records::Record;
@@ -99,7 +100,7 @@ impl Session<'_> {
         let Setup { trainer, diameter, edits, .. } = &mut self.setup;
         for (_, map) in edits.iter().filter(|(at, _)| *at == updates) {
             let change = trainer.change_map(map.clone()).map_err(Report::msg)?;
-            *diameter = setup::diameter(map);
+            *diameter = Diameter::of(map);
             print(&Record::edit(trainer, change))?;
         }
         Ok(())

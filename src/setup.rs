@@ -8,11 +8,8 @@ use miette::{IntoDiagnostic, Report};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::{EditAt, TrainArgs};
-use crate::map::{self, Diameter, Grid, MapError, ScenarioTask, StepSearch};
+use crate::map::{self, Diameter, Grid, MapError, ScenarioTask};
 use crate::train::{self, Overrides, Restart, Run, Settings, Trainer};
-
-/// Breadth-first searches that a map's diameter may take: exact on the built-in maps, within a second on large ones.
-const DIAMETER_CELLS: usize = 60_000_000;
 
 /// A trainer, and what is known of its map.
 pub struct Setup {
@@ -70,7 +67,7 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
     let edits = load_edits(args, trainer.map())?;
-    Ok(Setup { diameter: diameter(trainer.map()), trainer, scenario, edits, threads })
+    Ok(Setup { diameter: Diameter::of(trainer.map()), trainer, scenario, edits, threads })
 }
 
 /// The number of threads asked for, else this machine's cores.
@@ -98,11 +95,6 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
         return Err(report(MapError::whole(name, "is neither a built-in map nor a file", right)));
     }
     map::load_map(path).map_err(report)
-}
-
-/// The map's diameter, within a bounded time.
-pub fn diameter(grid: &Grid) -> Diameter {
-    StepSearch::new(grid).diameter(grid, DIAMETER_CELLS / grid.free_count().max(1))
 }
 
 /// The maps that a run is to change to, and when; all are read before it begins.

@@ -16,6 +16,7 @@
 mod action;
 mod app;
 mod colour;
+mod editor;
 mod measure;
 mod raster;
 mod render;

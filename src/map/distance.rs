@@ -30,6 +30,16 @@ pub struct Diameter {
     pub exact: bool,
 }
 
+/// Cells that the searches for a diameter may visit: exact on the built-in maps, within a second on large ones.
+const DIAMETER_CELLS: usize = 60_000_000;
+
+impl Diameter {
+    /// The diameter of `grid`, within a bounded time.
+    pub fn of(grid: &Grid) -> Self {
+        StepSearch::new(grid).diameter(grid, DIAMETER_CELLS / grid.free_count().max(1))
+    }
+}
+
 /// The connected components of a map's free cells.
 #[derive(Clone, Debug)]
 pub struct Components {

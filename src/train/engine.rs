@@ -14,7 +14,7 @@ use super::tasks::TaskSet;
 use super::trainer::Trainer;
 use crate::bridge::{Experience, SearchOutcome};
 use crate::learn::{Losses, Policy};
-use crate::map::Grid;
+use crate::map::{Diameter, Grid, StepSearch};
 
 /// How often snapshots are published while training.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);
@@ -41,6 +41,8 @@ pub enum Command {
     Resume,
     /// Save a checkpoint.
     Save(std::path::PathBuf),
+    /// Go on with another map of the same size.
+    ChangeMap(Arc<Grid>),
 }
 
 /// What the trainer is doing.
@@ -59,6 +61,8 @@ pub enum Phase {
 /// The state of a run at one moment.
 #[derive(Clone)]
 pub struct Snapshot {
+    /// The map.
+    pub map: Arc<Grid>,
     /// What it is doing.
     pub phase: Phase,
     /// How far it has come.
@@ -138,6 +142,7 @@ impl Engine {
 fn snapshot(trainer: &Trainer) -> candle_core::Result<Snapshot> {
     use crate::env::Environment;
     Ok(Snapshot {
+        map: trainer.map().clone(),
         phase: Phase::Running,
         counters: trainer.counters(),
         seconds: trainer.seconds(),
@@ -286,6 +291,20 @@ impl Worker {
         Ok(())
     }
 
+    /// Changes the map; what is to be said of it, or against it.
+    fn change_map(&mut self, map: Arc<Grid>) -> Result<String, String> {
+        let change = self.trainer.change_map(map.clone())?;
+        self.diameter = Diameter::of(&map).steps;
+        let pieces = StepSearch::new(&map).components(&map).sizes.len();
+        self.current.map = map;
+        // What was found before the change says nothing of the map that there is now.
+        self.rested = None;
+        self.renew(true).map_err(|error| error.to_string())?;
+        let apart = if pieces > 1 { format!("; {pieces} pieces that do not reach each other") } else { String::new() };
+        let (walled, opened, gone) = (change.walled, change.opened, change.transitions_removed);
+        Ok(format!("{walled} cells walled, {opened} opened, {gone} transitions forgotten{apart}"))
+    }
+
     fn carry_out(&mut self, command: Command) {
         match command {
             Command::Pause if self.current.phase == Phase::Running => self.current.phase = Phase::Paused,
@@ -297,6 +316,10 @@ impl Worker {
                     Ok(()) => format!("saved {} at update {}", path.display(), self.trainer.counters().updates),
                     Err(error) => error.to_string(),
                 };
+                self.current.notice = (self.current.notice.0 + 1, text);
+            }
+            Command::ChangeMap(map) => {
+                let text = self.change_map(map).unwrap_or_else(|error| error);
                 self.current.notice = (self.current.notice.0 + 1, text);
             }
         }

@@ -205,7 +205,7 @@ impl Trainer {
     }
 
     fn step(&mut self) -> Result<Tick> {
-        let round = self.with_surroundings(|rollout, around| rollout.step(around))?;
+        let round = self.with_surroundings(Rollout::step)?;
         for at in self.rollout.env().states().chunks_exact(2) {
             let cell = self.map.index(Cell::new(at[0] as usize, at[1] as usize));
             self.visited[cell] = self.visited[cell].saturating_add(1);

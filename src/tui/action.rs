@@ -19,6 +19,14 @@ pub enum Action {
     ToggleBridges,
     /// Show or hide the exploring agents.
     ToggleAgents,
+    /// Open or close the map editor.
+    ToggleEdit,
+    /// Turn the cell at the editor's cursor from wall to floor or back.
+    Paint,
+    /// Take the latest edit back.
+    Undo,
+    /// Make the edit taken back last again.
+    Redo,
     /// Save a checkpoint.
     Save,
     /// Show or hide the help.
@@ -118,10 +126,32 @@ pub const BINDINGS: &[Binding] = &[
         long: "show or hide the exploring agents",
     },
     Binding {
+        action: Action::ToggleEdit,
+        keys: &[(KeyCode::Char('e'), NONE)],
+        shown: "e",
+        short: "edit",
+        long: "edit the map: drag, right-drag, or arrows and x",
+    },
+    Binding { action: Action::Paint, keys: &[(KeyCode::Char('x'), NONE)], shown: "x", short: "", long: "" },
+    Binding {
+        action: Action::Undo,
+        keys: &[(KeyCode::Char('u'), NONE)],
+        shown: "u",
+        short: "",
+        long: "undo an edit (Ctrl-R: redo)",
+    },
+    Binding {
+        action: Action::Redo,
+        keys: &[(KeyCode::Char('r'), KeyModifiers::CONTROL)],
+        shown: "Ctrl-R",
+        short: "",
+        long: "",
+    },
+    Binding {
         action: Action::Save,
         keys: &[(KeyCode::Char('s'), NONE)],
         shown: "s",
-        short: "save",
+        short: "",
         long: "save a checkpoint",
     },
     Binding {
@@ -131,7 +161,13 @@ pub const BINDINGS: &[Binding] = &[
         short: "help",
         long: "show or hide this help",
     },
-    Binding { action: Action::Close, keys: &[(KeyCode::Esc, NONE)], shown: "Esc", short: "", long: "close the help" },
+    Binding {
+        action: Action::Close,
+        keys: &[(KeyCode::Esc, NONE)],
+        shown: "Esc",
+        short: "",
+        long: "close the help or the editor",
+    },
     Binding {
         action: Action::Quit,
         keys: &[(KeyCode::Char('q'), NONE), (KeyCode::Char('c'), KeyModifiers::CONTROL)],

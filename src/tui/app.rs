@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crossterm::event::{Event, KeyEventKind, MouseButton, MouseEventKind};
+use crossterm::event::{Event, KeyEventKind, MouseButton, MouseEvent, MouseEventKind};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use ratatui::layout::Position;
@@ -12,11 +12,12 @@ use tokio::sync::watch;
 
 use super::action::{Action, action_of};
 use super::colour::Depth;
+use super::editor::Editor;
 use super::raster::MapFrame;
 use super::render::Base;
 use super::viewer::{Layer, Request, View, Viewer};
 use crate::cli::TrainArgs;
-use crate::map::Cell;
+use crate::map::{Cell, Grid};
 use crate::train::{Command, Engine, Phase, Snapshot, Trainer};
 
 /// How long a notice is shown.
@@ -29,6 +30,9 @@ const CURVE: usize = 1024;
 pub struct App {
     engine: Engine,
     viewer: Viewer,
+    /// The map as the user last made it; the trainer follows.
+    map: Arc<Grid>,
+    pub editor: Editor,
     pub snapshot: Arc<Snapshot>,
     pub view: Arc<View>,
     /// The goal that distances are shown to.
@@ -61,6 +65,8 @@ impl App {
         let snapshot = engine.snapshots().borrow().clone();
         let view = viewer.views().borrow().clone();
         let mut app = Self {
+            map: engine.map().clone(),
+            editor: Editor::default(),
             snapshot,
             view,
             goal: Cell::new(0, 0),
@@ -97,8 +103,8 @@ impl App {
     }
 
     /// The map.
-    pub fn map(&self) -> &Arc<crate::map::Grid> {
-        self.engine.map()
+    pub fn map(&self) -> &Arc<Grid> {
+        &self.map
     }
 
     /// What is run.
@@ -188,18 +194,44 @@ impl App {
                     self.act(action);
                 }
             }
-            Event::Mouse(mouse) => {
-                let pressed = matches!(
-                    mouse.kind,
-                    MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)
-                );
-                let at = Position::new(mouse.column, mouse.row);
-                let clicked = self.frame.as_ref().and_then(|frame| frame.cell_at(at, self.map()));
-                if let (true, false, Some(cell)) = (pressed, self.show_help, clicked) {
+            Event::Mouse(mouse) if !self.show_help => self.on_mouse(*mouse),
+            _ => {}
+        }
+    }
+
+    /// Sets the goal, or draws.
+    fn on_mouse(&mut self, mouse: MouseEvent) {
+        let Some(frame) = &self.frame else { return };
+        let at = Position::new(mouse.column, mouse.row);
+        match mouse.kind {
+            MouseEventKind::Down(button) | MouseEventKind::Drag(button) if self.editor.is_open() => match button {
+                MouseButton::Left => self.editor.draw(at, false, frame, &self.map),
+                MouseButton::Right => self.editor.draw(at, true, frame, &self.map),
+                MouseButton::Middle => {}
+            },
+            MouseEventKind::Up(_) => {
+                let new = self.editor.finish(&self.map.clone());
+                self.change_map(new);
+            }
+            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
+                if let Some(cell) = frame.cell_at(at, &self.map) {
                     self.set_goal(cell);
                 }
             }
             _ => {}
+        }
+    }
+
+    /// The map is to be this from now on.
+    fn change_map(&mut self, map: Option<Arc<Grid>>) {
+        let Some(map) = map else { return };
+        if !self.command(Command::ChangeMap(map.clone())) {
+            self.notify("the trainer is busy: try again".to_owned());
+            return;
+        }
+        self.map = map;
+        if !self.map.is_free(self.goal) {
+            self.set_goal(self.goal);
         }
     }
 
@@ -213,7 +245,29 @@ impl App {
                 let cell = self.random_cell();
                 self.set_goal(cell);
             }
-            Action::MoveGoal(dx, dy) => self.move_goal(dx, dy),
+            Action::MoveGoal(dx, dy) => match self.editor.cursor {
+                Some(at) => {
+                    let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
+                    let within = Cell::new(to.x.min(self.map.width() - 1), to.y.min(self.map.height() - 1));
+                    self.editor.cursor = Some(within);
+                }
+                None => self.move_goal(dx, dy),
+            },
+            Action::ToggleEdit => {
+                self.editor.cursor = if self.editor.is_open() { None } else { Some(self.goal) };
+            }
+            Action::Paint => {
+                let new = self.editor.toggle(&self.map.clone());
+                self.change_map(new);
+            }
+            Action::Undo => {
+                let new = self.editor.undo(&self.map.clone());
+                self.change_map(new);
+            }
+            Action::Redo => {
+                let new = self.editor.redo(&self.map.clone());
+                self.change_map(new);
+            }
             Action::NewStart => self.viewer.ask(Request::NewStart),
             Action::NextLayer => {
                 self.layer = self.layer.next(self.run().method);
@@ -228,7 +282,8 @@ impl App {
                 }
             }
             Action::ToggleHelp => self.show_help = !self.show_help,
-            Action::Close => self.show_help = false,
+            Action::Close if self.show_help => self.show_help = false,
+            Action::Close => self.editor.cursor = None,
             Action::Quit => self.done = true,
         }
     }
@@ -248,7 +303,7 @@ impl App {
     }
 
     fn random_cell(&mut self) -> Cell {
-        let cells: Vec<Cell> = self.engine.map().free_cells().collect();
+        let cells: Vec<Cell> = self.map.free_cells().collect();
         cells[self.rng.random_range(0..cells.len())]
     }
 

@@ -28,6 +28,8 @@ pub const PATH: Rgb = (255, 90, 60);
 pub const GOAL: Rgb = (214, 40, 57);
 /// The walking agent.
 pub const WALKER: Rgb = (255, 140, 30);
+/// The editor's cursor.
+pub const CURSOR: Rgb = (240, 240, 240);
 /// Free cells before anything is known of them.
 pub const UNKNOWN: Rgb = (24, 24, 28);
 

@@ -106,6 +106,21 @@ impl MapFrame {
         Some(Self { area, raster: Raster { window: [0.0, 0.0, width, shown], pixels } })
     }
 
+    /// All cells that the character at a place on the screen stands for; at least one, none beside the map.
+    pub fn cells_at(&self, at: Position, map: &Grid) -> Vec<Cell> {
+        let Some(middle) = self.cell_at(at, map) else { return Vec::new() };
+        let [left, top, width, height] = self.raster.window;
+        // Cells whose middles lie within the character.
+        let span = |i: u16, n: u16, from: f32, size: f32, most: usize, middle: usize| {
+            let at = |i: u16| (from + f32::from(i) / f32::from(n) * size + 0.5).max(0.0) as usize;
+            let (first, end) = (at(i), at(i + 1).min(most));
+            if first < end { first..end } else { middle..middle + 1 }
+        };
+        let xs = span(at.x - self.area.x, self.area.width, left, width, map.width(), middle.x);
+        let ys = span(at.y - self.area.y, self.area.height, top, height, map.height(), middle.y);
+        ys.flat_map(|y| xs.clone().map(move |x| Cell::new(x, y))).collect()
+    }
+
     /// The cell at a place on the screen.
     pub fn cell_at(&self, at: Position, map: &Grid) -> Option<Cell> {
         if !self.area.contains(at) {

@@ -66,6 +66,19 @@ fn footer(frame: &mut Frame, area: Rect, app: &App) {
 }
 
 fn keys(app: &App) -> Line<'static> {
+    if app.editor.is_open() {
+        let bold = Style::new().add_modifier(Modifier::BOLD);
+        return Line::from(vec![
+            Span::styled(" EDIT ", bold.add_modifier(Modifier::REVERSED)),
+            Span::raw(" drag: walls   right drag: floor   arrows, "),
+            Span::styled("x", bold),
+            Span::raw(": one cell   "),
+            Span::styled("u", bold),
+            Span::raw(" undo   "),
+            Span::styled("e", bold),
+            Span::raw(" done"),
+        ]);
+    }
     let mut spans = Vec::new();
     for binding in BINDINGS.iter().filter(|b| !b.short.is_empty()) {
         let paused = app.snapshot.phase == Phase::Paused;

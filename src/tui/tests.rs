@@ -7,11 +7,13 @@ use clap::Parser;
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
+use ratatui::layout::{Position, Rect};
 use ratatui::style::Color;
 
 use super::action::BINDINGS;
 use super::app::App;
 use super::colour::Depth;
+use super::raster::MapFrame;
 use super::render;
 use super::viewer::{Layer, Viewer};
 use crate::cli::Cli;
@@ -206,6 +208,48 @@ fn other_distances_can_be_shown() {
     assert_eq!(field[row * raster.pixels.0 + column], 19.0, "from the left to the goal in the lower right corner");
     press(&mut app, KeyCode::Char('v'));
     assert_eq!(app.layer, Layer::Learned);
+}
+
+#[test]
+fn a_door_can_be_closed_while_it_trains_and_opened_again() {
+    let mut app = app();
+    let door = Cell::new(10, 2);
+    let frame = {
+        draw(&mut app, 80, 24);
+        wait_until(&mut app, |app| app.snapshot.counters.updates > 50);
+        MapFrame::fit(Rect::new(0, 1, 50, 22), app.map()).expect("it fits")
+    };
+    let at = (frame.area.y..frame.area.bottom())
+        .flat_map(|row| (frame.area.x..frame.area.right()).map(move |column| Position::new(column, row)))
+        .filter(|at| frame.cells_at(*at, app.map()).contains(&door));
+    let at: Vec<Position> = at.collect();
+    let mouse = |app: &mut App, kind, at: Position| {
+        app.on_event(&Event::Mouse(MouseEvent { kind, column: at.x, row: at.y, modifiers: KeyModifiers::NONE }));
+    };
+    press(&mut app, KeyCode::Char('e'));
+    assert!(text(&draw(&mut app, 80, 24)).contains("EDIT"));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at[0]);
+    at.iter().for_each(|at| mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), *at));
+    assert_eq!(app.editor.stroke().map(|(cells, free)| (cells.contains(&door), free)), Some((true, false)));
+    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at[0]);
+    assert!(!app.map().is_free(door), "the door is closed");
+    wait_until(&mut app, |app| !app.snapshot.map.is_free(door));
+    assert!(app.notice().is_some_and(|n| n.contains("walled") && n.contains("2 pieces")), "{:?}", app.notice());
+    let updates = app.snapshot.counters.updates;
+    wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
+    press(&mut app, KeyCode::Char('u'));
+    wait_until(&mut app, |app| app.snapshot.map.is_free(door));
+    app.on_event(&Event::Key(KeyEvent::new(KeyCode::Char('r'), KeyModifiers::CONTROL)));
+    wait_until(&mut app, |app| !app.snapshot.map.is_free(door));
+    press(&mut app, KeyCode::Char('u'));
+    // By keyboard alone: from the goal, where the cursor begins.
+    assert_eq!(app.editor.cursor, Some(Cell::new(19, 4)));
+    (0..9).for_each(|_| press(&mut app, KeyCode::Left));
+    press(&mut app, KeyCode::Char('x'));
+    wait_until(&mut app, |app| app.snapshot.map.is_free(Cell::new(10, 4)));
+    press(&mut app, KeyCode::Esc);
+    assert!(!app.editor.is_open());
+    assert_eq!(app.goal, Cell::new(19, 4), "the goal stayed where it was");
 }
 
 #[test]

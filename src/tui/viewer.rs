@@ -13,7 +13,7 @@ use super::raster::{Ground, Raster};
 use crate::bridge::{BridgeGraph, Experience, Standing, Target, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Nets, Policy, Scratch};
-use crate::map::{Cell, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use crate::train::{Engine, Method, Phase, Snapshot};
 
 /// Time between two steps of the walking agent.
@@ -266,10 +266,13 @@ impl Worker {
 
     /// Computes graph and field of the latest networks where they are due.
     fn renew(&mut self) {
-        let (latest, training) = {
+        let (latest, training, map) = {
             let snapshot = self.snapshots.borrow();
-            (snapshot.networks.clone(), snapshot.phase == Phase::Running)
+            (snapshot.networks.clone(), snapshot.phase == Phase::Running, snapshot.map.clone())
         };
+        if !Arc::ptr_eq(&map, self.world.map()) {
+            self.enter(map);
+        }
         let times = if training { REST_WHILE_TRAINING } else { REST_OTHERWISE };
         let renewed = !Arc::ptr_eq(&latest, &self.networks);
         if self.graph_age.0.is_none() || renewed && self.graph_age.is_due(times) {
@@ -281,6 +284,20 @@ impl Worker {
             self.shown = latest;
             self.renew_field();
         }
+    }
+
+    /// Goes on with a map that has been edited.
+    fn enter(&mut self, map: Arc<Grid>) {
+        let at = self.position();
+        self.world = PointMaze::new(map, 1, 0.0);
+        self.world.place(0, &at);
+        self.search = StepSearch::new(self.world.map());
+        self.view.goal = self.view.goal.and_then(|goal| self.world.map().nearest_free(goal));
+        self.view.trail.clear();
+        self.graph = None;
+        self.begin_journey();
+        self.graph_age.ask();
+        self.field.ask();
     }
 
     fn renew_graph(&mut self) {

@@ -35,6 +35,9 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
     if let Some(at) = app.view.trail.last() {
         glyphs.put(*at, '@', colour::WALKER);
     }
+    if let Some(cursor) = app.editor.cursor {
+        glyphs.put(cursor.centre(), '+', colour::CURSOR);
+    }
 }
 
 /// Map and distance field alone: they change far more rarely than what moves on them.
@@ -99,6 +102,12 @@ impl Canvas {
                 canvas.line(place, from, *to);
             }
             from = Some(*to);
+        }
+        if let Some((cells, free)) = app.editor.stroke() {
+            let (rgb, mark) = if free { (colour::UNKNOWN, ' ') } else { (colour::WALL, '#') };
+            for cell in cells {
+                canvas.dot(place, cell.centre(), rgb, mark);
+            }
         }
         if app.show_agents {
             for at in app.snapshot.agents.chunks_exact(2) {
