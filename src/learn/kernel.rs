@@ -9,6 +9,7 @@ use multiversion::multiversion;
 use pulp::Arch;
 
 /// Side of the blocks that [`transpose`] turns in registers.
+#[cfg(target_arch = "x86_64")]
 const SIDE: usize = 8;
 
 /// `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride` numbers.
@@ -18,17 +19,29 @@ const SIDE: usize = 8;
 pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) {
     let (x, out) = (&x[..rows * cols], &mut out[..cols * stride]);
     assert!(rows <= stride, "{rows} numbers in rows of {stride}");
-    let mut turned = (0, 0);
-    #[cfg(target_arch = "x86_64")]
-    if std::is_x86_feature_detected!("avx") {
-        turned = (rows / SIDE * SIDE, cols / SIDE * SIDE);
-        // SAFETY: the processor has what the function is compiled for.
-        unsafe { transpose_blocks(x, cols, turned, out, stride) };
-    }
+    let turned = transpose_in_registers(x, (rows, cols), out, stride);
     for r in 0..rows {
         let from = if r < turned.0 { turned.1 } else { 0 };
         (from..cols).for_each(|c| out[c * stride + r] = x[r * cols + c]);
     }
+}
+
+/// What of [`transpose`] the processor can do in registers; how many rows and columns that was.
+#[cfg(target_arch = "x86_64")]
+fn transpose_in_registers(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) -> (usize, usize) {
+    if !std::is_x86_feature_detected!("avx") {
+        return (0, 0);
+    }
+    let turned = (rows / SIDE * SIDE, cols / SIDE * SIDE);
+    // SAFETY: the processor has what the function is compiled for.
+    unsafe { transpose_blocks(x, cols, turned, out, stride) };
+    turned
+}
+
+/// Other processors' compilers vectorise the plain loop well enough.
+#[cfg(not(target_arch = "x86_64"))]
+fn transpose_in_registers(_: &[f32], _: (usize, usize), _: &mut [f32], _: usize) -> (usize, usize) {
+    (0, 0)
 }
 
 /// The blocks of [`transpose`] among the first `turned` rows and columns.

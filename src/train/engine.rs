@@ -27,6 +27,9 @@ const NETWORKS_EVERY: Duration = Duration::from_millis(300);
 /// one begins only when so many times as long as the last one took has passed.
 const EVALUATE_EVERY_UPDATES: u64 = 2_500;
 const EVALUATION_TASKS: usize = 10;
+const REST_AFTER_EVALUATION: u32 = 25;
+
+/// See [`NETWORKS_EVERY`].
 const PARTS_FOR_TRAINING: u32 = 60;
 
 /// How often a trainer that waits looks whether its evaluation is done.
@@ -266,7 +269,7 @@ impl Worker {
             return;
         };
         let now = Instant::now();
-        self.rested = Some(now + PARTS_FOR_TRAINING * (now - began));
+        self.rested = Some(now + REST_AFTER_EVALUATION * (now - began));
         match result.join() {
             Ok(evaluation) => Arc::make_mut(&mut self.current.evaluations).push((updates, evaluation)),
             Err(_) => self.current.notice = (self.current.notice.0 + 1, "an evaluation failed".to_owned()),
