@@ -19,14 +19,14 @@
 //! * [`env`](mod@env): a world of many agents behind an interface that says how states, goals and actions are sized
 //!   and scaled; the point maze.
 //! * [`learn`]: networks, losses, replay. [`learn::product`] multiplies by weights that are packed once a step,
-//!   [`learn::kernel`] holds the other dense loops and the only unsafe code, `learn::mlp` a perceptron on flat parameters
-//!   ([`learn::fused_mlp`] is the same as one operation on candle's tape), `learn::losses` the three losses and their
-//!   gradients by hand; [`learn::Reference`] computes the same by candle's autograd: what the tests hold them against, and
-//!   what updates on other devices (`learn::tape`) are made of.
+//!   [`learn::kernel`] holds the other dense loops and the only unsafe code, `learn::mlp` a perceptron on flat
+//!   parameters ([`learn::fused_mlp`] is the same as one operation on candle's tape), `learn::losses` the three losses
+//!   and their gradients by hand; [`learn::Reference`] computes the same by candle's autograd: what the tests hold them
+//!   against, and what updates on other devices (`learn::tape`) are made of.
 //! * [`bridge`]: candidates, what experience shows between them, the graph, the planner, the published search.
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order, with bridge graphs built beside it and
-//!   taken up at fixed updates; evaluation, settings, checkpoints; and [`train::Engine`], which runs a trainer on a thread
-//!   of its own for a front end.
+//!   taken up at fixed updates; evaluation, settings, checkpoints; and [`train::Engine`], which runs a trainer on a
+//!   thread of its own for a front end.
 //! * [`headless`], [`tui`] and [`ablate`]: the front ends. [`cli`], [`setup`] and [`facts`] serve them;
 //!   [`bench`](mod@bench) measures.
 //!

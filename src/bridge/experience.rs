@@ -16,9 +16,10 @@ const WIDEST_SPACING: f32 = 0.45;
 /// another.
 ///
 /// Candidates persist: a state farther than the spacing from all of them becomes one; when there would be too many (or
-/// on large maps: many too many), the spacing grows and those that are now too close retire (farthest-point sampling on a stream). *Near* a
-/// candidate is within a quarter of the spacing, but never more than the goal radius (what the environment itself
-/// calls being there) nor less than half of it: straight-line nearness reaches across thin walls and touching corners.
+/// on large maps: many too many), the spacing grows and those that are now too close retire (farthest-point sampling on
+/// a stream). *Near* a candidate is within a quarter of the spacing, but never more than the goal radius (what the
+/// environment itself calls being there) nor less than half of it: straight-line nearness reaches across thin walls and
+/// touching corners.
 #[derive(Clone, Debug)]
 pub struct Experience {
     spec: Spec,

@@ -301,8 +301,8 @@ impl BridgeGraph {
     }
 
     /// D(s, g) as the graph composes it, for each of `states` `(rows, state_dim)`: the shortest way over verified links
-    /// to one of the nearest `links` candidates, or D itself where that is shorter and below the cut-off, or where there
-    /// is no such way.
+    /// to one of the nearest `links` candidates, or D itself where that is shorter and below the cut-off, or where
+    /// there is no such way.
     pub fn composed(
         &self,
         states: &[f32],

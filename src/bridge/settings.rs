@@ -5,14 +5,15 @@ use serde::{Deserialize, Serialize};
 /// Settings of bridge candidates, edges, search and planning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BridgeSettings {
-    /// Bridge candidates wanted. Where they would lie too far apart for edges there are more, up to three times as many.
+    /// Bridge candidates wanted. Where they would lie too far apart for edges there are more, up to three times as
+    /// many.
     pub candidates: usize,
     /// Candidates keep at least this distance, in goal radii; it grows when there would be too many.
     pub candidate_spacing: f32,
     /// An edge needs D below this, in steps.
     pub edge_cutoff_steps: f32,
-    /// Steps that a way through a waypoint takes beyond D to it and D from it: D ends a goal radius before its goal, where
-    /// the way on does not begin.
+    /// Steps that a way through a waypoint takes beyond D to it and D from it: D ends a goal radius before its goal,
+    /// where the way on does not begin.
     pub hop_steps: f32,
     /// Whether an edge also needs a stored trajectory that went from one end to the other in about D steps.
     pub verify_edges: bool,

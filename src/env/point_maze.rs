@@ -90,8 +90,8 @@ impl PointMaze {
         &self.map
     }
 
-    /// Whether a step could have led from `state` by `action` to `next` here. With noise of the environment's own, whether
-    /// both are free places.
+    /// Whether a step could have led from `state` by `action` to `next` here. With noise of the environment's own,
+    /// whether both are free places.
     pub fn possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool {
         let free = |at: &[f32]| self.map.is_free_at(at[0], at[1]);
         if !free(state) || !free(next) {

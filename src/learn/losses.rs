@@ -141,8 +141,8 @@ impl Shapes {
         }
     }
 
-    /// Next states f(s, a) = s + radius * network, `(rows, state_dim)`; keeps the pass for its backward half. `plain` are
-    /// the rows that begin with the states' plain rows, and the length of each.
+    /// Next states f(s, a) = s + radius * network, `(rows, state_dim)`; keeps the pass for its backward half. `plain`
+    /// are the rows that begin with the states' plain rows, and the length of each.
     fn predict(
         &self,
         model: Weights,

@@ -139,8 +139,8 @@ impl<'a> Reference<'a> {
         error.sqr()?.sum(D::Minus1)?.mean_all()
     }
 
-    /// The actor's loss: mean D(f(s, mu(s, g)), g) by the first critic, and apart from it the weighted squared excess of
-    /// its outputs over their bound.
+    /// The actor's loss: mean D(f(s, mu(s, g)), g) by the first critic, and apart from it the weighted squared excess
+    /// of its outputs over their bound.
     ///
     /// # Errors
     /// What candle reports.

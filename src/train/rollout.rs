@@ -167,8 +167,8 @@ impl<E: Environment> Rollout<E> {
         round
     }
 
-    /// A start and a goal; with some probability the frontier or a bridge point (Algorithm 1's epsilon) comes first, and
-    /// the way leads through the bridge graph.
+    /// A start and a goal; with some probability the frontier or a bridge point (Algorithm 1's epsilon) comes first,
+    /// and the way leads through the bridge graph.
     fn begin_episode(&mut self, i: usize, around: &Surroundings) {
         self.env.restart(i, &mut self.rng);
         let agent = &mut self.agents[i];
