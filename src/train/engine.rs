@@ -300,8 +300,8 @@ impl Worker {
         self.diameter = Diameter::of(&map).steps;
         let pieces = StepSearch::new(&map).components(&map).sizes.len();
         self.current.map = map;
-        // What was found before the change says nothing of the map that there is now.
-        self.rested = None;
+        // What is being found out about the map as it was says nothing of the map that there is now.
+        (self.evaluation, self.rested) = (None, None);
         self.renew(true).map_err(|error| error.to_string())?;
         let apart = if pieces > 1 { format!("; {pieces} pieces that do not reach each other") } else { String::new() };
         let (walled, opened, gone) = (change.walled, change.opened, change.transitions_removed);
