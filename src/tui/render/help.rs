@@ -33,12 +33,12 @@ fn legend(depth: Depth) -> Vec<Line<'static>> {
         Line::from(vec![Span::raw("         "), sign, Span::raw("  "), Span::raw(meaning)])
     };
     let field = match depth {
-        Depth::Mono => "\u{b7} joins places equally far from the goal, by the distance named above",
-        _ => "colour: distance to the goal (which one is said above): light near,",
+        Depth::Mono => "\u{b7} joins places equally far by the distance named above",
+        _ => "colour: the distance named above, light near, dark far;",
     };
     let mut lines = vec![Line::raw(format!(" {field}"))];
     if depth != Depth::Mono {
-        lines.push(Line::raw(" dark far; lines join places equally far from it"));
+        lines.push(Line::raw(" lines join places equally far from the goal"));
     }
     lines.push(entry(sign(colour::GOAL, " G"), "the goal"));
     lines.push(entry(sign(colour::WALKER, " @"), "an agent that walks there as well as it can by now"));
