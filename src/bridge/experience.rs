@@ -326,10 +326,11 @@ impl Experience {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
 
-    fn line() -> (Spec, BridgeSettings) {
+    /// Points on a line of a hundred goal radii, and settings for so many candidates.
+    pub fn line(candidates: usize) -> (Spec, BridgeSettings) {
         let spec = Spec {
             state_centre: vec![50.0, 0.5],
             state_half_range: vec![50.0; 2],
@@ -338,7 +339,7 @@ mod tests {
             goal_radius: 1.0,
             goals_are_positions: true,
         };
-        (spec, BridgeSettings { candidates: 10, ..BridgeSettings::default() })
+        (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
     }
 
     /// Walks one agent along the line from 0 to `end`, half a length a step.
@@ -353,7 +354,7 @@ mod tests {
 
     #[test]
     fn practice_counts_failures_in_a_row_and_arrivals_forgive_them() {
-        let (spec, settings) = line();
+        let (spec, settings) = line(10);
         let mut experience = Experience::new(&spec, 1, &settings);
         walk(&mut experience, 12.0);
         let hop = (experience.name(0), experience.name(1));
@@ -370,7 +371,7 @@ mod tests {
 
     #[test]
     fn practice_follows_candidates_when_others_retire() {
-        let (spec, settings) = line();
+        let (spec, settings) = line(10);
         let mut experience = Experience::new(&spec, 1, &settings);
         walk(&mut experience, 15.0);
         let before: Vec<(u32, f32)> =

@@ -427,18 +427,11 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use crate::bridge::experience::tests::line;
 
     /// Candidates in a row, each joined to the next; nothing leaves the last one.
     fn row() -> BridgeGraph {
-        let spec = Spec {
-            state_centre: vec![50.0, 0.5],
-            state_half_range: vec![50.0; 2],
-            achieved: vec![0, 1],
-            action_dim: 2,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        };
-        let settings = BridgeSettings { candidates: 20, ..BridgeSettings::default() };
+        let (spec, settings) = line(20);
         let mut experience = Experience::new(&spec, 1, &settings);
         (0..60).for_each(|step| experience.visit(0, &[0.5 * step as f32, 0.5]));
         let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, cost: 3.0, standing: Standing::Untried };

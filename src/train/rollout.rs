@@ -171,12 +171,7 @@ impl<E: Environment> Rollout<E> {
     /// and the way leads through the bridge graph.
     fn begin_episode(&mut self, i: usize, around: &Surroundings) {
         self.env.restart(i, &mut self.rng);
-        let agent = &mut self.agents[i];
-        agent.steps = 0;
-        agent.held = None;
-        agent.after_bridge = None;
-        self.plans[i] = None;
-        self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
+        self.begin_afresh(i);
         if !around.method.bridges() {
             return;
         }
@@ -225,20 +220,24 @@ impl<E: Environment> Rollout<E> {
     }
 
     /// Puts all agents, where they are, into another environment of the same kind: their episodes end and others begin.
-    pub fn enter(&mut self, env: E, replay: &mut Replay, experience: &mut Experience) {
+    pub fn enter(&mut self, env: E, replay: &mut Replay) {
         let s = env.spec().state_dim();
         let before = std::mem::replace(&mut self.env, env);
         for (i, state) in before.states().chunks_exact(s).enumerate() {
             if self.agents[i].steps > 0 {
                 replay.end_episode(i, state);
             }
-            experience.end_episode(i);
             self.env.place(i, state);
-            let agent = &mut self.agents[i];
-            self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
-            (agent.steps, agent.held, agent.after_bridge) = (0, None, None);
-            self.plans[i] = None;
+            self.begin_afresh(i);
         }
+    }
+
+    /// An episode from where agent `i` is now, to a random goal.
+    fn begin_afresh(&mut self, i: usize) {
+        let agent = &mut self.agents[i];
+        (agent.steps, agent.held, agent.after_bridge) = (0, None, None);
+        self.plans[i] = None;
+        self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
     }
 
     /// Plans anew where there is a plan: the graph has been replaced.

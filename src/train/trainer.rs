@@ -13,9 +13,9 @@ use super::graphs::{Built, GraphJob, Graphs, StoredGraph};
 use super::method::Method;
 use super::rollout::{Rollout, RolloutState, Surroundings};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
-use super::settings::{Restart, Settings, UpdateWhen};
+use super::settings::{Restart, Settings, TrainSettings, UpdateWhen};
 use super::tasks::TaskSet;
-use crate::bridge::{BridgeGraph, Experience, SearchOutcome};
+use crate::bridge::{Experience, SearchOutcome};
 use crate::env::{Environment, PointMaze, Spec};
 use crate::learn::{Batch, BatchSampler, Learner, Losses, Phase, Policy, Profile, Replay};
 use crate::map::{Cell, Grid};
@@ -83,6 +83,15 @@ fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
     rng
 }
 
+/// The agents' world on `map`.
+fn world_on(map: &Arc<Grid>, train: &TrainSettings) -> PointMaze {
+    let world = PointMaze::new(map.clone(), train.agents, train.env_noise);
+    match train.restart {
+        Restart::Anywhere => world,
+        Restart::StartCell => world.from_starts(),
+    }
+}
+
 impl Trainer {
     /// A run on `map` that has not begun; `threads` share the work of each update, without changing its result.
     ///
@@ -90,11 +99,7 @@ impl Trainer {
     /// What candle reports, or that the threads could not be started.
     pub fn new(run: Run, map: Arc<Grid>, threads: usize) -> Result<Self> {
         let settings = &run.settings;
-        let world = PointMaze::new(map.clone(), settings.train.agents, settings.train.env_noise);
-        let world = match settings.train.restart {
-            Restart::Anywhere => world,
-            Restart::StartCell => world.from_starts(),
-        };
+        let world = world_on(&map, &settings.train);
         let spec = world.spec().clone();
         let learner = Learner::new(&spec, &settings.learn, threads, &mut stream(run.seed, Stream::Initial))?;
         let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
@@ -300,11 +305,6 @@ impl Trainer {
         }
     }
 
-    /// The bridge graph in use, if there is one.
-    pub fn graph(&self) -> Option<&BridgeGraph> {
-        self.graphs.current().map(|built| &*built.graph)
-    }
-
     /// How often an agent was in each cell, row-major.
     pub fn visited(&self) -> &[u32] {
         &self.visited
@@ -324,13 +324,8 @@ impl Trainer {
         let changed =
             |to: bool| map.free().iter().zip(self.map.free()).filter(move |(new, old)| new != old && **new == to);
         let (walled, opened) = (changed(false).count(), changed(true).count());
-        let train = &self.run.settings.train;
-        let world = PointMaze::new(map.clone(), train.agents, train.env_noise);
-        let world = match train.restart {
-            Restart::Anywhere => world,
-            Restart::StartCell => world.from_starts(),
-        };
-        self.rollout.enter(world.clone(), &mut self.replay, &mut self.experience);
+        let world = world_on(&map, &self.run.settings.train);
+        self.rollout.enter(world.clone(), &mut self.replay);
         let transitions_removed = self.replay.keep_possible(|s, a, next| world.possible(s, a, next));
         let Self { experience, replay, .. } = self;
         experience.forget(&self.run.settings.bridge);
