@@ -198,7 +198,7 @@ pub fn other() -> Result<Vec<Timed>> {
         [(500, "a planning query at 500 candidates"), (1500, "a planning query at 1500 candidates")]
     {
         let (experience, settings) = experience(&map, candidates);
-        let graph = BridgeGraph::build(world.spec(), &settings, &experience, &nets, &mut scratch);
+        let graph = BridgeGraph::build(world.spec(), &settings, &experience.known(), &nets, &mut scratch);
         all.push(timed(what, 50, &mut || {
             let mut walker = Walker::new(graph.route(&[40.5, 200.5], &nets, &mut scratch));
             walker.step(&[200.5, 40.5], &graph, &nets, &mut scratch);

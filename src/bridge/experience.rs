@@ -1,6 +1,7 @@
 //! Bridge candidates, and what trajectories show about the ways between them.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 use super::settings::BridgeSettings;
 use crate::env::Spec;
@@ -95,10 +96,10 @@ impl Experience {
         }
     }
 
-    /// What is known now, without the agents' visits: what a graph is built of.
+    /// A copy of what is known now, without the agents' visits: what graphs are built of and share.
     #[must_use]
-    pub fn known(&self) -> Self {
-        Self { visits: Vec::new(), clocks: Vec::new(), ..self.clone() }
+    pub fn known(&self) -> Arc<Self> {
+        Arc::new(Self { visits: Vec::new(), clocks: Vec::new(), ..self.clone() })
     }
 
     /// Forgets everything, but that names go on: practice of old is not taken for that of new candidates.

@@ -1,5 +1,7 @@
 //! The bridge graph: candidates joined by short ways that the agent can walk.
 
+use std::sync::Arc;
+
 use pathfinding::directed::dijkstra::dijkstra_all;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -77,7 +79,7 @@ const FRONTIER_DRAWS: usize = 12;
 pub struct BridgeGraph {
     spec: Spec,
     settings: BridgeSettings,
-    experience: Experience,
+    experience: Arc<Experience>,
     edges: Vec<Edge>,
     /// `incoming[first[j]..first[j + 1]]`: index of each edge that leads to j.
     incoming: Vec<u32>,
@@ -134,7 +136,7 @@ impl BridgeGraph {
     pub fn build(
         spec: &Spec,
         settings: &BridgeSettings,
-        experience: &Experience,
+        experience: &Arc<Experience>,
         nets: &Nets,
         scratch: &mut Scratch,
     ) -> Self {
@@ -166,11 +168,11 @@ impl BridgeGraph {
             });
             edges.extend(found);
         }
-        Self::of(spec, settings, experience.known(), edges)
+        Self::of(spec, settings, experience.clone(), edges)
     }
 
     /// The graph of these edges, sorted by the candidate that they leave.
-    fn of(spec: &Spec, settings: &BridgeSettings, experience: Experience, edges: Vec<Edge>) -> Self {
+    fn of(spec: &Spec, settings: &BridgeSettings, experience: Arc<Experience>, edges: Vec<Edge>) -> Self {
         let mut first = vec![0u32; experience.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
@@ -206,7 +208,7 @@ impl BridgeGraph {
             Edge { from, to, distance: *distance, cost: *cost, standing }
         });
         let edges = edges.collect();
-        Ok(Self::of(spec, settings, experience, edges))
+        Ok(Self::of(spec, settings, Arc::new(experience), edges))
     }
 
     /// All edges, by the candidate that they leave.

@@ -81,7 +81,7 @@ pub struct Snapshot {
     /// Agents' states, `(agents, state_dim)`.
     pub agents: Arc<Vec<f32>>,
     /// Networks and bridge candidates, renewed now and then.
-    pub networks: Arc<(Policy, Experience)>,
+    pub networks: Arc<(Policy, Arc<Experience>)>,
     /// The latest bridge search.
     pub search: Option<SearchOutcome>,
     /// Evaluations so far: updates and result.
@@ -153,7 +153,7 @@ fn snapshot(trainer: &Trainer) -> candle_core::Result<Snapshot> {
         losses: trainer.losses(),
         replay: (trainer.replay().len(), trainer.replay().capacity()),
         agents: Arc::new(trainer.rollout().env().states().to_vec()),
-        networks: Arc::new((trainer.policy()?, trainer.experience().clone())),
+        networks: Arc::new((trainer.policy()?, trainer.experience().known())),
         search: trainer.last_search(),
         evaluations: Arc::new(Vec::new()),
         notice: (0, String::new()),
@@ -288,7 +288,7 @@ impl Worker {
         self.current.agents = Arc::new(trainer.rollout().env().states().to_vec());
         self.current.search = trainer.last_search();
         if networks {
-            self.current.networks = Arc::new((trainer.policy()?, trainer.experience().clone()));
+            self.current.networks = Arc::new((trainer.policy()?, trainer.experience().known()));
         }
         self.publish.send_replace(Arc::new(self.current.clone()));
         Ok(())

@@ -1,5 +1,7 @@
 //! Evaluation against the truth of the map, on a random stream of its own.
 
+use std::sync::Arc;
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
@@ -99,7 +101,7 @@ pub struct EvaluationJob {
     pub(super) world: PointMaze,
     pub(super) policy: Policy,
     /// Candidates and what was seen between them, for methods that plan.
-    pub(super) experience: Option<Experience>,
+    pub(super) experience: Option<Arc<Experience>>,
     /// How often an agent was in each cell, row-major.
     pub(super) visited: Vec<u32>,
     pub(super) rng: ChaCha8Rng,

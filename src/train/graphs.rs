@@ -24,7 +24,7 @@ pub struct GraphJob {
     pub spec: Spec,
     pub settings: BridgeSettings,
     pub policy: Policy,
-    pub experience: Experience,
+    pub experience: Arc<Experience>,
     /// Draws what is distilled.
     pub rng: ChaCha8Rng,
 }

@@ -160,9 +160,9 @@ struct Worker {
     inbox: Receiver<Request>,
     publish: watch::Sender<Arc<View>>,
     /// What the graph was built of and the agent walks by.
-    networks: Arc<(Policy, Experience)>,
+    networks: Arc<(Policy, Arc<Experience>)>,
     /// What the field was computed by.
-    shown: Arc<(Policy, Experience)>,
+    shown: Arc<(Policy, Arc<Experience>)>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
     window: Option<Raster>,
