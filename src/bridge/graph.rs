@@ -404,7 +404,7 @@ fn nearest(spec: &Spec, experience: &Experience, state: &[f32], count: usize) ->
 }
 
 /// Observed steps end within a goal radius of each end, and exploration wanders.
-const OBSERVED_SLACK_STEPS: f32 = 3.0;
+const OBSERVED_SLACK_STEPS: f32 = 2.0;
 
 /// By how much more than D a trajectory may have taken to verify it.
 const OBSERVED_FACTOR: f32 = 1.5;
