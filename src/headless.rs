@@ -11,7 +11,7 @@ use miette::{IntoDiagnostic, Report, WrapErr};
 use crate::cli::TrainArgs;
 use crate::map::Diameter;
 use crate::setup::{Setup, ending_signals};
-use crate::train::{self, EndReason, Evaluation, TaskSet, Tick, Trainer};
+use crate::train::{self, EndReason, Evaluation, Success, TaskSet, Tick, Trainer};
 use progress::Progress;
 use records::Record;
 
@@ -28,12 +28,12 @@ const NOT_REACHED: u8 = 3;
 /// What goes wrong while running: training, writing records, saving.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let signal = ending_signals()?;
-    let mut session = Session { setup, args, progress: Progress::new(args) };
+    let mut session = Session { setup, args, progress: Progress::new(args), success: None };
     print(&Record::start(&session.setup))?;
     let trained = session.train(&signal);
     let result = trained.and_then(|reason| session.finish(reason));
     // Whatever happened, what was learned is kept.
-    let saved = args.save.as_deref().map(|path| train::save(&session.setup.trainer, path)).transpose();
+    let saved = args.save.as_deref().map(|path| train::save(&session.setup.trainer, path, session.success)).transpose();
     let (reason, evaluation) = result?;
     saved?;
     print(&Record::end(reason, &session.setup.trainer))?;
@@ -67,6 +67,8 @@ struct Session<'a> {
     setup: Setup,
     args: &'a TrainArgs,
     progress: Progress,
+    /// The latest evaluation in brief.
+    success: Option<Success>,
 }
 
 impl Session<'_> {
@@ -117,6 +119,7 @@ impl Session<'_> {
             None => trainer.tasks(diameter.steps, self.args.eval_tasks as usize),
         };
         let evaluation = trainer.evaluate(&tasks).into_diagnostic()?;
+        self.success = Some(evaluation.success(trainer.counters().updates));
         print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
         Ok(evaluation)
     }

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use gdg_tui::env::Environment;
 use gdg_tui::learn::Scratch;
 use gdg_tui::map::{Grid, StepSearch, parse_map};
-use gdg_tui::train::{self, MapChange, Method, Preset, Run, Settings, Tick, Trainer};
+use gdg_tui::train::{self, Effect, MapChange, Method, Preset, Run, Settings, Tick, Trainer};
 
 /// Two rooms joined by a door: the straight way between them is mostly wall.
 const TWO_ROOMS: &str = "\
@@ -124,12 +124,80 @@ fn a_resumed_run_goes_on_as_if_it_had_never_stopped() {
     let mut first = trainer(settings(), 5, 1);
     // In the middle of things: between an update that was due and the next.
     train_to(&mut first, 333);
-    train::save(&first, &path).unwrap();
+    train::save(&first, &path, None).unwrap();
     let mut resumed = train::load(&path, 2).unwrap();
     assert_same(&first, &resumed);
     assert_eq!(resumed.map(), straight.map());
     train_to(&mut resumed, 700);
     assert_same(&straight, &resumed);
+}
+
+#[test]
+fn a_checkpoint_is_described_without_being_loaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("some.safetensors");
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 120);
+    let success = train::Success { updates: 100, greedy: 0.25, planned: Some(0.75) };
+    train::save(&run, &path, Some(success)).unwrap();
+    let found = train::describe(&path).unwrap();
+    assert_eq!((found.updates, found.success, &found.run), (120, Some(success), run.run()));
+    assert_eq!(found.map, run.map().name());
+    assert_eq!(found.bytes, std::fs::metadata(&path).unwrap().len());
+    std::fs::write(&path, b"not a checkpoint at all").unwrap();
+    assert!(train::describe(&path).unwrap_err().to_string().contains("safetensors"));
+}
+
+#[test]
+fn a_setting_that_holds_at_once_leaves_all_else_as_it_is() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 300);
+    let (before, replay) = (run.learner().state().unwrap().networks, run.replay().state_of_all());
+    let mut changed = run.run().clone();
+    changed.settings.learn.learning_rate = 1e-4;
+    changed.settings.train.random_actions = 0.9;
+    let kept = run.change_run(changed).unwrap();
+    assert!(kept.networks && kept.agents);
+    assert_eq!(run.learner().state().unwrap().networks, before);
+    assert_eq!(run.replay().state_of_all(), replay);
+    assert_eq!(run.counters().updates, 300);
+    train_to(&mut run, 400);
+}
+
+#[test]
+fn changing_any_setting_keeps_what_is_promised() {
+    let mut base = settings();
+    base.learn.replay_capacity = 5_000;
+    for (name, value) in train::list_settings(&base) {
+        let other = match (name.as_str(), value.as_str()) {
+            ("backend", _) => "tape".to_owned(),
+            ("loss", _) => "log".to_owned(),
+            ("update_when", _) => "episode-end".to_owned(),
+            // It needs a start on the map.
+            ("restart", _) => continue,
+            ("critics", "2") => "1".to_owned(),
+            ("critics", _) => "2".to_owned(),
+            (_, "true") => "false".to_owned(),
+            (_, "false") => "true".to_owned(),
+            (_, list) if list.starts_with('[') => "[1.0,3.0]".to_owned(),
+            ("replay_capacity", _) => "6000".to_owned(),
+            ("batch" | "hidden", _) => "8".to_owned(),
+            (_, number) if number.parse::<u64>().is_ok() => (number.parse::<u64>().unwrap() + 1).to_string(),
+            (_, number) => (number.parse::<f64>().unwrap() * 0.5 + 0.12).to_string(),
+        };
+        // Two of the defaults add up to the most that they may.
+        let Ok(settings) = train::with_setting(&base, &name, &other) else { panic!("{name} can be {other}") };
+        assert_ne!(settings, base, "{name}");
+        let mut run = trainer(base.clone(), 5, 1);
+        train_to(&mut run, 20);
+        let stored = run.replay().len();
+        let kept = run.change_run(Run { settings, ..run.run().clone() }).unwrap();
+        let effect = train::effect_of(&name);
+        assert_eq!(kept.networks, effect != Effect::NewNetworks, "{name}");
+        assert_eq!(kept.agents, effect != Effect::NewAgents, "{name}");
+        assert!(run.replay().len() > stored / 2, "{name} loses the replay");
+        train_to(&mut run, 25);
+    }
 }
 
 #[test]
@@ -143,7 +211,7 @@ fn a_full_replay_is_resumed_too() {
     assert_eq!(straight.replay().len(), straight.replay().capacity(), "the replay is full");
     let mut first = trainer(small, 6, 1);
     train_to(&mut first, 400);
-    train::save(&first, &path).unwrap();
+    train::save(&first, &path, None).unwrap();
     let mut resumed = train::load(&path, 1).unwrap();
     assert_same(&first, &resumed);
     train_to(&mut resumed, 500);
@@ -161,7 +229,7 @@ fn files_that_are_no_checkpoints_are_errors() {
     let whole = folder.path().join("whole.safetensors");
     let mut run = trainer(settings(), 7, 1);
     train_to(&mut run, 10);
-    train::save(&run, &whole).unwrap();
+    train::save(&run, &whole, None).unwrap();
     let bytes = std::fs::read(&whole).unwrap();
     let text = |path: &Path| train::load(path, 1).err().expect("an error").to_string();
     assert!(text(&folder.path().join("missing")).contains("cannot be read"));
@@ -305,7 +373,7 @@ fn a_run_on_an_edited_map_is_resumed_on_it() {
     train_to(&mut run, 450);
     run.change_map(map.clone()).unwrap();
     train_to(&mut run, 500);
-    train::save(&run, &path).unwrap();
+    train::save(&run, &path, None).unwrap();
     let mut resumed = train::load(&path, 1).unwrap();
     assert_eq!(resumed.map(), &map);
     assert_same(&run, &resumed);

@@ -6,12 +6,34 @@ use rand_chacha::ChaCha8Rng;
 use crate::learn::{Nets, Scratch};
 
 /// What one search did.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SearchOutcome {
+    /// The state s that it searched from, `(state_dim)`.
+    pub state: Vec<f32>,
+    /// The goal g that it searched for, `(goal_dim)`.
+    pub goal: Vec<f32>,
+    /// Candidates that it tried and rejected, in order, `(rejected, goal_dim)`.
+    pub rejected: Vec<f32>,
+    /// The bridge point found.
+    pub found: Option<BridgePoint>,
+    /// Candidates that it might have tried.
+    pub budget: usize,
+}
+
+/// A bridge point b with D(s,b) + D(b,g) < D(s,g).
+#[derive(Clone, Debug, PartialEq)]
+pub struct BridgePoint {
+    /// The candidate, `(goal_dim)`.
+    pub point: Vec<f32>,
+    /// D(s,g) - D(s,b) - D(b,g) in steps.
+    pub gain: f32,
+}
+
+impl SearchOutcome {
     /// Candidates tried.
-    pub tried: usize,
-    /// The bridge point found, as an index of the candidates, and its gain D(s,g) - D(s,b) - D(b,g) in steps.
-    pub found: Option<(usize, f32)>,
+    pub fn tried(&self) -> usize {
+        self.rejected.len() / self.goal.len().max(1) + usize::from(self.found.is_some())
+    }
 }
 
 /// Draws candidates b at random until D(s,g) > D(s,b) + D(b,g) or `budget` have been tried.
@@ -26,22 +48,24 @@ pub fn search(
     scratch: &mut Scratch,
 ) -> SearchOutcome {
     let (s, g) = (state.len(), goal.len());
+    let mut outcome = SearchOutcome { state: state.to_vec(), goal: goal.to_vec(), budget, ..SearchOutcome::default() };
     let candidates = states.len() / s;
     if candidates == 0 {
-        return SearchOutcome { tried: 0, found: None };
+        return outcome;
     }
     let drawn: Vec<usize> = (0..budget).map(|_| rng.random_range(0..candidates)).collect();
     // All at once through the networks, then judged in the order drawn: the result is that of trying one by one.
     let mut from: Vec<f32> = state.repeat(budget);
     from.extend(drawn.iter().flat_map(|i| &states[i * s..(i + 1) * s]));
     let mut to: Vec<f32> = drawn.iter().flat_map(|i| &points[i * g..(i + 1) * g]).copied().collect();
+    let tried = to.clone();
     to.extend(goal.repeat(budget));
     let mut distances = vec![0.0; 2 * budget];
     nets.distances(&from, &to, &mut distances, scratch);
     let direct = nets.distance(state, goal, scratch);
-    let gains = distances[..budget].iter().zip(&distances[budget..]).map(|(to_b, from_b)| direct - to_b - from_b);
-    match gains.enumerate().find(|(_, gain)| *gain > 0.0) {
-        Some((i, gain)) => SearchOutcome { tried: i + 1, found: Some((drawn[i], gain)) },
-        None => SearchOutcome { tried: budget, found: None },
-    }
+    let mut gains = distances[..budget].iter().zip(&distances[budget..]).map(|(to_b, from_b)| direct - to_b - from_b);
+    let found = gains.by_ref().enumerate().find(|(_, gain)| *gain > 0.0);
+    outcome.found = found.map(|(i, gain)| BridgePoint { point: tried[i * g..(i + 1) * g].to_vec(), gain });
+    outcome.rejected = tried[..found.map_or(budget, |(i, _)| i) * g].to_vec();
+    outcome
 }

@@ -157,6 +157,37 @@ impl Replay {
         }
     }
 
+    /// Stores all whole episodes again in `other`, each with the agent of which there is least; where there is no room
+    /// for all, the oldest of each agent go.
+    pub fn pour_into(&self, other: &mut Self) {
+        for agent in 0..self.agents {
+            let mut to = None;
+            for slot in self.oldest(agent)..self.written[agent] {
+                let moment = Moment { agent, slot };
+                let left = self.steps_left(moment);
+                let agent = match to {
+                    Some(agent) => agent,
+                    // What stands alone is no transition.
+                    None if left == 0 => continue,
+                    None => (0..other.agents).min_by_key(|i| other.written[*i]).unwrap_or(0),
+                };
+                if left > 0 {
+                    other.push(agent, self.state(moment), self.action(moment), self.goal(moment));
+                    to = Some(agent);
+                } else {
+                    other.end_episode(agent, self.state(moment));
+                    to = None;
+                }
+            }
+        }
+    }
+
+    /// The latest states of `agent`'s present episode, at most `count`, oldest first.
+    pub fn latest_states(&self, agent: usize, count: usize) -> impl Iterator<Item = &[f32]> {
+        let from = self.episode[agent].max(self.written[agent].saturating_sub(count as u64)).max(self.oldest(agent));
+        (from..self.written[agent]).map(move |slot| self.state(Moment { agent, slot }))
+    }
+
     /// Slots that hold something.
     pub fn len(&self) -> usize {
         self.written.iter().map(|w| (*w).min(self.capacity as u64) as usize).sum()
@@ -284,6 +315,40 @@ impl Replay {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn episodes_can_be_poured_into_a_replay_of_another_shape() {
+        let mut replay = Replay::new((1, 1, 1).into(), 3, 300);
+        for episode in 0..6 {
+            let state = |step: usize| [(10 * episode + step) as f32];
+            (0..4).for_each(|step| replay.push(episode % 3, &state(step), &[0.5], &[7.0]));
+            replay.end_episode(episode % 3, &state(4));
+        }
+        let states = |replay: &Replay| {
+            let mut all = Vec::new();
+            replay.retell(|_, state| all.extend(state.map(|s| s[0] as usize)));
+            all
+        };
+        let mut other = Replay::new((1, 1, 1).into(), 2, 100);
+        replay.pour_into(&mut other);
+        let mut poured = states(&other);
+        assert_eq!(other.written, [15, 15], "spread evenly");
+        poured.sort_unstable();
+        let mut all = states(&replay);
+        all.sort_unstable();
+        assert_eq!(poured, all);
+        assert_eq!(other.steps_left(Moment { agent: 1, slot: 6 }), 3);
+    }
+
+    #[test]
+    fn the_latest_states_are_those_of_the_present_episode() {
+        let mut replay = Replay::new((1, 1, 1).into(), 1, 100);
+        replay.push(0, &[1.0], &[0.0], &[0.0]);
+        replay.end_episode(0, &[2.0]);
+        (3..9).for_each(|i| replay.push(0, &[i as f32], &[0.0], &[0.0]));
+        let latest = |count| replay.latest_states(0, count).map(|s| s[0]).collect::<Vec<_>>();
+        assert_eq!((latest(2), latest(50)), (vec![7.0, 8.0], vec![3.0, 4.0, 5.0, 6.0, 7.0, 8.0]));
+    }
 
     #[test]
     fn a_million_transitions_of_the_point_maze_take_less_than_48_mib() {

@@ -103,6 +103,41 @@ impl Grid {
         grid.free.contains(&true).then_some(grid)
     }
 
+    /// The same map with other starts and goals; those that do not stand on free cells are left out.
+    #[must_use]
+    pub fn with_marks(&self, starts: Vec<Cell>, goals: Vec<Cell>) -> Self {
+        let on_floor = |mut marks: Vec<Cell>| {
+            marks.retain(|cell| self.is_free(*cell));
+            marks.sort_by_key(|cell| (cell.y, cell.x));
+            marks.dedup();
+            marks
+        };
+        Self { starts: on_floor(starts), goals: on_floor(goals), ..self.clone() }
+    }
+
+    /// A map of free cells alone.
+    ///
+    /// # Panics
+    /// If it would have no cell, or more than [`MAX_CELLS`].
+    pub fn empty(name: &str, width: usize, height: usize) -> Self {
+        assert!(width > 0 && height > 0 && width * height <= MAX_CELLS, "a map of a size that maps can have");
+        Self::new(name, width, vec![true; width * height], Vec::new(), Vec::new())
+    }
+
+    /// The same map cut at the right and below, or made larger there by free cells. `None` where no free cell would
+    /// remain.
+    ///
+    /// # Panics
+    /// If it would have no cell, or more than [`MAX_CELLS`].
+    #[must_use]
+    pub fn resized(&self, width: usize, height: usize) -> Option<Self> {
+        let beyond = |cell: Cell| cell.x >= self.width || cell.y >= self.height;
+        let empty = Self::empty(&self.name, width, height);
+        let cells: Vec<Cell> = empty.free_cells().collect();
+        let grid = empty.with_cells(cells.into_iter().map(|cell| (cell, beyond(cell) || self.is_free(cell))))?;
+        Some(grid.with_marks(self.starts.clone(), self.goals.clone()))
+    }
+
     /// Whether `cell` lies on the map and is free.
     pub fn is_free(&self, cell: Cell) -> bool {
         cell.x < self.width && cell.y < self.height && self.free[cell.y * self.width + cell.x]

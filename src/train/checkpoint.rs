@@ -4,12 +4,14 @@
 //! holds the run, its map as plain ASCII, counters and random states as JSON.
 
 use std::collections::HashMap;
-use std::io::Write;
+use std::io::{Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::SystemTime;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use super::graphs::StoredGraph;
 use super::run::Run;
@@ -65,27 +67,130 @@ impl Tensors {
     }
 }
 
+/// How a run did in its latest evaluation: what lists of checkpoints show.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Success {
+    /// The update at which it was evaluated.
+    pub updates: u64,
+    /// Success of the actor alone.
+    pub greedy: f64,
+    /// Success with planning, where the method plans.
+    pub planned: Option<f64>,
+}
+
+/// What a checkpoint is of, without its contents.
+#[derive(Clone, Debug)]
+pub struct Description {
+    /// The file.
+    pub file: PathBuf,
+    /// The map's name.
+    pub map: String,
+    /// Method, preset, seed and settings.
+    pub run: Run,
+    /// Updates done.
+    pub updates: u64,
+    /// How it did, if it was evaluated before it was saved.
+    pub success: Option<Success>,
+    /// Size of the file in bytes.
+    pub bytes: u64,
+    /// When it was written.
+    pub written: Option<SystemTime>,
+}
+
+/// The longest header that is read: far more than any checkpoint of this program has.
+const MOST_HEADER_BYTES: u64 = 64 << 20;
+
+/// Reads what a checkpoint is of; its tensors are left alone.
+///
+/// # Errors
+/// A file that cannot be read or is no checkpoint of this program.
+pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
+    let read = || {
+        let mut file = std::fs::File::open(path)?;
+        let facts = file.metadata()?;
+        let mut length = [0; 8];
+        file.read_exact(&mut length)?;
+        let mut header = Vec::new();
+        file.take(u64::from_le_bytes(length).min(MOST_HEADER_BYTES)).read_to_end(&mut header)?;
+        Ok::<_, std::io::Error>((header, facts))
+    };
+    let (header, facts) = read().map_err(|e| unreadable(path, format!("cannot be read: {e}")))?;
+    let describe = || {
+        // The library wants the whole file before it reads the header.
+        let header: Header = serde_json::from_slice(&header).map_err(|_| "is not a safetensors file".to_owned())?;
+        let texts = Texts::of(header.metadata)?;
+        Ok(Description {
+            file: path.to_owned(),
+            map: texts.get("map_name")?.to_owned(),
+            run: json("run", texts.get("run")?)?,
+            updates: texts.updates()?,
+            success: json("success", texts.get("success")?)?,
+            bytes: facts.len(),
+            written: facts.modified().ok(),
+        })
+    };
+    describe().map_err(|what: String| unreadable(path, what))
+}
+
+fn unreadable(path: &Path, what: String) -> CheckpointError {
+    let right = "give a checkpoint that gdg-tui saved: saves/NAME.safetensors".to_owned();
+    CheckpointError { file: path.to_owned(), what, right }
+}
+
+/// What of a safetensors header is read without the tensors.
+#[derive(Deserialize)]
+struct Header {
+    #[serde(rename = "__metadata__")]
+    metadata: Option<HashMap<String, String>>,
+}
+
+/// The metadata of a checkpoint.
+struct Texts(HashMap<String, String>);
+
+impl Texts {
+    fn of(metadata: Option<HashMap<String, String>>) -> Result<Self, String> {
+        let texts = Self(metadata.unwrap_or_default());
+        if texts.get("format")? != FORMAT {
+            return Err(format!("is of another format than {FORMAT:?}"));
+        }
+        Ok(texts)
+    }
+
+    fn get(&self, name: &str) -> Result<&str, String> {
+        self.0.get(name).map(String::as_str).ok_or_else(|| format!("holds no {name}: it is not a checkpoint"))
+    }
+
+    fn updates(&self) -> Result<u64, String> {
+        self.get("learner_updates")?.parse().map_err(|_| "its number of updates is no number".to_owned())
+    }
+}
+
 /// Writes a checkpoint, replacing `path` atomically: a crash leaves the old file or the new one.
 ///
 /// # Errors
 /// What the file system or candle report.
-pub fn save(trainer: &Trainer, path: &Path) -> Result<(), CheckpointError> {
+pub fn save(trainer: &Trainer, path: &Path, success: Option<Success>) -> Result<(), CheckpointError> {
     let failed = |what: String| CheckpointError {
         file: path.to_owned(),
         what: format!("the checkpoint could not be written: {what}"),
         right: "give a file in a folder that can be written to".to_owned(),
     };
-    let bytes = to_bytes(trainer).map_err(failed)?;
+    let bytes = to_bytes(trainer, success).map_err(failed)?;
+    write_whole(path, &bytes).map_err(|e| failed(e.to_string()))
+}
+
+/// Writes a file as a whole or not at all, in a folder that is made if need be.
+///
+/// # Errors
+/// What the file system reports.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let write = || {
-        std::fs::create_dir_all(folder)?;
-        let mut file = with_usual_permissions().tempfile_in(folder)?;
-        file.write_all(&bytes)?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|e| e.error)?;
-        Ok::<_, std::io::Error>(())
-    };
-    write().map_err(|e| failed(e.to_string()))
+    std::fs::create_dir_all(folder)?;
+    let mut file = with_usual_permissions().tempfile_in(folder)?;
+    file.write_all(bytes)?;
+    file.as_file().sync_all()?;
+    file.persist(path).map_err(|e| e.error)?;
+    Ok(())
 }
 
 /// Temporary files are private by default; a checkpoint is as readable as any file that the user creates.
@@ -97,7 +202,7 @@ fn with_usual_permissions() -> tempfile::Builder<'static, 'static> {
     builder
 }
 
-fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
+fn to_bytes(trainer: &Trainer, success: Option<Success>) -> Result<Vec<u8>, String> {
     let mut tensors = Tensors::default();
     let learner = trainer.learner().state().map_err(|e| e.to_string())?;
     for (network, parts) in &learner.networks {
@@ -130,6 +235,7 @@ fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
         ("map".to_owned(), print_ascii(trainer.map())),
         ("learner_updates".to_owned(), learner.updates.to_string()),
         ("trainer".to_owned(), json(serde_json::to_string(&trainer.state()))?),
+        ("success".to_owned(), json(serde_json::to_string(&success))?),
     ]);
     let views = tensors.0.iter().map(|(name, dtype, bytes)| {
         let size = dtype.bitsize() / 8;
@@ -144,30 +250,21 @@ fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
 /// # Errors
 /// A file that cannot be read or is no checkpoint of this program.
 pub fn load(path: &Path, threads: usize) -> Result<Trainer, CheckpointError> {
-    let failed = |what: String| CheckpointError {
-        file: path.to_owned(),
-        what,
-        right: "give a checkpoint that gdg-tui saved: saves/NAME.safetensors".to_owned(),
-    };
-    let bytes = std::fs::read(path).map_err(|e| failed(format!("cannot be read: {e}")))?;
-    from_bytes(&bytes, threads).map_err(failed)
+    let bytes = std::fs::read(path).map_err(|e| unreadable(path, format!("cannot be read: {e}")))?;
+    from_bytes(&bytes, threads).map_err(|what| unreadable(path, what))
 }
 
 fn from_bytes(bytes: &[u8], threads: usize) -> Result<Trainer, String> {
     let not_ours = |e: safetensors::SafeTensorError| format!("is not a safetensors file: {e}");
     let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_ours)?;
     let tensors = SafeTensors::deserialize(bytes).map_err(not_ours)?;
-    let metadata = header.metadata().clone().unwrap_or_default();
-    let text = |name: &str| metadata.get(name).ok_or_else(|| format!("holds no {name}: it is not a checkpoint"));
-    if text("format")? != FORMAT {
-        return Err(format!("is of another format than {FORMAT:?}"));
-    }
-    let run: Run = json("run", text("run")?)?;
+    let texts = Texts::of(header.metadata().clone())?;
+    let run: Run = json("run", texts.get("run")?)?;
     run.settings.check().map_err(|(name, right)| format!("its setting {name} is not {right}"))?;
-    let map = parse_map(text("map_name")?, text("map")?.as_bytes()).map_err(|e| e.to_string())?;
-    let map = map.named(text("map_name")?);
-    let state: TrainerState = json("trainer", text("trainer")?)?;
-    let updates = text("learner_updates")?.parse().map_err(|_| "its number of updates is no number".to_owned())?;
+    let name = texts.get("map_name")?;
+    let map = parse_map(name, texts.get("map")?.as_bytes()).map_err(|e| e.to_string())?.named(name);
+    let state: TrainerState = json("trainer", texts.get("trainer")?)?;
+    let updates = texts.updates()?;
     let mut trainer = Trainer::new(run, Arc::new(map), threads).map_err(|e| e.to_string())?;
     let read = Reader(&tensors);
     let network = |network: &str, part: &str| read.f32(&format!("{network}.{part}")).ok();

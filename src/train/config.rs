@@ -40,6 +40,11 @@ impl ConfigError {
         Box::new(Self { place: String::new(), what, right, source_code: None, span: None })
     }
 
+    /// What is wrong and what would be right, in one line.
+    pub fn in_a_line(&self) -> String {
+        format!("{}: {}", self.what, self.right)
+    }
+
     /// The same error, beginning with `place`.
     fn of(mut self: Box<Self>, place: String) -> Box<Self> {
         self.place = place;
@@ -73,14 +78,71 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
                 "write --set name=value, as in --set expectile=0.9".to_owned(),
             )
         })?;
-        // Words need no quotes: loss=sqrt.
-        let value = serde_json::from_str(value).unwrap_or_else(|_| Value::String(value.to_owned()));
-        apply(&mut values, name.trim(), &value).map_err(|e| e.of(format!("--set {assignment}: ")))?;
+        apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.of(format!("--set {assignment}: ")))?;
     }
     let settings = parse(&values)?;
     // Ranges that involve several settings can only be judged once all are known.
     settings.check().map_err(|(name, right)| out_of_range(name, &values[name], right))?;
     Ok(settings)
+}
+
+/// What changing a setting in the midst of a run brings with it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Everything goes on.
+    AtOnce,
+    /// The agents begin anew; networks and replay go on.
+    NewAgents,
+    /// The networks begin anew; agents and replay go on.
+    NewNetworks,
+}
+
+/// Settings that decide what numbers the networks have, or what these mean.
+const OF_NETWORKS: [&str; 9] = [
+    "hidden",
+    "layers",
+    "critics",
+    "fourier_octaves",
+    "relative_scales",
+    "grid_cells",
+    "grid_channels",
+    "distance_scale_steps",
+    "backend",
+];
+
+/// Settings that the agents' episodes and their places in the replay depend on.
+const OF_AGENTS: [&str; 3] = ["agents", "restart", "replay_capacity"];
+
+/// What changing the setting called `name` brings with it.
+pub fn effect_of(name: &str) -> Effect {
+    match name {
+        name if OF_NETWORKS.contains(&name) => Effect::NewNetworks,
+        name if OF_AGENTS.contains(&name) => Effect::NewAgents,
+        _ => Effect::AtOnce,
+    }
+}
+
+/// Names and values of all settings, as they are written.
+pub fn list_settings(settings: &Settings) -> Vec<(String, String)> {
+    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+    as_map(settings).iter().map(|(name, value)| (name.clone(), text(value))).collect()
+}
+
+/// `settings` with one of them changed, as `--set` would.
+///
+/// # Errors
+/// An unknown name, or a value of the wrong kind or out of range.
+pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Settings, Box<ConfigError>> {
+    let mut values = as_map(settings);
+    apply(&mut values, name, &value_of(value))?;
+    let settings = parse(&values)?;
+    settings.check().map_err(|(name, right)| out_of_range(name, &values[name], right))?;
+    Ok(settings)
+}
+
+/// What `text` stands for; words need no quotes: loss=sqrt.
+fn value_of(text: &str) -> Value {
+    serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()))
 }
 
 fn as_map(settings: &Settings) -> Map<String, Value> {

@@ -1,5 +1,8 @@
 //! A trainer on a thread of its own: it takes commands and publishes snapshots, and knows no front end.
 
+mod command;
+mod snapshot;
+
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
 use std::thread::JoinHandle;
@@ -7,14 +10,14 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use super::checkpoint;
 use super::evaluate::Evaluation;
-use super::run::{Counters, Limits, Run, Tick};
+use super::run::{Counters, Limits, Tick};
 use super::tasks::TaskSet;
 use super::trainer::Trainer;
-use crate::bridge::{Experience, SearchOutcome};
-use crate::learn::{Losses, Policy};
-use crate::map::{Diameter, Grid, StepSearch};
+use crate::env::Environment;
+use crate::learn::Scratch;
+pub use command::{Command, Step};
+pub use snapshot::{Followed, Phase, Snapshot};
 
 /// How often snapshots are published while training.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);
@@ -35,68 +38,14 @@ const PARTS_FOR_TRAINING: u32 = 60;
 /// How often a trainer that waits looks whether its evaluation is done.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// What a front end can ask for.
-#[derive(Debug)]
-pub enum Command {
-    /// Stop training until told otherwise.
-    Pause,
-    /// Go on.
-    Resume,
-    /// Save a checkpoint.
-    Save(std::path::PathBuf),
-    /// Go on with another map of the same size.
-    ChangeMap(Arc<Grid>),
-}
-
-/// What the trainer is doing.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Phase {
-    /// Training.
-    Running,
-    /// Waiting to be resumed.
-    Paused,
-    /// A limit was reached.
-    Done,
-    /// Stopped by an error.
-    Failed(String),
-}
-
-/// The state of a run at one moment.
-#[derive(Clone)]
-pub struct Snapshot {
-    /// The map.
-    pub map: Arc<Grid>,
-    /// What it is doing.
-    pub phase: Phase,
-    /// How far it has come.
-    pub counters: Counters,
-    /// Training time, in seconds.
-    pub seconds: f64,
-    /// Updates and environment steps per second of the last moments.
-    pub rates: (f64, f64),
-    /// Running means of the losses.
-    pub losses: Losses,
-    /// Slots of the replay: used, and in all.
-    pub replay: (usize, usize),
-    /// Agents' states, `(agents, state_dim)`.
-    pub agents: Arc<Vec<f32>>,
-    /// Networks and bridge candidates, renewed now and then.
-    pub networks: Arc<(Policy, Arc<Experience>)>,
-    /// The latest bridge search.
-    pub search: Option<SearchOutcome>,
-    /// Evaluations so far: updates and result.
-    pub evaluations: Arc<Vec<(u64, Evaluation)>>,
-    /// What happened last that is worth telling, and how often something did.
-    pub notice: (u64, String),
-}
+/// The latest states of each agent that a snapshot brings.
+const TRAIL_STATES: usize = 8;
 
 /// A running trainer.
 pub struct Engine {
     commands: SyncSender<Command>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     thread: JoinHandle<Trainer>,
-    run: Run,
-    map: Arc<Grid>,
 }
 
 impl Engine {
@@ -106,23 +55,22 @@ impl Engine {
     /// What candle reports, or that the thread cannot be started.
     pub fn start(trainer: Trainer, diameter: u32, limits: Limits) -> candle_core::Result<Self> {
         let (commands, inbox) = sync_channel(64);
-        let first = snapshot(&trainer)?;
+        let first = Snapshot { limits, ..Snapshot::of(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
-        let (run, map) = (trainer.run().clone(), trainer.map().clone());
-        let worker =
-            Worker { trainer, diameter, limits, inbox, publish, current: first, evaluation: None, rested: None };
+        let worker = Worker {
+            trainer,
+            diameter,
+            inbox,
+            publish,
+            current: first,
+            evaluation: None,
+            rested: None,
+            follow: None,
+            next_update: None,
+            scratch: Scratch::default(),
+        };
         let thread = std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { commands, snapshots, thread, run, map })
-    }
-
-    /// What is run.
-    pub fn run(&self) -> &Run {
-        &self.run
-    }
-
-    /// The map.
-    pub fn map(&self) -> &Arc<Grid> {
-        &self.map
+        Ok(Self { commands, snapshots, thread })
     }
 
     /// Sends a command; it is carried out before the next update. Dropped (with `false`) when too many wait.
@@ -142,34 +90,20 @@ impl Engine {
     }
 }
 
-fn snapshot(trainer: &Trainer) -> candle_core::Result<Snapshot> {
-    use crate::env::Environment;
-    Ok(Snapshot {
-        map: trainer.map().clone(),
-        phase: Phase::Running,
-        counters: trainer.counters(),
-        seconds: trainer.seconds(),
-        rates: (0.0, 0.0),
-        losses: trainer.losses(),
-        replay: (trainer.replay().len(), trainer.replay().capacity()),
-        agents: Arc::new(trainer.rollout().env().states().to_vec()),
-        networks: Arc::new((trainer.policy()?, trainer.experience().known())),
-        search: trainer.last_search(),
-        evaluations: Arc::new(Vec::new()),
-        notice: (0, String::new()),
-    })
-}
-
 struct Worker {
     trainer: Trainer,
     diameter: u32,
-    limits: Limits,
     inbox: Receiver<Command>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
     evaluation: Option<Evaluating>,
     /// When the next evaluation may begin.
     rested: Option<Instant>,
+    /// The agent that is followed.
+    follow: Option<usize>,
+    /// When the next update may be done, where speed is limited.
+    next_update: Option<Instant>,
+    scratch: Scratch,
 }
 
 /// An evaluation under way on a thread of its own.
@@ -179,72 +113,114 @@ struct Evaluating {
     result: JoinHandle<Evaluation>,
 }
 
+/// When things were last done for the front end.
+struct Pace {
+    published: Instant,
+    renew_networks_at: Instant,
+    /// Training time and counters when rates were last computed.
+    rates_from: (f64, Counters),
+}
+
 impl Worker {
     fn run(mut self) -> Trainer {
-        if let Err(error) = self.train() {
+        while let Err(error) = self.train() {
             self.current.phase = Phase::Failed(error.to_string());
-            self.publish.send_replace(Arc::new(self.current.clone()));
-            // Saving is still possible: commands are heard until the front end goes.
-            while let Ok(command) = self.inbox.recv() {
-                self.carry_out(command);
+            self.publish();
+            // Saving is still possible, and so is another run: commands are heard until the front end goes.
+            while matches!(self.current.phase, Phase::Failed(_)) {
+                match self.inbox.recv() {
+                    Ok(command) => self.carry_out(command),
+                    Err(_) => return self.trainer,
+                }
             }
         }
         self.trainer
     }
 
+    fn publish(&self) {
+        self.publish.send_replace(Arc::new(self.current.clone()));
+    }
+
+    /// Trains and carries out commands until the front end goes.
     fn train(&mut self) -> candle_core::Result<()> {
-        let mut published = Instant::now();
-        let mut renew_at = Instant::now();
-        let mut rate_from = (self.trainer.seconds(), self.trainer.counters());
-        loop {
-            loop {
-                let waiting = self.current.phase != Phase::Running;
-                let command = match (waiting, &self.evaluation) {
-                    (false, _) => self.inbox.try_recv(),
-                    (true, None) => self.inbox.recv().map_err(|_| TryRecvError::Disconnected),
-                    (true, Some(_)) => self.inbox.recv_timeout(LOOK_EVERY).map_err(|e| match e {
-                        RecvTimeoutError::Timeout => TryRecvError::Empty,
-                        RecvTimeoutError::Disconnected => TryRecvError::Disconnected,
-                    }),
-                };
-                match command {
-                    Ok(command) => self.carry_out(command),
-                    Err(TryRecvError::Disconnected) => return Ok(()),
-                    Err(TryRecvError::Empty) => {
-                        self.collect_evaluation();
-                        if !waiting {
-                            break;
-                        }
-                    }
-                }
-            }
-            if self.trainer.limit_reached(&self.limits).is_some() {
+        let now = Instant::now();
+        let rates_from = (self.trainer.seconds(), self.trainer.counters());
+        let mut pace = Pace { published: now, renew_networks_at: now, rates_from };
+        while self.obey() {
+            if self.trainer.limit_reached(&self.current.limits).is_some() {
                 self.current.phase = Phase::Done;
                 self.renew(true)?;
                 continue;
             }
+            let episodes = self.trainer.counters().episodes;
             let tick = self.trainer.tick()?;
-            if tick == Tick::Update && self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
-                self.begin_evaluation()?;
-            }
-            if published.elapsed() >= SNAPSHOT_EVERY {
-                published = Instant::now();
-                let networks = published >= renew_at;
-                let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
-                if seconds - rate_from.0 > 1.0 {
-                    let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - rate_from.0);
-                    self.current.rates = (
-                        per_second(counters.updates, rate_from.1.updates),
-                        per_second(counters.env_steps, rate_from.1.env_steps),
-                    );
-                    rate_from = (seconds, counters);
+            if tick == Tick::Update {
+                if let Some(speed) = self.current.speed {
+                    self.next_update = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
                 }
-                self.renew(networks)?;
-                if networks {
-                    renew_at = Instant::now() + NETWORKS_EVERY.max(PARTS_FOR_TRAINING * published.elapsed());
+                if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
+                    self.begin_evaluation()?;
+                }
+            }
+            let stepped = match &self.current.phase {
+                Phase::Stepping(Step::Update) => tick == Tick::Update,
+                Phase::Stepping(Step::Episode) => self.trainer.counters().episodes > episodes,
+                _ => false,
+            };
+            if stepped {
+                self.current.phase = Phase::Paused;
+                self.renew(true)?;
+            } else if pace.published.elapsed() >= SNAPSHOT_EVERY {
+                self.tell_progress(&mut pace)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Carries out what has been asked for, and waits as long as there is nothing else to do; `false` once the front
+    /// end has gone.
+    fn obey(&mut self) -> bool {
+        loop {
+            let waiting = !self.current.phase.trains();
+            let until_update = self.next_update.map(|at| at.saturating_duration_since(Instant::now()));
+            let until_update = until_update.filter(|wait| !wait.is_zero());
+            let command = match (waiting, until_update) {
+                (false, None) => self.inbox.try_recv(),
+                (false, Some(wait)) => received(self.inbox.recv_timeout(wait)),
+                (true, _) if self.evaluation.is_none() => self.inbox.recv().map_err(|_| TryRecvError::Disconnected),
+                (true, _) => received(self.inbox.recv_timeout(LOOK_EVERY)),
+            };
+            match command {
+                Ok(command) => self.carry_out(command),
+                Err(TryRecvError::Disconnected) => return false,
+                Err(TryRecvError::Empty) => {
+                    self.collect_evaluation();
+                    if !waiting {
+                        return true;
+                    }
                 }
             }
         }
+    }
+
+    fn tell_progress(&mut self, pace: &mut Pace) -> candle_core::Result<()> {
+        pace.published = Instant::now();
+        let networks = pace.published >= pace.renew_networks_at;
+        let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
+        let (since, before) = pace.rates_from;
+        if seconds < since || counters.updates < before.updates {
+            pace.rates_from = (seconds, counters);
+        } else if seconds - since > 1.0 {
+            let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - since);
+            self.current.rates =
+                (per_second(counters.updates, before.updates), per_second(counters.env_steps, before.env_steps));
+            pace.rates_from = (seconds, counters);
+        }
+        self.renew(networks)?;
+        if networks {
+            pace.renew_networks_at = Instant::now() + NETWORKS_EVERY.max(PARTS_FOR_TRAINING * pace.published.elapsed());
+        }
+        Ok(())
     }
 
     /// Starts an evaluation of this moment unless one is under way or was a short while ago.
@@ -272,60 +248,58 @@ impl Worker {
         self.rested = Some(now + REST_AFTER_EVALUATION * (now - began));
         match result.join() {
             Ok(evaluation) => Arc::make_mut(&mut self.current.evaluations).push((updates, evaluation)),
-            Err(_) => self.current.notice = (self.current.notice.0 + 1, "an evaluation failed".to_owned()),
+            Err(_) => self.notify("an evaluation failed".to_owned()),
         }
-        self.publish.send_replace(Arc::new(self.current.clone()));
+        self.publish();
     }
 
     /// Publishes what has changed; networks only now and then, as copying them takes longer.
     fn renew(&mut self, networks: bool) -> candle_core::Result<()> {
-        use crate::env::Environment;
         let trainer = &self.trainer;
-        self.current.counters = trainer.counters();
-        self.current.seconds = trainer.seconds();
-        self.current.losses = trainer.losses();
-        self.current.replay.0 = trainer.replay().len();
-        self.current.agents = Arc::new(trainer.rollout().env().states().to_vec());
-        self.current.search = trainer.last_search();
+        let current = &mut self.current;
+        current.counters = trainer.counters();
+        current.seconds = trainer.seconds();
+        current.profile = *trainer.profile();
+        current.losses = trainer.losses();
+        current.replay.0 = trainer.replay().len();
+        current.agents = Arc::new(trainer.rollout().env().states().to_vec());
+        let trail = |agent| trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect();
+        current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());
+        current.search = trainer.last_search().cloned();
         if networks {
-            self.current.networks = Arc::new((trainer.policy()?, trainer.experience().known()));
+            current.networks = Arc::new((trainer.policy()?, trainer.experience().known()));
+            current.visited = Arc::new(trainer.visited().to_vec());
         }
-        self.publish.send_replace(Arc::new(self.current.clone()));
+        self.current.followed = self.followed()?.map(Arc::new);
+        self.publish();
         Ok(())
     }
 
-    /// Changes the map; what is to be said of it, or against it.
-    fn change_map(&mut self, map: Arc<Grid>) -> Result<String, String> {
-        let change = self.trainer.change_map(map.clone())?;
-        self.diameter = Diameter::of(&map).steps;
-        let pieces = StepSearch::new(&map).components(&map).sizes.len();
-        self.current.map = map;
-        // What is being found out about the map as it was says nothing of the map that there is now.
-        (self.evaluation, self.rested) = (None, None);
-        self.renew(true).map_err(|error| error.to_string())?;
-        let apart = if pieces > 1 { format!("; {pieces} pieces that do not reach each other") } else { String::new() };
-        let (walled, opened, gone) = (change.walled, change.opened, change.transitions_removed);
-        Ok(format!("{walled} cells walled, {opened} opened, {gone} transitions forgotten{apart}"))
+    /// How the agent fares that is followed.
+    fn followed(&mut self) -> candle_core::Result<Option<Followed>> {
+        let (trainer, scratch) = (&self.trainer, &mut self.scratch);
+        let rollout = trainer.rollout();
+        let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else { return Ok(None) };
+        let s = trainer.spec().state_dim();
+        let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
+        let own = &rollout.agents()[agent];
+        let (goal, waypoints) = rollout.pursuit(agent);
+        let distances = trainer.learner().with_nets(false, |nets| {
+            (nets.distance(&state, &own.goal, scratch), nets.distance(&state, goal, scratch))
+        })?;
+        let (aim, goal) = (own.goal.clone(), goal.to_vec());
+        Ok(Some(Followed { agent, state, steps: own.steps, aim, goal, distances, planned: !waypoints.is_empty() }))
     }
 
-    fn carry_out(&mut self, command: Command) {
-        match command {
-            Command::Pause if self.current.phase == Phase::Running => self.current.phase = Phase::Paused,
-
-            Command::Resume if self.current.phase == Phase::Paused => self.current.phase = Phase::Running,
-            Command::Pause | Command::Resume => {}
-            Command::Save(path) => {
-                let text = match checkpoint::save(&self.trainer, &path) {
-                    Ok(()) => format!("saved {} at update {}", path.display(), self.trainer.counters().updates),
-                    Err(error) => error.to_string(),
-                };
-                self.current.notice = (self.current.notice.0 + 1, text);
-            }
-            Command::ChangeMap(map) => {
-                let text = self.change_map(map).unwrap_or_else(|error| error);
-                self.current.notice = (self.current.notice.0 + 1, text);
-            }
-        }
-        self.publish.send_replace(Arc::new(self.current.clone()));
+    fn notify(&mut self, text: String) {
+        self.current.notice = (self.current.notice.0 + 1, text);
     }
+}
+
+/// What came in time, as if it had been looked for without waiting.
+fn received(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
+    command.map_err(|e| match e {
+        RecvTimeoutError::Timeout => TryRecvError::Empty,
+        RecvTimeoutError::Disconnected => TryRecvError::Disconnected,
+    })
 }

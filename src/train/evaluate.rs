@@ -6,6 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
+use super::checkpoint::Success;
 use super::method::Method;
 use super::run::Run;
 use super::score::{Score, spearman};
@@ -30,6 +31,13 @@ pub struct Evaluation {
     pub coverage: f64,
     /// The map's own task, from its first start to its first goal, where it has both.
     pub marked: Option<MarkedTask>,
+}
+
+impl Evaluation {
+    /// What lists of checkpoints show of it, where it was made after `updates`.
+    pub fn success(&self, updates: u64) -> Success {
+        Success { updates, greedy: self.greedy.success, planned: self.planned.as_ref().map(|score| score.success) }
+    }
 }
 
 /// The map's own task.

@@ -1,5 +1,7 @@
 //! The agents: which goal each pursues, how it explores, and what is remembered of it.
 
+use std::sync::Arc;
+
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
@@ -65,7 +67,7 @@ pub struct Rollout<E> {
     actions: Vec<f32>,
     goals: Vec<f32>,
     scratch: Scratch,
-    last_search: Option<SearchOutcome>,
+    last_search: Option<Arc<SearchOutcome>>,
 }
 
 /// What one round of steps brought.
@@ -123,9 +125,19 @@ impl<E: Environment> Rollout<E> {
         &self.agents
     }
 
+    /// What agent `i` pursues in the end, and the waypoints of its plan between it and that, where it has one.
+    pub fn pursuit(&self, i: usize) -> (&[f32], Vec<usize>) {
+        let agent = &self.agents[i];
+        match (&self.plans[i], &agent.after_bridge) {
+            (Some(plan), _) => (&plan.goal, plan.walker.ahead()),
+            (None, Some(goal)) => (goal, Vec::new()),
+            (None, None) => (&agent.goal, Vec::new()),
+        }
+    }
+
     /// The latest bridge search.
-    pub fn last_search(&self) -> Option<SearchOutcome> {
-        self.last_search
+    pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
+        self.last_search.as_ref()
     }
 
     /// Every agent takes one step, which is stored in the replay and noted in experience.
@@ -206,9 +218,9 @@ impl<E: Environment> Rollout<E> {
             &mut self.rng,
             &mut self.scratch,
         );
-        self.last_search = Some(outcome);
-        let g = goal.len();
-        outcome.found.map(|(bridge, _)| experience.points()[bridge * g..(bridge + 1) * g].to_vec())
+        let found = outcome.found.as_ref().map(|bridge| bridge.point.clone());
+        self.last_search = Some(Arc::new(outcome));
+        found
     }
 
     /// Makes agent `i` walk to its goal through the graph, if there is one.
@@ -325,6 +337,17 @@ impl<E: Environment> Rollout<E> {
             states: self.env.states().to_vec(),
             rng: self.rng.clone(),
         }
+    }
+
+    /// The same without plans: agents pursue the goals that these led to.
+    pub fn state_without_plans(&self) -> RolloutState {
+        let mut state = self.state();
+        for (agent, plan) in state.agents.iter_mut().zip(&mut state.plans) {
+            if let Some(PlanState { goal, .. }) = plan.take() {
+                agent.goal = goal;
+            }
+        }
+        state
     }
 
     /// Takes up what [`Self::state`] gave.

@@ -1,5 +1,7 @@
 //! One training run: agents and updates in lockstep, in an order that depends on nothing but seed and settings.
 
+mod change;
+
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,6 +21,7 @@ use crate::bridge::{Experience, SearchOutcome};
 use crate::env::{Environment, PointMaze, Spec};
 use crate::learn::{Batch, BatchSampler, Learner, Losses, Phase, Policy, Profile, Replay};
 use crate::map::{Cell, Grid};
+pub use change::{Kept, MapChange};
 
 /// Losses are reported as running means over about this many updates.
 const LOSS_MEMORY_UPDATES: f64 = 500.0;
@@ -46,17 +49,6 @@ pub struct TrainerState {
     pub batch_rng: ChaCha8Rng,
 }
 
-/// What a change of the map brought with it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct MapChange {
-    /// Cells that became wall.
-    pub walled: usize,
-    /// Cells that became free.
-    pub opened: usize,
-    /// Transitions that left the replay because they are no longer possible.
-    pub transitions_removed: usize,
-}
-
 /// A run in progress.
 pub struct Trainer {
     run: Run,
@@ -75,6 +67,7 @@ pub struct Trainer {
     counters: Counters,
     seconds: f64,
     profile: Profile,
+    threads: usize,
 }
 
 fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
@@ -115,11 +108,17 @@ impl Trainer {
             counters: Counters::default(),
             seconds: 0.0,
             profile: Profile::default(),
+            threads,
             learner,
             world,
             map,
             run,
         })
+    }
+
+    /// Threads that share an update's work.
+    pub fn threads(&self) -> usize {
+        self.threads
     }
 
     /// What is run.
@@ -179,7 +178,7 @@ impl Trainer {
     }
 
     /// The latest bridge search.
-    pub fn last_search(&self) -> Option<SearchOutcome> {
+    pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
         self.rollout.last_search()
     }
 
@@ -308,36 +307,6 @@ impl Trainer {
     /// How often an agent was in each cell, row-major.
     pub fn visited(&self) -> &[u32] {
         &self.visited
-    }
-
-    /// Goes on with the same networks on another map of the same size. Transitions that the new walls make impossible
-    /// leave the replay, bridge candidates and edges are found anew from what remains, agents in walls are moved.
-    ///
-    /// # Errors
-    /// A map of another size.
-    pub fn change_map(&mut self, map: Arc<Grid>) -> std::result::Result<MapChange, String> {
-        let size = |map: &Grid| (map.width(), map.height());
-        if size(&map) != size(&self.map) {
-            let ((w, h), (own_w, own_h)) = (size(&map), size(&self.map));
-            return Err(format!("the map is {w} x {h}, the run's {own_w} x {own_h}"));
-        }
-        let changed =
-            |to: bool| map.free().iter().zip(self.map.free()).filter(move |(new, old)| new != old && **new == to);
-        let (walled, opened) = (changed(false).count(), changed(true).count());
-        let world = world_on(&map, &self.run.settings.train);
-        self.rollout.enter(world.clone(), &mut self.replay);
-        let transitions_removed = self.replay.keep_possible(|s, a, next| world.possible(s, a, next));
-        let Self { experience, replay, .. } = self;
-        experience.forget(&self.run.settings.bridge);
-        replay.retell(|agent, state| match state {
-            Some(state) => experience.visit(agent, state),
-            None => experience.end_episode(agent),
-        });
-        self.graphs = Graphs::default();
-        self.visited.fill(0);
-        self.world = world;
-        self.map = map;
-        Ok(MapChange { walled, opened, transitions_removed })
     }
 
     /// A frozen copy of the networks, as planning and evaluation use them.

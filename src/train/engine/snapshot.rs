@@ -1,0 +1,130 @@
+//! What an engine tells its front end.
+
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use super::command::Step;
+use crate::bridge::{Experience, SearchOutcome};
+use crate::env::Environment;
+use crate::learn::{Losses, Policy, Profile};
+use crate::map::Grid;
+use crate::train::evaluate::Evaluation;
+use crate::train::run::{Counters, Limits, Run};
+use crate::train::trainer::Trainer;
+
+/// What the trainer is doing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Phase {
+    /// Training.
+    Running,
+    /// Training up to the end of a step.
+    Stepping(Step),
+    /// Waiting to be resumed.
+    Paused,
+    /// A limit was reached.
+    Done,
+    /// Stopped by an error.
+    Failed(String),
+}
+
+impl Phase {
+    /// Whether it trains.
+    pub fn trains(&self) -> bool {
+        matches!(self, Self::Running | Self::Stepping(_))
+    }
+}
+
+/// The state of a run at one moment.
+#[derive(Clone)]
+pub struct Snapshot {
+    /// What is run.
+    pub run: Arc<Run>,
+    /// How many runs there have been on this engine: curves of one do not go on with another's.
+    pub generation: u64,
+    /// The map.
+    pub map: Arc<Grid>,
+    /// What it is doing.
+    pub phase: Phase,
+    /// How far it has come.
+    pub counters: Counters,
+    /// When it ends.
+    pub limits: Limits,
+    /// Training time, in seconds.
+    pub seconds: f64,
+    /// Updates and environment steps per second of the last moments.
+    pub rates: (f64, f64),
+    /// The most updates a second, if that is limited.
+    pub speed: Option<f64>,
+    /// Where the time has gone.
+    pub profile: Profile,
+    /// Running means of the losses.
+    pub losses: Losses,
+    /// Slots of the replay: used, and in all.
+    pub replay: (usize, usize),
+    /// Agents' states, `(agents, state_dim)`.
+    pub agents: Arc<Vec<f32>>,
+    /// The latest states of each agent's episode, oldest first, `(states, state_dim)`.
+    pub trails: Arc<Vec<Vec<f32>>>,
+    /// How the agent that is followed fares.
+    pub followed: Option<Arc<Followed>>,
+    /// Networks and bridge candidates, renewed now and then.
+    pub networks: Arc<(Policy, Arc<Experience>)>,
+    /// How often an agent was in each cell, row-major, renewed with the networks.
+    pub visited: Arc<Vec<u32>>,
+    /// The latest bridge search.
+    pub search: Option<Arc<SearchOutcome>>,
+    /// Evaluations so far: updates and result.
+    pub evaluations: Arc<Vec<(u64, Evaluation)>>,
+    /// Updates up to which the run is saved, and where.
+    pub saved: Option<(u64, Arc<PathBuf>)>,
+    /// What happened last that is worth telling, and how often something did.
+    pub notice: (u64, String),
+}
+
+/// An agent that explores, in the midst of its episode.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Followed {
+    /// Which agent.
+    pub agent: usize,
+    /// Where it is, `(state_dim)`.
+    pub state: Vec<f32>,
+    /// Steps of its episode.
+    pub steps: u32,
+    /// What it pursues at this moment: its goal, or a waypoint, `(goal_dim)`.
+    pub aim: Vec<f32>,
+    /// What it pursues in the end, `(goal_dim)`.
+    pub goal: Vec<f32>,
+    /// D to both, in steps.
+    pub distances: (f32, f32),
+    /// Whether it walks through the bridge graph.
+    pub planned: bool,
+}
+
+impl Snapshot {
+    /// The present state of `trainer`, as if it had just begun to train.
+    pub(super) fn of(trainer: &Trainer) -> candle_core::Result<Self> {
+        Ok(Self {
+            run: Arc::new(trainer.run().clone()),
+            generation: 0,
+            map: trainer.map().clone(),
+            phase: Phase::Running,
+            counters: trainer.counters(),
+            limits: Limits::default(),
+            seconds: trainer.seconds(),
+            rates: (0.0, 0.0),
+            speed: None,
+            profile: *trainer.profile(),
+            losses: trainer.losses(),
+            replay: (trainer.replay().len(), trainer.replay().capacity()),
+            agents: Arc::new(trainer.rollout().env().states().to_vec()),
+            trails: Arc::default(),
+            followed: None,
+            networks: Arc::new((trainer.policy()?, trainer.experience().known())),
+            visited: Arc::new(trainer.visited().to_vec()),
+            search: trainer.last_search().cloned(),
+            evaluations: Arc::default(),
+            saved: None,
+            notice: (0, String::new()),
+        })
+    }
+}
