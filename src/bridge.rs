@@ -13,5 +13,5 @@ mod settings;
 pub use experience::{Experience, ExperienceState, NEVER, Practice};
 pub use graph::{BridgeGraph, Distilled, Edge, GraphState, LINKS, Route, Standing};
 pub use planner::{Hop, Target, Walker, WalkerState};
-pub use search::{SearchOutcome, search};
+pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::BridgeSettings;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
 use crate::ablate::AblateArgs;
+use crate::frames::FramesArgs;
 use crate::map::Kind;
 use crate::train::{Limits, Method, Preset};
 
@@ -15,6 +16,7 @@ Examples:
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
   gdg-tui --resume saves/my.safetensors      go on where it stopped
+  gdg-tui --record run.cast                  record the screen; gdg-tui frames draws moments of it
 
 Exit status: 0 done; 1 failed while running; 2 bad usage or input; 3 --require-success not reached;
 130 or 143 ended by Ctrl-C or SIGTERM.";
@@ -57,6 +59,16 @@ pub enum Command {
         #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(1..=1000))]
         runs: u16,
     },
+    /// Draw moments of a recording of the screen as PNG files
+    Frames(FramesArgs),
+    /// Print completions for a shell
+    Completions {
+        /// The shell
+        #[arg(value_enum)]
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page
+    Man,
     /// Validate a map or scenario file and print its facts
     Check {
         /// Map (.map or plain ASCII) or scenario (.scen)
@@ -141,6 +153,18 @@ pub struct TrainArgs {
     /// Go on from a checkpoint, which carries its map and settings
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "method", "preset", "seed", "config", "set"])]
     pub resume: Option<PathBuf>,
+
+    /// Record the screen as an asciinema cast
+    #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
+    pub record: Option<PathBuf>,
+
+    /// Your own theme, keys and so on, instead of those in the usual place
+    #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
+    pub ui_config: Option<PathBuf>,
+
+    /// Print a file of your own theme, keys and so on, and where it belongs, and stop
+    #[arg(long)]
+    pub print_config_template: bool,
 
     /// Exit with status 3 unless the final evaluation's success reaches this
     #[arg(long, value_name = "X", value_parser = share)]

@@ -28,7 +28,7 @@
 //!   taken up at fixed updates; evaluation, settings, checkpoints; and [`train::Engine`], which runs a trainer on a
 //!   thread of its own for a front end.
 //! * [`headless`], [`tui`] and [`ablate`]: the front ends. [`cli`], [`setup`] and [`facts`] serve them;
-//!   [`bench`](mod@bench) measures.
+//!   [`bench`](mod@bench) measures; [`frames`] draws moments of recordings.
 //!
 //! # What is held to
 //!
@@ -42,6 +42,7 @@ pub mod bridge;
 pub mod cli;
 pub mod env;
 pub mod facts;
+pub mod frames;
 pub mod headless;
 pub mod learn;
 pub mod map;

@@ -3,10 +3,10 @@
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
 use gdg_tui::cli::{Cli, Command};
 use gdg_tui::map::{print_ascii, random};
-use gdg_tui::{ablate, bench, facts, headless, setup};
+use gdg_tui::{ablate, bench, facts, frames, headless, setup};
 use miette::Report;
 
 /// Exit status of what fails while running.
@@ -24,6 +24,22 @@ fn main() -> ExitCode {
             Ok(table) => print(&table),
             Err(error) => fail(&error, BAD_INPUT),
         },
+        Some(Command::Frames(args)) => match frames::run(args) {
+            Ok(text) => print(&text),
+            Err(error) => fail(&error, BAD_INPUT),
+        },
+        Some(Command::Completions { shell }) => {
+            let mut script = Vec::new();
+            clap_complete::generate(*shell, &mut Cli::command(), "gdg-tui", &mut script);
+            print(&String::from_utf8_lossy(&script))
+        }
+        Some(Command::Man) => {
+            let mut page = Vec::new();
+            match clap_mangen::Man::new(Cli::command()).render(&mut page) {
+                Ok(()) => print(&String::from_utf8_lossy(&page)),
+                Err(error) => fail(&Report::msg(error), FAILED),
+            }
+        }
         Some(Command::Check { file, map }) => match facts::check(file, map.as_deref()) {
             Ok(text) => print(&text),
             Err(error) => fail(&error, BAD_INPUT),
@@ -49,6 +65,9 @@ fn train(cli: &Cli) -> u8 {
             },
             Err(error) => fail(&error, BAD_INPUT),
         };
+    }
+    if args.print_config_template {
+        return print(&gdg_tui::tui::config_template());
     }
     let headless = args.no_ui || !std::io::stdout().is_terminal();
     let setup = match setup::prepare(args) {

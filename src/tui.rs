@@ -1,28 +1,34 @@
 //! The terminal trainer: draws what the engine publishes and passes on what the user does.
 //!
-//! ```text
-//! ┌ map ───────────────────────────────┬ training ┐
-//! │ walls, D(., goal) as colours and   ├ success ─┤
-//! │ contours, agents, start, goal,     ├ bridges ─┤
-//! │ bridge candidates, planned path    ├ walk ────┤
-//! ├────────────────────────────────────┴──────────┤
-//! │ keys, or a notice                             │
-//! └───────────────────────────────────────────────┘
-//! ```
+//! Three threads: the engine trains, the viewer computes distance fields and walks the test agent, and this one draws.
+//! None waits for another: each takes the latest that the others have published.
 //!
-//! Three threads: the engine trains, the viewer computes the distance field and walks the test agent, and this one
-//! draws. None waits for another: each takes the latest that the others have published.
+//! * `action`, `keymap`, `config`: what can be done, by which keys, and what users set for themselves.
+//! * `app`: the state of the screen and what events do to it; `dialog`, `editor`, `history`, `log` are parts of it.
+//! * `viewer`: what is computed to be seen.
+//! * `render`: panes; `raster`, `canvas`, `layers`, `theme` are how the map becomes characters.
+//! * `export`: what is seen, as files; `terminal`: the terminal itself, and recordings of it.
 
 mod action;
 mod app;
-mod colour;
+mod canvas;
+mod config;
+mod dialog;
 mod editor;
+mod export;
+mod history;
+mod keymap;
+mod layers;
+mod log;
 mod measure;
+mod panes;
 mod raster;
+mod record;
 mod render;
 mod terminal;
 #[cfg(test)]
 mod tests;
+mod theme;
 mod viewer;
 
 use std::io::Write;
@@ -37,7 +43,11 @@ use crate::cli::TrainArgs;
 use crate::setup::{Setup, ending_signals};
 use crate::train::{self, Engine};
 use app::App;
+pub use config::{UiConfig, load as load_config, template as config_template};
+pub use export::{Paper, png_of};
+pub use keymap::Keymap;
 pub use measure::Watched;
+use record::Recorder;
 use terminal::Terminal;
 use viewer::Viewer;
 
@@ -51,24 +61,32 @@ const FRAME: Duration = Duration::from_millis(66);
 /// What the terminal, training or saving report.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let signal = ending_signals()?;
+    let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
+    let recorder = args.record.as_deref().map(Recorder::begin).transpose()?;
     let engine = Engine::start(setup.trainer, setup.diameter.steps, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut app = App::new(engine, viewer, args);
-    let runtime = tokio::runtime::Builder::new_current_thread().enable_time().build().into_diagnostic()?;
-    let mut terminal = Terminal::enter().into_diagnostic()?;
+    let mut app = App::new(engine, viewer, config, args.save.clone());
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
+    let mut terminal = Terminal::enter(recorder).into_diagnostic()?;
     let shown = runtime.block_on(event_loop(&mut app, &mut terminal, &signal));
     drop(terminal);
-    let summary = app.summary();
+    let ended = signal.load(Ordering::Relaxed);
+    if ended != 0 {
+        app.on_signal();
+    }
+    let (summary, save, success) = (app.summary(), app.save_at_end(), app.success());
     let trainer = app.close();
     // Whatever happened to the terminal, what was learned is kept.
-    let saved = match (&args.save, &trainer) {
-        (Some(path), Some(trainer)) => train::save(trainer, path).map(|()| format!("\nsaved {}", path.display())),
+    let saved = match (&save, &trainer) {
+        (Some(path), Some(trainer)) => {
+            train::save(trainer, path, success).map(|()| format!("\nsaved {}", path.display()))
+        }
         _ => Ok(String::new()),
     };
     // A terminal that has gone away cannot be told.
     let _ = writeln!(std::io::stdout(), "{summary}{}", saved.as_deref().unwrap_or_default());
     saved?;
-    match signal.load(Ordering::Relaxed) {
+    match ended {
         0 => shown.into_diagnostic().map(|()| 0),
         number => Ok(128 + number as u8),
     }
@@ -82,6 +100,7 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
     let mut ticks = tokio::time::interval(ANSWER);
     ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let mut pace = Pace { asked: true, ..Pace::default() };
+    let mut stops = Stops::listen()?;
     while !app.is_done() && signal.load(Ordering::Relaxed) == 0 {
         tokio::select! {
             event = events.next() => match event {
@@ -100,8 +119,13 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
                 app.on_view(views.borrow_and_update().clone());
                 pace.changed = true;
             }
+            () = stops.next() => app.act(action::Action::Suspend),
             _ = ticks.tick() => {
-                pace.changed |= app.on_tick();
+                if app.takes_suspension() {
+                    terminal.suspend()?;
+                    pace.asked = true;
+                }
+                pace.changed |= app.on_tick(ANSWER);
                 if pace.is_due() {
                     terminal.draw(|frame| render::draw(frame, app))?;
                 }
@@ -109,6 +133,32 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
         }
     }
     Ok(())
+}
+
+/// Requests of others to stop until told to go on (SIGTSTP).
+struct Stops {
+    #[cfg(unix)]
+    signals: tokio::signal::unix::Signal,
+}
+
+impl Stops {
+    fn listen() -> std::io::Result<Self> {
+        Ok(Self {
+            #[cfg(unix)]
+            signals: tokio::signal::unix::signal(tokio::signal::unix::SignalKind::from_raw(
+                signal_hook::consts::SIGTSTP,
+            ))?,
+        })
+    }
+
+    /// Waits for the next one.
+    async fn next(&mut self) {
+        #[cfg(unix)]
+        if self.signals.recv().await.is_some() {
+            return;
+        }
+        std::future::pending::<()>().await;
+    }
 }
 
 /// When to draw: at once for the user, at leisure for what changes by itself.

@@ -33,7 +33,10 @@ impl Session {
         let pty = native_pty_system().openpty(size(80, 24)).unwrap();
         let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
         command.args(args);
-        command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "replay_capacity=20000"]);
+        // A checkpoint carries its own settings.
+        if !args.contains(&"--resume") {
+            command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "replay_capacity=20000"]);
+        }
         command.cwd(folder);
         command.env("TERM", "xterm-256color");
         let child = pty.slave.spawn_command(command).unwrap();
@@ -52,9 +55,9 @@ impl Session {
         Self { child, master: pty.master, keys, screen, raw }
     }
 
+    /// Presses keys; a program that has ended takes none.
     fn press(&mut self, keys: &str) {
-        self.keys.write_all(keys.as_bytes()).unwrap();
-        self.keys.flush().unwrap();
+        let _ = self.keys.write_all(keys.as_bytes()).and_then(|()| self.keys.flush());
     }
 
     fn shows(&self) -> String {
@@ -70,9 +73,22 @@ impl Session {
     }
 
     fn wait_until_gone(&self, text: &str) {
+        self.wait(|session| !session.shows().contains(text));
+    }
+
+    fn wait(&self, is: impl Fn(&Self) -> bool) {
         let began = Instant::now();
-        while self.shows().contains(text) {
-            assert!(began.elapsed() < Duration::from_secs(60), "{text:?} stayed:\n{}", self.shows());
+        while !is(self) {
+            assert!(began.elapsed() < Duration::from_secs(60), "it did not come about:\n{}", self.shows());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Waits for a question, which is asked only where much would be lost.
+    fn wait_for_end_or(&mut self, text: &str) {
+        let began = Instant::now();
+        while !self.shows().contains(text) && self.child.try_wait().unwrap().is_none() {
+            assert!(began.elapsed() < Duration::from_secs(60), "neither came:\n{}", self.shows());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -136,6 +152,142 @@ fn it_opens_pauses_helps_saves_and_leaves_a_summary() {
     assert_eq!(short.end(), 0);
 }
 
+/// A map of two rooms with a door, small enough to be learned in seconds.
+const ROOMS: &str = "\
+S.....#......
+......#......
+.............
+......#......
+......#.....G
+";
+
+#[test]
+fn a_user_trains_edits_places_a_goal_saves_quits_and_resumes() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("rooms.txt"), ROOMS).unwrap();
+    let mut session = Session::start(folder.path(), &["rooms.txt", "--seed", "3"]);
+    session.wait_for("training");
+    session.press(" ");
+    session.wait_for("paused");
+    session.press(".");
+    session.wait_for("paused");
+    // A wall at the cursor, which begins at the goal, and away again.
+    session.press("e");
+    session.wait_for("EDIT");
+    session.press("kx");
+    session.wait_for("1 cells walled");
+    session.press("u");
+    session.wait_for("1 opened");
+    session.press("\x1b");
+    // The notice of the edit hides the keys for some seconds.
+    session.wait_for("Tab panes");
+    session.press(" ");
+    // Left of the map's goal, where the pointer is; the agent gets there, again and again.
+    session.press("3hh");
+    session.wait_for("to G      10.5, 4.5");
+    for journeys in ["arrived   1 of", "arrived   2 of"] {
+        session.wait_for(journeys);
+    }
+    session.press("s");
+    session.wait_for("saved saves/rooms-gdg-bridge-seed3.safetensors");
+    session.press("q");
+    session.wait_for_end_or("quit without saving");
+    session.press("\x1b[B\r");
+    assert_eq!(session.end(), 0);
+    let mut again = Session::start(folder.path(), &["--resume", "saves/rooms-gdg-bridge-seed3.safetensors"]);
+    again.wait_for("rooms gdg-bridge default seed 3");
+    again.wait_for("training");
+    // The list of checkpoints knows it too.
+    again.press("L");
+    again.wait_for("load a checkpoint");
+    again.wait_for("rooms gdg-bridge");
+    again.press("\r");
+    again.wait_for("loaded saves/rooms-gdg-bridge-seed3.safetensors");
+    again.press("\x03");
+    again.wait_for_end_or("quit without saving");
+    again.press("\x03");
+    assert_eq!(again.end(), 0);
+}
+
+#[test]
+fn a_stop_gives_the_terminal_back_and_going_on_takes_it_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::start(folder.path(), &["trap"]);
+    session.wait_for("quit");
+    let id = session.child.process_id().unwrap().to_string();
+    let signal = |name: &str| assert!(std::process::Command::new("kill").args([name, &id]).status().unwrap().success());
+    let count = |session: &Session, sequence: &[u8]| {
+        session.raw.lock().unwrap().windows(sequence.len()).filter(|w| *w == sequence).count()
+    };
+    for (round, by_key) in [(1, false), (2, true)] {
+        if by_key {
+            session.press("\x1a");
+        } else {
+            signal("-TSTP");
+        }
+        session.wait(|session| count(session, b"\x1b[?1049l") == round);
+        signal("-CONT");
+        session.wait(|session| count(session, b"\x1b[?1049h") == round + 1);
+        session.wait_for("training");
+    }
+    session.press("q");
+    session.wait_for_end_or("quit without saving");
+    session.press("\x03");
+    assert_eq!(session.end(), 0);
+}
+
+#[test]
+fn recordings_play_back_and_completions_and_manual_are_printed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut session = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
+    session.wait_for("updates");
+    session.press("2");
+    session.wait_for("loss of D");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+    let run = |args: &[&str]| {
+        let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        let output = command.args(args).current_dir(folder.path()).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let cast = std::fs::read_to_string(folder.path().join("run.cast")).unwrap();
+    let mut screen = vt100::Parser::new(some(24), some(80), 0);
+    let mut seen = false;
+    for line in cast.lines().skip(1) {
+        let (_, kind, text): (f64, String, String) = serde_json::from_str(line).unwrap();
+        if kind == "o" {
+            screen.process(text.as_bytes());
+            seen |= screen.screen().contents().contains("loss of D");
+        }
+    }
+    assert!(seen, "the recording shows what was on the screen");
+    let told = run(&["frames", "run.cast", "--at", "0.2,0.5", "--out", "pictures"]);
+    assert_eq!(told.lines().count(), 2);
+    assert!(told.lines().all(|file| folder.path().join(file).is_file()), "{told}");
+    for shell in ["bash", "zsh", "fish"] {
+        assert!(run(&["completions", shell]).contains("max-updates"));
+    }
+    let manual = run(&["man"]);
+    assert!(manual.contains(".TH gdg-tui") && manual.contains("max\\-updates"), "{manual}");
+    assert!(run(&["--print-config-template"]).contains("[keys]"));
+}
+
+#[test]
+fn a_configuration_sets_keys_and_theme_and_its_mistakes_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("own.toml"), "theme = \"light\"\n[keys]\npause = [\"f5\"]\n").unwrap();
+    let mut session = Session::start(folder.path(), &["trap", "--ui-config", "own.toml"]);
+    session.wait_for("F5 pause");
+    session.press("\x1b[15~");
+    session.wait_for("paused");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+    std::fs::write(folder.path().join("wrong.toml"), "theme = \"dark\"\nkeys = 3\n").unwrap();
+    let session = Session::start(folder.path(), &["trap", "--ui-config", "wrong.toml"]);
+    session.wait_for("wrong.toml:2:8:");
+}
+
 #[test]
 fn resizes_keys_and_a_paste_leave_it_alive() {
     let folder = tempfile::tempdir().unwrap();
@@ -147,14 +299,23 @@ fn resizes_keys_and_a_paste_leave_it_alive() {
         std::thread::sleep(Duration::from_millis(40));
     }
     session.press("\x1b[200~");
-    session.press(&"q".repeat(100_000));
+    session.press(&"q".repeat(1 << 20));
     session.press("\x1b[201~");
     // Mouse: press, drag and release all over the map, and beyond the screen.
     for i in 1..200 {
         session.press(&format!("\x1b[<0;{i};{}M\x1b[<32;{i};{}M\x1b[<0;{i};{i}m", i % 30 + 1, i % 24 + 1));
     }
     session.wait_for("updates");
-    session.press("q");
+    // A paste into a line of text is cut to what a line can be.
+    session.press(":\x1b[200~");
+    session.press(&"pause ".repeat(200_000));
+    session.press("\x1b[201~");
+    session.wait_for("> ");
+    session.press("\x1b");
+    session.wait_until_gone("find anything");
+    session.press("\x03");
+    session.wait_for_end_or("quit without saving");
+    session.press("\x03");
     assert_eq!(session.end(), 0);
 }
 

@@ -1,184 +1,310 @@
-//! What the user can do. Keys, footer and help all come from this one table.
+//! What the user can do. Keys, footer, help and command palette all come from this one table.
 
-use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
+use super::editor::Tool;
+use super::layers::Overlay;
+use super::panes::Pane;
 
 /// Something the user can ask for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
     /// Pause training, or go on.
     TogglePause,
+    /// Do one update and pause.
+    StepUpdate,
+    /// Train until an episode ends and pause.
+    StepEpisode,
+    /// Fewer updates a second.
+    Slower,
+    /// More updates a second.
+    Faster,
+    /// Begin anew with another seed.
+    NewSeed,
+    /// Change a setting.
+    Settings,
+    /// Go on with another method.
+    Method,
+    /// Go on with the settings of a preset.
+    Preset,
     /// A random goal.
     NewGoal,
-    /// Move the goal by one cell: columns to the right, rows down.
-    MoveGoal(isize, isize),
+    /// Move the goal, or the cursor, by one cell: columns to the right, rows down.
+    Move(isize, isize),
+    /// The goal where the cursor is.
+    GoalHere,
+    /// The walking agent where the cursor is, or else where the goal is.
+    StartHere,
     /// A random place for the walking agent.
     NewStart,
-    /// Show another distance by colours and contours.
-    NextLayer,
-    /// Show or hide the bridge candidates.
-    ToggleBridges,
-    /// Show or hide the exploring agents.
-    ToggleAgents,
+    /// What the walking agent does when it has arrived.
+    Tour,
+    /// Follow the next agent that explores.
+    Follow,
+    /// Colour the map by the next, or the one before, of what there is.
+    Field(bool),
+    /// Show or hide something on the map.
+    Toggle(Overlay),
+    /// Draw the map with other characters.
+    Marker,
+    /// Closer.
+    ZoomIn,
+    /// Farther.
+    ZoomOut,
+    /// The whole map.
+    ZoomOff,
+    /// Move the part of the map that is shown.
+    Pan(isize, isize),
+    /// A cursor that tells about its cell, or none.
+    Inspect,
+    /// Other colours.
+    Theme,
+    /// Show a pane.
+    Show(Pane),
+    /// Show the next pane.
+    NextPane,
+    /// Give the pane all the room, or take it back.
+    Maximise,
+    /// Back or forth in curves and log.
+    Scroll(isize),
+    /// Curves on a logarithmic scale, or not.
+    LogScale,
     /// Open or close the map editor.
     ToggleEdit,
-    /// Turn the cell at the editor's cursor from wall to floor or back.
-    Paint,
+    /// Draw with another tool.
+    Tool(Tool),
+    /// Use the tool at the cursor.
+    Apply,
     /// Take the latest edit back.
     Undo,
     /// Make the edit taken back last again.
     Redo,
+    /// Write the map to a file.
+    SaveMap,
+    /// Open another map.
+    OpenMap,
+    /// An empty map.
+    NewMap,
+    /// The same map, larger or smaller.
+    ResizeMap,
     /// Save a checkpoint.
     Save,
+    /// Save a checkpoint under a name.
+    SaveAs,
+    /// Load a checkpoint.
+    Load,
+    /// Save every so many minutes.
+    Autosave,
+    /// Write what is seen to a file.
+    Export,
+    /// Find an action by its name.
+    Palette,
     /// Show or hide the help.
-    ToggleHelp,
-    /// Close the help.
+    Help,
+    /// Close what is open on top.
     Close,
+    /// Stop the program until the shell lets it go on.
+    Suspend,
     /// Leave.
     Quit,
 }
 
+/// When a binding's keys count.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum When {
+    /// Always.
+    Always,
+    /// As long as the editor is open.
+    Editing,
+    /// As long as it is not.
+    Watching,
+}
+
 /// One line of the table.
+#[derive(Debug)]
 pub struct Binding {
     /// What happens.
     pub action: Action,
-    /// Keys that do it.
-    pub keys: &'static [(KeyCode, KeyModifiers)],
-    /// The keys as the user reads them.
-    pub shown: &'static str,
-    /// One or two words for the footer; empty to leave it out there.
+    /// Its name in the configuration.
+    pub name: &'static str,
+    /// When the keys count.
+    pub when: When,
+    /// Keys that do it, unless the configuration says otherwise.
+    pub keys: &'static [&'static str],
+    /// One word for the footer; empty to leave it out there.
     pub short: &'static str,
-    /// A line for the help.
+    /// A line for help and palette.
     pub long: &'static str,
 }
 
-const NONE: KeyModifiers = KeyModifiers::NONE;
+/// Bindings of one kind.
+#[derive(Debug)]
+pub struct Section {
+    /// What they are about.
+    pub title: &'static str,
+    /// The bindings.
+    pub bindings: &'static [Binding],
+}
+
+/// All bindings.
+pub fn bindings() -> impl Iterator<Item = &'static Binding> {
+    SECTIONS.iter().flat_map(|section| section.bindings)
+}
+
+const fn always(
+    action: Action,
+    name: &'static str,
+    keys: &'static [&'static str],
+    short: &'static str,
+    long: &'static str,
+) -> Binding {
+    Binding { action, name, when: When::Always, keys, short, long }
+}
+
+const fn editing(
+    action: Action,
+    name: &'static str,
+    keys: &'static [&'static str],
+    short: &'static str,
+    long: &'static str,
+) -> Binding {
+    Binding { when: When::Editing, ..always(action, name, keys, short, long) }
+}
+
+const fn watching(
+    action: Action,
+    name: &'static str,
+    keys: &'static [&'static str],
+    short: &'static str,
+    long: &'static str,
+) -> Binding {
+    Binding { when: When::Watching, ..always(action, name, keys, short, long) }
+}
 
 /// Every action.
-pub const BINDINGS: &[Binding] = &[
-    Binding {
-        action: Action::TogglePause,
-        keys: &[(KeyCode::Char(' '), NONE)],
-        shown: "Space",
-        short: "pause",
-        long: "pause training, or go on",
+pub const SECTIONS: &[Section] = &[
+    Section {
+        title: "training",
+        bindings: &[
+            always(Action::TogglePause, "pause", &["space"], "pause", "pause training, or go on"),
+            always(Action::StepUpdate, "step-update", &["."], "", "do one update and pause"),
+            always(Action::StepEpisode, "step-episode", &[","], "", "train to the end of an episode and pause"),
+            always(Action::Slower, "slower", &["<"], "", "fewer updates a second"),
+            always(Action::Faster, "faster", &[">"], "", "more updates a second"),
+            watching(Action::NewSeed, "new-seed", &["shift-r"], "", "begin anew with another seed"),
+            watching(Action::Settings, "settings", &["o"], "", "change a setting while it trains"),
+            always(Action::Method, "method", &[], "", "go on with another method"),
+            always(Action::Preset, "preset", &[], "", "go on with the settings of a preset"),
+        ],
     },
-    Binding {
-        action: Action::NewGoal,
-        keys: &[(KeyCode::Char('n'), NONE)],
-        shown: "n",
-        short: "new goal",
-        long: "a random new goal",
+    Section {
+        title: "try it",
+        bindings: &[
+            watching(Action::NewGoal, "new-goal", &["n"], "goal", "a random new goal (or click on the map)"),
+            always(Action::Move(-1, 0), "left", &["left", "h"], "", "move the goal, or the cursor, to the left"),
+            always(Action::Move(0, 1), "down", &["down", "j"], "", "... down"),
+            always(Action::Move(0, -1), "up", &["up", "k"], "", "... up"),
+            always(Action::Move(1, 0), "right", &["right", "l"], "", "... to the right"),
+            watching(
+                Action::NewStart,
+                "new-start",
+                &["w"],
+                "",
+                "put the walking agent @ somewhere else (or right-click)",
+            ),
+            watching(Action::StartHere, "start-here", &["shift-s"], "", "put @ where the cursor is, or the goal"),
+            watching(Action::GoalHere, "goal-here", &["enter"], "", "put the goal where the cursor is"),
+            watching(Action::Tour, "tour", &["t"], "", "@ at the goal: set out again, visit others, or stay"),
+            watching(Action::Follow, "follow", &["f"], "", "follow the next agent that explores"),
+        ],
     },
-    Binding {
-        action: Action::MoveGoal(-1, 0),
-        keys: &[(KeyCode::Left, NONE), (KeyCode::Char('h'), NONE)],
-        shown: "\u{2190}\u{2193}\u{2191}\u{2192}/click",
-        short: "goal",
-        long: "move the goal (also h j k l, or click on the map)",
+    Section {
+        title: "view",
+        bindings: &[
+            watching(Action::Field(true), "next-field", &["v"], "view", "colour the map by another distance"),
+            watching(Action::Field(false), "previous-field", &["shift-v"], "", "... by the one before"),
+            watching(Action::Toggle(Overlay::Contours), "contours", &["c"], "", "contour lines, on or off"),
+            watching(
+                Action::Toggle(Overlay::Directions),
+                "directions",
+                &["r"],
+                "",
+                "where the actor would go from everywhere",
+            ),
+            watching(Action::Toggle(Overlay::Agents), "agents", &["a"], "", "agents that explore, and their trails"),
+            watching(Action::Toggle(Overlay::Candidates), "candidates", &["b"], "", "bridge candidates"),
+            watching(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph"),
+            watching(
+                Action::Toggle(Overlay::Search),
+                "search",
+                &["shift-b"],
+                "",
+                "the latest search for a bridge point",
+            ),
+            watching(Action::Toggle(Overlay::Path), "path", &["p"], "", "the path that @ plans"),
+            watching(Action::Inspect, "inspect", &["i"], "", "a cursor that tells about its cell"),
+            always(Action::ZoomIn, "zoom-in", &["+", "="], "", "closer (or the mouse wheel)"),
+            always(Action::ZoomOut, "zoom-out", &["-"], "", "farther"),
+            watching(Action::ZoomOff, "whole-map", &["0"], "", "the whole map"),
+            always(Action::Pan(-1, 0), "pan-left", &["shift-left", "alt-left"], "", "move the part that is shown"),
+            always(Action::Pan(1, 0), "pan-right", &["shift-right", "alt-right"], "", ""),
+            always(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", ""),
+            always(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", ""),
+            watching(Action::Marker, "marker", &["m"], "", "half blocks, quadrants or braille"),
+            watching(Action::Theme, "theme", &["shift-t"], "", "dark, light, colour-blind-safe, or no colours"),
+        ],
     },
-    Binding {
-        action: Action::MoveGoal(0, 1),
-        keys: &[(KeyCode::Down, NONE), (KeyCode::Char('j'), NONE)],
-        shown: "",
-        short: "",
-        long: "",
+    Section {
+        title: "panes",
+        bindings: &[
+            watching(Action::Show(Pane::Training), "training", &["1"], "", "training and success"),
+            watching(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, losses and errors"),
+            watching(Action::Show(Pane::Walk), "walk", &["3"], "", "the agent that is followed"),
+            watching(Action::Show(Pane::Legend), "legend", &["4"], "", "what the map shows"),
+            watching(Action::Show(Pane::Log), "log", &["5"], "", "what happened"),
+            always(Action::NextPane, "next-pane", &["tab"], "panes", "the next pane"),
+            watching(Action::Maximise, "maximise", &["z"], "", "give the pane all the room, or take it back"),
+            always(Action::Scroll(-1), "scroll-back", &["pageup"], "", "back in curves and log"),
+            always(Action::Scroll(1), "scroll-on", &["pagedown"], "", "forth again"),
+            watching(Action::LogScale, "log-scale", &["g"], "", "curves on a logarithmic scale, or not"),
+        ],
     },
-    Binding {
-        action: Action::MoveGoal(0, -1),
-        keys: &[(KeyCode::Up, NONE), (KeyCode::Char('k'), NONE)],
-        shown: "",
-        short: "",
-        long: "",
+    Section {
+        title: "map editor",
+        bindings: &[
+            always(Action::ToggleEdit, "edit", &["e"], "edit", "open or close the editor"),
+            editing(Action::Tool(Tool::Pencil), "pencil", &["1"], "", "draw walls (drag; right-drag: floor)"),
+            editing(Action::Tool(Tool::Eraser), "eraser", &["2"], "", "draw floor"),
+            editing(Action::Tool(Tool::Line), "line", &["3"], "", "a straight wall"),
+            editing(Action::Tool(Tool::Rectangle), "rectangle", &["4"], "", "walls around a rectangle"),
+            editing(Action::Tool(Tool::Fill), "fill", &["5"], "", "fill an area with wall, or a wall with floor"),
+            editing(Action::Tool(Tool::Start), "start", &["6"], "", "put a start S there, or take it away"),
+            editing(Action::Tool(Tool::Goal), "goal", &["7"], "", "put a goal G there, or take it away"),
+            editing(Action::Apply, "apply", &["x", "enter"], "", "use the tool at the cursor; twice for a line"),
+            always(Action::Undo, "undo", &["u"], "", "take an edit back"),
+            always(Action::Redo, "redo", &["ctrl-r"], "", "make it again"),
+            always(Action::NewMap, "new-map", &[], "", "an empty map"),
+            always(Action::ResizeMap, "resize-map", &[], "", "make the map larger or smaller"),
+            always(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file"),
+            always(Action::OpenMap, "open-map", &["shift-o"], "", "open another map"),
+        ],
     },
-    Binding {
-        action: Action::MoveGoal(1, 0),
-        keys: &[(KeyCode::Right, NONE), (KeyCode::Char('l'), NONE)],
-        shown: "",
-        short: "",
-        long: "",
+    Section {
+        title: "files",
+        bindings: &[
+            always(Action::Save, "save", &["s"], "save", "save a checkpoint"),
+            always(Action::SaveAs, "save-as", &[], "", "save a checkpoint under a name"),
+            watching(Action::Load, "load", &["shift-l"], "", "load a checkpoint"),
+            always(Action::Autosave, "autosave", &[], "", "save every so many minutes"),
+            watching(Action::Export, "export", &["shift-e"], "", "write map, curves or screen to a file"),
+        ],
     },
-    Binding {
-        action: Action::NewStart,
-        keys: &[(KeyCode::Char('w'), NONE)],
-        shown: "w",
-        short: "",
-        long: "put the walking agent @ somewhere else",
-    },
-    Binding {
-        action: Action::NextLayer,
-        keys: &[(KeyCode::Char('v'), NONE)],
-        shown: "v",
-        short: "view",
-        long: "show D as learned, D by the graph, or true steps",
-    },
-    Binding {
-        action: Action::ToggleBridges,
-        keys: &[(KeyCode::Char('b'), NONE)],
-        shown: "b",
-        short: "",
-        long: "show or hide the bridge candidates",
-    },
-    Binding {
-        action: Action::ToggleAgents,
-        keys: &[(KeyCode::Char('a'), NONE)],
-        shown: "a",
-        short: "",
-        long: "show or hide the exploring agents",
-    },
-    Binding {
-        action: Action::ToggleEdit,
-        keys: &[(KeyCode::Char('e'), NONE)],
-        shown: "e",
-        short: "edit",
-        long: "edit the map: drag, right-drag, or arrows and x",
-    },
-    Binding { action: Action::Paint, keys: &[(KeyCode::Char('x'), NONE)], shown: "x", short: "", long: "" },
-    Binding {
-        action: Action::Undo,
-        keys: &[(KeyCode::Char('u'), NONE)],
-        shown: "u",
-        short: "",
-        long: "undo an edit (Ctrl-R: redo)",
-    },
-    Binding {
-        action: Action::Redo,
-        keys: &[(KeyCode::Char('r'), KeyModifiers::CONTROL)],
-        shown: "Ctrl-R",
-        short: "",
-        long: "",
-    },
-    Binding {
-        action: Action::Save,
-        keys: &[(KeyCode::Char('s'), NONE)],
-        shown: "s",
-        short: "",
-        long: "save a checkpoint",
-    },
-    Binding {
-        action: Action::ToggleHelp,
-        keys: &[(KeyCode::Char('?'), NONE), (KeyCode::F(1), NONE)],
-        shown: "?",
-        short: "help",
-        long: "show or hide this help",
-    },
-    Binding {
-        action: Action::Close,
-        keys: &[(KeyCode::Esc, NONE)],
-        shown: "Esc",
-        short: "",
-        long: "close the help or the editor",
-    },
-    Binding {
-        action: Action::Quit,
-        keys: &[(KeyCode::Char('q'), NONE), (KeyCode::Char('c'), KeyModifiers::CONTROL)],
-        shown: "q",
-        short: "quit",
-        long: "quit (also Ctrl-C)",
+    Section {
+        title: "program",
+        bindings: &[
+            always(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find anything by its name"),
+            always(Action::Help, "help", &["?", "f1"], "help", "show or hide this help"),
+            always(Action::Close, "close", &["esc"], "", "close what is open on top"),
+            always(Action::Suspend, "suspend", &["ctrl-z"], "", "back to the shell; its fg goes on here"),
+            always(Action::Quit, "quit", &["q", "ctrl-c"], "quit", "quit"),
+        ],
     },
 ];
-
-/// The action of a key, if it has one. Shift is part of the character already.
-pub fn action_of(key: KeyEvent) -> Option<Action> {
-    let pressed = (key.code, key.modifiers - KeyModifiers::SHIFT);
-    BINDINGS.iter().find(|b| b.keys.contains(&pressed)).map(|b| b.action)
-}

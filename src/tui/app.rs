@@ -1,35 +1,44 @@
 //! The state of the screen, and what events do to it.
 
+mod act;
+mod answer;
+mod files;
+mod mouse;
+
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use crossterm::event::{Event, KeyEventKind, MouseButton, MouseEvent, MouseEventKind};
+use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use ratatui::layout::Position;
+use ratatui::layout::Rect;
 use tokio::sync::watch;
 
-use super::action::{Action, action_of};
-use super::colour::Depth;
+use super::config::UiConfig;
+use super::dialog::Dialog;
 use super::editor::Editor;
-use super::raster::MapFrame;
+use super::history::History;
+use super::keymap::Keymap;
+use super::layers::{Field, Overlays};
+use super::log::Log;
+use super::panes::Pane;
+use super::raster::{MapFrame, Marker, Viewport};
 use super::render::Base;
-use super::viewer::{Layer, Request, View, Viewer};
-use crate::cli::TrainArgs;
+use super::theme::{Depth, Theme};
+use super::viewer::{Request, Tour, View, Viewer};
 use crate::map::{Cell, Grid};
-use crate::train::{Command, Engine, Phase, Snapshot, Trainer};
+use crate::train::{Command, Engine, Phase, Run, Snapshot, Success, Trainer};
 
-/// How long a notice is shown.
-const NOTICE: Duration = Duration::from_secs(4);
-
-/// Most loss values kept for the curve; where there would be more, every other one goes.
-const CURVE: usize = 1024;
+/// Training that may be lost without being asked about.
+const LOST_UNASKED_SECS: f64 = 10.0;
 
 /// Everything that the screen shows.
 pub struct App {
     engine: Engine,
     viewer: Viewer,
+    pub keymap: Keymap,
+    pub theme: Theme,
     /// The map as the user last made it; the trainer follows.
     map: Arc<Grid>,
     pub editor: Editor,
@@ -37,59 +46,130 @@ pub struct App {
     pub view: Arc<View>,
     /// The goal that distances are shown to.
     pub goal: Cell,
-    /// The critic's loss from the beginning on, at equal distances.
-    pub losses: Vec<f32>,
-    /// Snapshots that one value of the curve stands for, and those since the last.
-    curve_every: (usize, usize),
-    /// Which distance is asked for.
-    pub layer: Layer,
-    pub show_help: bool,
-    pub show_bridges: bool,
-    pub show_agents: bool,
-    pub depth: Depth,
-    notice: Option<(String, Instant)>,
-    /// Where the map was drawn last: clicks are understood by it.
-    frame: Option<MapFrame>,
+    /// The number of the latest wish for a goal.
+    goals_asked: u64,
+    /// The cursor that tells about its cell, and the cell under the mouse.
+    pub inspecting: Option<Cell>,
+    pub hovered: Option<Cell>,
+    pub history: History,
+    pub log: Log,
+    /// What the colours stand for.
+    pub field: Field,
+    pub overlays: Overlays,
+    pub marker: Marker,
+    pub viewport: Viewport,
+    pub pane: Pane,
+    pub maximised: bool,
+    /// How far back curves and log are scrolled, in pages.
+    pub scrolled: usize,
+    pub log_scale: bool,
+    pub tour: Tour,
+    /// What lies on top, the last one uppermost.
+    pub dialogs: Vec<Dialog>,
+    /// Pausing has been asked for.
+    pub pausing: bool,
+    /// The agent that is followed instead of the walking one.
+    pub following: Option<usize>,
+    /// Where things were drawn last: clicks are understood by it.
+    pub places: Places,
     /// What of the map pane did not change since then.
     pub base: Option<Base>,
-    save_to: PathBuf,
+    /// Minutes between checkpoints that are saved without being asked for; 0 for none.
+    pub autosave_minutes: f64,
+    autosaved: Instant,
+    /// The file that the next checkpoint goes to, and whether it was given on the command line.
+    save_to: (PathBuf, bool),
     rng: ChaCha8Rng,
     done: bool,
+    /// Whether to save before leaving.
+    save_at_end: bool,
+    /// The program is to be stopped until the shell lets it go on.
+    suspending: bool,
+}
+
+/// Where things were drawn.
+#[derive(Clone, Debug, Default)]
+pub struct Places {
+    /// Everything.
+    pub screen: Rect,
+    /// The map.
+    pub map: Option<MapFrame>,
+    /// The pane with the map and the line below it.
+    pub map_pane: Rect,
+    /// The names of the panes.
+    pub tabs: Vec<(Rect, Pane)>,
+    /// The rows of the list on top, and the number of the first of them.
+    pub rows: (Rect, usize),
 }
 
 impl App {
     /// The screen at its start: the map's own goal, or a random one.
-    pub fn new(engine: Engine, viewer: Viewer, args: &TrainArgs) -> Self {
-        let run = engine.run().clone();
-        let name = format!("{}-{}-seed{}.safetensors", engine.map().name(), run.method.name(), run.seed);
+    pub fn new(engine: Engine, viewer: Viewer, (config, keymap): (UiConfig, Keymap), save: Option<PathBuf>) -> Self {
         let snapshot = engine.snapshots().borrow().clone();
         let view = viewer.views().borrow().clone();
+        let given = save.is_some();
         let mut app = Self {
-            map: engine.map().clone(),
+            keymap,
+            theme: Theme::new(config.theme, Depth::detect()),
+            map: snapshot.map.clone(),
             editor: Editor::default(),
+            goal: Cell::new(0, 0),
+            goals_asked: 0,
+            inspecting: None,
+            hovered: None,
+            history: History::default(),
+            log: Log::default(),
+            field: Field::default(),
+            overlays: Overlays::default(),
+            marker: config.marker,
+            viewport: Viewport::default(),
+            pane: Pane::default(),
+            maximised: false,
+            scrolled: 0,
+            log_scale: false,
+            tour: Tour::default(),
+            dialogs: Vec::new(),
+            pausing: false,
+            following: None,
+            places: Places::default(),
+            base: None,
+            autosave_minutes: config.autosave_minutes,
+            autosaved: Instant::now(),
+            save_to: (save.unwrap_or_default(), given),
+            rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
+            done: false,
+            save_at_end: given,
+            suspending: false,
             snapshot,
             view,
-            goal: Cell::new(0, 0),
-            losses: Vec::new(),
-            curve_every: (1, 0),
-            layer: Layer::default(),
-            show_help: false,
-            show_bridges: true,
-            show_agents: true,
-            depth: Depth::detect(),
-            notice: None,
-            frame: None,
-            base: None,
-            save_to: args.save.clone().unwrap_or_else(|| PathBuf::from("saves").join(name)),
-            rng: ChaCha8Rng::seed_from_u64(run.seed),
-            done: false,
             engine,
             viewer,
         };
-        let first = app.engine.map().goals().first().copied();
-        let goal = first.unwrap_or_else(|| app.random_cell());
-        app.set_goal(goal);
+        app.begin();
         app
+    }
+
+    /// Turns to a run that is new to the screen.
+    fn begin(&mut self) {
+        let Snapshot { run, map, .. } = &*self.snapshot.clone();
+        self.map = map.clone();
+        if !self.save_to.1 {
+            let name = format!("{}-{}-seed{}.safetensors", map.name(), run.method.name(), run.seed);
+            self.save_to.0 = PathBuf::from("saves").join(name);
+        }
+        self.history = History::default();
+        self.editor.forget();
+        (self.viewport, self.following) = (Viewport::default(), None);
+        self.inspect(None);
+        if self.field == Field::Composed && !run.method.plans() {
+            self.field = Field::default();
+            self.viewer.ask(Request::Field(self.field));
+        }
+        let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
+        self.log.note(text, self.snapshot.counters.updates);
+        let first = self.map.goals().first().copied();
+        let goal = first.unwrap_or_else(|| self.random_cell());
+        self.set_goal(goal);
     }
 
     /// The engine's snapshots.
@@ -108,8 +188,8 @@ impl App {
     }
 
     /// What is run.
-    pub fn run(&self) -> &crate::train::Run {
-        self.engine.run()
+    pub fn run(&self) -> &Run {
+        &self.snapshot.run
     }
 
     /// Whether the user wants to leave.
@@ -117,9 +197,43 @@ impl App {
         self.done
     }
 
-    /// The notice that is shown now.
-    pub fn notice(&self) -> Option<&str> {
-        self.notice.as_ref().map(|(text, _)| text.as_str())
+    /// Whether the program is to be stopped for now.
+    #[cfg(test)]
+    pub fn suspends(&self) -> bool {
+        self.suspending
+    }
+
+    /// Whether the program is to be stopped for now; asked once for each time.
+    pub fn takes_suspension(&mut self) -> bool {
+        std::mem::take(&mut self.suspending)
+    }
+
+    /// The file to save to before leaving, if that is wanted.
+    pub fn save_at_end(&self) -> Option<PathBuf> {
+        self.save_at_end.then(|| self.save_to.0.clone())
+    }
+
+    /// Updates that no checkpoint holds.
+    pub fn unsaved_updates(&self) -> u64 {
+        let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
+        self.snapshot.counters.updates.saturating_sub(saved)
+    }
+
+    /// Whether so much would be lost that it is better to ask.
+    fn would_be_missed(&self) -> bool {
+        let updates = self.snapshot.counters.updates.max(1);
+        let seconds = self.snapshot.seconds * self.unsaved_updates() as f64 / updates as f64;
+        !self.save_to.1 && seconds > LOST_UNASKED_SECS
+    }
+
+    /// The latest evaluation in brief.
+    pub fn success(&self) -> Option<Success> {
+        self.snapshot.evaluations.last().map(|(updates, e)| e.success(*updates))
+    }
+
+    /// The program is told to end: what would be missed is saved.
+    pub fn on_signal(&mut self) {
+        self.save_at_end |= self.would_be_missed();
     }
 
     /// Ends training; the trainer, unless it panicked.
@@ -146,159 +260,97 @@ impl App {
 
     /// Takes a new snapshot.
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
-        if snapshot.counters.updates > self.snapshot.counters.updates {
-            self.curve_every.1 += 1;
-            if self.curve_every.1 >= self.curve_every.0 {
-                self.curve_every.1 = 0;
-                self.losses.push(snapshot.losses.critic);
-            }
-            if self.losses.len() > CURVE {
-                let mut keep = false;
-                self.losses.retain(|_| {
-                    keep = !keep;
-                    keep
-                });
-                self.curve_every.0 *= 2;
-            }
+        let before = std::mem::replace(&mut self.snapshot, snapshot);
+        if self.snapshot.generation != before.generation {
+            self.begin();
         }
-        if snapshot.notice.0 > self.snapshot.notice.0 {
-            self.notify(snapshot.notice.1.clone());
+        self.history.add(&self.snapshot.clone(), before.counters);
+        if self.snapshot.evaluations.len() > before.evaluations.len() {
+            self.note_evaluation();
         }
-        self.snapshot = snapshot;
+        self.pausing &= self.snapshot.phase.trains();
+        if self.snapshot.notice.0 > before.notice.0 {
+            self.notify(self.snapshot.notice.1.clone());
+        }
+        if before.phase.trains() && self.snapshot.phase == Phase::Done {
+            self.notify("done: a limit is reached; Space goes on without it".to_owned());
+        }
+    }
+
+    fn note_evaluation(&mut self) {
+        let Some((updates, e)) = self.snapshot.evaluations.last() else { return };
+        let planned = e.planned.as_ref().map_or(String::new(), |p| format!("planned {:.2}, ", p.success));
+        let error = 100.0 * e.distance_error.mape;
+        let text = format!("evaluated: {planned}greedy {:.2}, error of D {error:.0} %", e.greedy.success);
+        self.log.note(text, *updates);
     }
 
     /// Takes a new view.
     pub fn on_view(&mut self, view: Arc<View>) {
+        // Goals that were chosen by the walking agent itself, not those before the latest that was asked for.
+        if let ((Some(goal), number), Tour::Visit) = (view.goal, self.tour)
+            && number == self.goals_asked
+        {
+            self.goal = goal;
+        }
         self.view = view;
     }
 
     /// Time has passed; whether that changes the screen.
-    pub fn on_tick(&mut self) -> bool {
-        let over = self.notice.as_ref().is_some_and(|(_, since)| since.elapsed() > NOTICE);
-        if over {
-            self.notice = None;
+    pub fn on_tick(&mut self, tick: Duration) -> bool {
+        let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
+        if due {
+            self.autosaved = Instant::now();
+            if self.unsaved_updates() > 0 {
+                self.command(Command::Save(self.save_to.0.clone()));
+            }
         }
-        over
+        self.log.on_tick(tick)
     }
 
-    /// Passes a command on to the trainer; `false` where too many wait.
-    pub fn command(&self, command: Command) -> bool {
-        self.engine.send(command)
+    /// Passes a command on to the trainer; `false` where too many wait, which the user is told.
+    pub fn command(&mut self, command: Command) -> bool {
+        let sent = self.engine.send(command);
+        if !sent {
+            self.notify("the trainer is busy: try again".to_owned());
+        }
+        sent
     }
 
     /// The user did something, or the terminal changed.
     pub fn on_event(&mut self, event: &Event) {
         match event {
-            Event::Key(key) if key.kind != KeyEventKind::Release => {
-                if let Some(action) = action_of(*key) {
+            Event::Key(key) if key.kind != KeyEventKind::Release => self.on_key(*key),
+            Event::Mouse(mouse) => self.on_mouse(*mouse),
+            Event::Paste(text) => match self.dialogs.last_mut() {
+                Some(Dialog::Pick(picker)) => picker.paste(text),
+                Some(Dialog::Ask(prompt)) => prompt.paste(text),
+                _ => {}
+            },
+            _ => {}
+        }
+    }
+
+    fn on_key(&mut self, key: KeyEvent) {
+        let interrupt = key.code == KeyCode::Char('c') && key.modifiers == KeyModifiers::CONTROL;
+        if interrupt && !self.dialogs.is_empty() {
+            // Twice leaves without further questions.
+            self.done = true;
+            return;
+        }
+        match self.dialogs.last_mut() {
+            None => {
+                if let Some(action) = self.keymap.action(key, self.editor.is_open()) {
                     self.act(action);
                 }
             }
-            Event::Mouse(mouse) if !self.show_help => self.on_mouse(*mouse),
-            _ => {}
-        }
-    }
-
-    /// Sets the goal, or draws.
-    fn on_mouse(&mut self, mouse: MouseEvent) {
-        let Some(frame) = &self.frame else { return };
-        let at = Position::new(mouse.column, mouse.row);
-        match mouse.kind {
-            MouseEventKind::Down(button) | MouseEventKind::Drag(button) if self.editor.is_open() => match button {
-                MouseButton::Left => self.editor.draw(at, false, frame, &self.map),
-                MouseButton::Right => self.editor.draw(at, true, frame, &self.map),
-                MouseButton::Middle => {}
-            },
-            MouseEventKind::Up(_) => {
-                let new = self.editor.finish(&self.map.clone());
-                self.change_map(new);
+            Some(Dialog::Help(_)) => self.on_key_in_help(key),
+            Some(_) if key.code == KeyCode::Esc => {
+                self.dialogs.pop();
             }
-            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
-                if let Some(cell) = frame.cell_at(at, &self.map) {
-                    self.set_goal(cell);
-                }
-            }
-            _ => {}
-        }
-    }
-
-    /// The map is to be this from now on.
-    fn change_map(&mut self, map: Option<Arc<Grid>>) {
-        let Some(map) = map else { return };
-        if !self.command(Command::ChangeMap(map.clone())) {
-            self.notify("the trainer is busy: try again".to_owned());
-            return;
-        }
-        self.map = map;
-        if !self.map.is_free(self.goal) {
-            self.set_goal(self.goal);
-        }
-    }
-
-    fn act(&mut self, action: Action) {
-        match action {
-            Action::TogglePause => {
-                let command = if self.snapshot.phase == Phase::Paused { Command::Resume } else { Command::Pause };
-                self.command(command);
-            }
-            Action::NewGoal => {
-                let cell = self.random_cell();
-                self.set_goal(cell);
-            }
-            Action::MoveGoal(dx, dy) => match self.editor.cursor {
-                Some(at) => {
-                    let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
-                    let within = Cell::new(to.x.min(self.map.width() - 1), to.y.min(self.map.height() - 1));
-                    self.editor.cursor = Some(within);
-                }
-                None => self.move_goal(dx, dy),
-            },
-            Action::ToggleEdit => {
-                self.editor.cursor = if self.editor.is_open() { None } else { Some(self.goal) };
-            }
-            Action::Paint => {
-                let new = self.editor.toggle(&self.map.clone());
-                self.change_map(new);
-            }
-            Action::Undo => {
-                let new = self.editor.undo(&self.map.clone());
-                self.change_map(new);
-            }
-            Action::Redo => {
-                let new = self.editor.redo(&self.map.clone());
-                self.change_map(new);
-            }
-            Action::NewStart => self.viewer.ask(Request::NewStart),
-            Action::NextLayer => {
-                self.layer = self.layer.next(self.run().method);
-                self.viewer.ask(Request::Layer(self.layer));
-            }
-            Action::ToggleBridges => self.show_bridges = !self.show_bridges,
-            Action::ToggleAgents => self.show_agents = !self.show_agents,
-            Action::Save => {
-                self.notify(format!("saving {} ...", self.save_to.display()));
-                if !self.command(Command::Save(self.save_to.clone())) {
-                    self.notify("the trainer is busy: try again".to_owned());
-                }
-            }
-            Action::ToggleHelp => self.show_help = !self.show_help,
-            Action::Close if self.show_help => self.show_help = false,
-            Action::Close => self.editor.cursor = None,
-            Action::Quit => self.done = true,
-        }
-    }
-
-    /// The next free cell in that direction, beyond walls too.
-    fn move_goal(&mut self, dx: isize, dy: isize) {
-        let mut at = self.goal;
-        loop {
-            at = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
-            if at.x >= self.map().width() || at.y >= self.map().height() {
-                return;
-            }
-            if self.map().is_free(at) {
-                return self.set_goal(at);
-            }
+            Some(_) if key.code == KeyCode::Enter => self.answer(),
+            Some(Dialog::Pick(picker)) => picker.on_key(key),
+            Some(Dialog::Ask(prompt)) => prompt.on_key(key),
         }
     }
 
@@ -307,22 +359,43 @@ impl App {
         cells[self.rng.random_range(0..cells.len())]
     }
 
-    fn set_goal(&mut self, cell: Cell) {
-        if let Some(cell) = self.map().nearest_free(cell) {
+    /// The goal at `cell`, or at the free cell nearest to it.
+    pub fn set_goal(&mut self, cell: Cell) {
+        if let Some(cell) = self.map.nearest_free(cell) {
             self.goal = cell;
-            self.viewer.ask(Request::Goal(cell));
+            self.goals_asked += 1;
+            self.viewer.ask(Request::Goal(cell, self.goals_asked));
         }
     }
 
-    fn notify(&mut self, text: String) {
-        self.notice = Some((text, Instant::now()));
+    /// Asks about a cell, or no longer.
+    fn inspect(&mut self, cell: Option<Cell>) {
+        self.inspecting = cell;
+        self.viewer.ask(Request::Inspect(cell.or(self.hovered)));
+    }
+
+    /// The map is to be this from now on.
+    fn change_map(&mut self, map: Option<Arc<Grid>>) {
+        let Some(map) = map else { return };
+        if !self.command(Command::ChangeMap(map.clone())) {
+            return;
+        }
+        self.map = map;
+        if !self.map.is_free(self.goal) {
+            self.set_goal(self.goal);
+        }
+    }
+
+    /// Tells the user something, and the log.
+    pub fn notify(&mut self, text: String) {
+        self.log.add(text, self.snapshot.counters.updates);
     }
 
     /// The map is now drawn at `frame`: the viewer computes its field for it.
     pub fn set_frame(&mut self, frame: MapFrame) {
-        if self.frame.as_ref() != Some(&frame) {
-            self.viewer.ask(Request::Window(frame.raster));
-            self.frame = Some(frame);
+        if self.places.map.as_ref() != Some(&frame) {
+            self.viewer.ask(Request::Frame(frame.clone()));
+            self.places.map = Some(frame);
         }
     }
 }

@@ -1,20 +1,21 @@
 //! The interface without a terminal, to measure what it costs.
 
+use std::collections::BTreeMap;
 use std::io::{Sink, sink};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use clap::Parser;
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 use ratatui::{Terminal, TerminalOptions, Viewport};
 use tokio::sync::watch;
 
 use super::app::App;
-use super::colour::Depth;
+use super::config::UiConfig;
+use super::keymap::Keymap;
+use super::theme::{Depth, Theme, ThemeName};
 use super::viewer::{View, Viewer};
 use super::{ANSWER, Pace, render};
-use crate::cli::Cli;
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, Trainer};
 
 /// A run with the interface open on a screen that nobody sees.
@@ -41,8 +42,9 @@ impl Watched {
     pub fn open(trainer: Trainer, diameter: u32, (columns, rows): (u16, u16)) -> candle_core::Result<Self> {
         let engine = Engine::start(trainer, diameter, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
-        let mut app = App::new(engine, viewer, &Cli::parse_from(["gdg-tui"]).train);
-        app.depth = Depth::True;
+        let keymap = Keymap::new(&BTreeMap::new()).map_err(|(_, what, _)| candle_core::Error::msg(what))?;
+        let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), None);
+        app.theme = Theme::new(ThemeName::Dark, Depth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let screen = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
         let mut watched = Self { snapshots: app.snapshots(), views: app.views(), app, screen };

@@ -1,8 +1,73 @@
 //! Which part of the map each pixel of the map pane stands for, and where the pane lies.
 
 use ratatui::layout::{Position, Rect};
+use serde::{Deserialize, Serialize};
 
 use crate::map::{Cell, Grid};
+
+/// What the map is drawn with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Marker {
+    /// Half blocks where a cell has room for one, quadrants on maps that are shrunken.
+    #[default]
+    Auto,
+    /// Two pixels a character, one above the other: square ones.
+    HalfBlock,
+    /// Two by two.
+    Quadrant,
+    /// Two by four dots.
+    Braille,
+}
+
+impl Marker {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Auto, Self::HalfBlock, Self::Quadrant, Self::Braille];
+
+    /// Its name in the configuration and on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Auto => "auto",
+            Self::HalfBlock => "half-block",
+            Self::Quadrant => "quadrant",
+            Self::Braille => "braille",
+        }
+    }
+
+    /// What it stands for where a cell of the map has room for `scale` half blocks.
+    #[must_use]
+    pub fn resolved(self, scale: f32) -> Self {
+        match self {
+            Self::Auto if scale >= 0.95 => Self::HalfBlock,
+            Self::Auto => Self::Quadrant,
+            other => other,
+        }
+    }
+
+    /// Columns and rows of pixels in a character.
+    pub fn pixels(self) -> (usize, usize) {
+        match self {
+            Self::Auto | Self::HalfBlock => (1, 2),
+            Self::Quadrant => (2, 2),
+            Self::Braille => (2, 4),
+        }
+    }
+}
+
+/// Which part of the map is asked for.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Viewport {
+    /// How many times as large as the whole map would be shown; 1 for the whole map.
+    pub zoom: f32,
+    /// The position in the middle, where not all is shown.
+    pub centre: [f32; 2],
+}
+
+impl Default for Viewport {
+    fn default() -> Self {
+        Self { zoom: 1.0, centre: [0.0; 2] }
+    }
+}
 
 /// A window on the map and the pixels that show it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -67,11 +132,6 @@ impl Raster {
         let inside = column >= 0.0 && row >= 0.0 && (column as usize) < self.pixels.0 && (row as usize) < self.pixels.1;
         inside.then_some((column as usize, row as usize))
     }
-
-    /// Pixels for each cell of the map, along one axis.
-    pub fn scale(&self) -> f32 {
-        self.pixels.0 as f32 / self.window[2]
-    }
 }
 
 /// Where the map lies on the screen.
@@ -81,29 +141,65 @@ pub struct MapFrame {
     pub area: Rect,
     /// What its pixels show.
     pub raster: Raster,
+    /// What it is drawn with.
+    pub marker: Marker,
 }
 
 impl MapFrame {
-    /// The whole map, as large as `area` allows without changing its proportions.
-    pub fn fit(area: Rect, map: &Grid) -> Option<Self> {
+    /// As much of the map as `view` asks for, as large as `area` allows without changing its proportions.
+    pub fn fit(area: Rect, map: &Grid, marker: Marker, view: Viewport) -> Option<Self> {
         if area.width == 0 || area.height == 0 {
             return None;
         }
         let (width, height) = (map.width() as f32, map.height() as f32);
-        let scale = (f32::from(area.width) / width).min(2.0 * f32::from(area.height) / height);
-        // Whole pixels a cell look best, where that costs little room.
-        let scale = if scale >= 1.0 && scale.floor() >= 0.9 * scale { scale.floor() } else { scale };
+        // A character is as high as two are wide.
+        let fitting = (f32::from(area.width) / width).min(2.0 * f32::from(area.height) / height);
+        // Whole half blocks a cell look best, where that costs little room.
+        let whole = fitting >= 1.0 && fitting.floor() >= 0.9 * fitting;
+        let scale = view.zoom * if whole { fitting.floor() } else { fitting };
         let columns = ((width * scale).round() as u16).clamp(1, area.width);
         let rows = ((height * scale / 2.0).ceil() as u16).clamp(1, area.height);
-        let pixels = (usize::from(columns), 2 * usize::from(rows));
+        let per_character = marker.resolved(scale).pixels();
+        let pixels = (usize::from(columns) * per_character.0, usize::from(rows) * per_character.1);
+        let shown = [f32::from(columns) / scale, 2.0 * f32::from(rows) / scale];
+        let shown = if view.zoom > 1.0 { shown } else { [width, shown[1]] };
+        // Not beyond the map's edges.
+        let from = |middle: f32, shown: f32, all: f32| (middle - shown / 2.0).min(all - shown).max(0.0);
+        let [x, y] = view.centre;
+        let window = if view.zoom > 1.0 {
+            [from(x, shown[0], width), from(y, shown[1], height), shown[0], shown[1]]
+        } else {
+            [0.0, 0.0, shown[0], shown[1]]
+        };
         let area = Rect {
             x: area.x + (area.width - columns) / 2,
             y: area.y + (area.height - rows) / 2,
             width: columns,
             height: rows,
         };
-        let shown = pixels.1 as f32 / scale;
-        Some(Self { area, raster: Raster { window: [0.0, 0.0, width, shown], pixels } })
+        Some(Self { area, raster: Raster { window, pixels }, marker: marker.resolved(scale) })
+    }
+
+    /// Characters for each cell of the map, along a row.
+    pub fn scale(&self) -> f32 {
+        f32::from(self.area.width) / self.raster.window[2]
+    }
+
+    /// The character that shows a position on the map.
+    pub fn character_of(&self, at: [f32; 2]) -> Option<Position> {
+        let (column, row) = self.raster.pixel_of(at)?;
+        let (across, down) = self.marker.pixels();
+        Some(Position::new(self.area.x + (column / across) as u16, self.area.y + (row / down) as u16))
+    }
+
+    /// The position on the map in the middle of a character.
+    pub fn middle_of(&self, at: Position) -> [f32; 2] {
+        let [left, top, width, height] = self.raster.window;
+        let share = |i: u16, n: u16| (f32::from(i) + 0.5) / f32::from(n);
+        [
+            left + share(at.x.saturating_sub(self.area.x), self.area.width) * width,
+            top + share(at.y.saturating_sub(self.area.y), self.area.height) * height,
+        ]
     }
 
     /// All cells that the character at a place on the screen stands for; at least one, none beside the map.
@@ -126,10 +222,7 @@ impl MapFrame {
         if !self.area.contains(at) {
             return None;
         }
-        let [left, top, width, height] = self.raster.window;
-        let share = |i: u16, n: u16| (f32::from(i) + 0.5) / f32::from(n);
-        let x = left + share(at.x - self.area.x, self.area.width) * width;
-        let y = top + share(at.y - self.area.y, self.area.height) * height;
+        let [x, y] = self.middle_of(at);
         Some(Cell::new((x as usize).min(map.width() - 1), (y as usize).min(map.height() - 1)))
     }
 }

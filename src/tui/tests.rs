@@ -1,22 +1,27 @@
 //! The screen on a buffer instead of a terminal.
 
+mod actions;
+mod screens;
+
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use clap::Parser;
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers, MouseButton, MouseEvent, MouseEventKind};
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
-use ratatui::layout::{Position, Rect};
+use ratatui::layout::Position;
 use ratatui::style::Color;
 
-use super::action::BINDINGS;
+use super::action::bindings;
 use super::app::App;
-use super::colour::Depth;
-use super::raster::MapFrame;
+use super::config::UiConfig;
+use super::dialog::Dialog;
+use super::keymap::Keymap;
+use super::layers::Field;
 use super::render;
-use super::viewer::{Layer, Viewer};
-use crate::cli::Cli;
+use super::theme::{Depth, Theme, ThemeName};
+use super::viewer::Viewer;
 use crate::map::{Cell, Grid, parse_map};
 use crate::train::{Engine, Limits, Method, Phase, Preset, Run, Settings, Trainer};
 
@@ -28,23 +33,45 @@ const ROOMS: &str = "\
 ..........#........G
 ";
 
-fn app_on(map: Grid, method: Method) -> App {
+fn app_with(map: Grid, method: Method, limits: Limits) -> App {
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.replay_capacity = 20_000;
     settings.bridge.candidates = 40;
     let run = Run { method, preset: Preset::Default, seed: 1, settings };
     let trainer = Trainer::new(run, Arc::new(map), 1).expect("a trainer");
-    let engine = Engine::start(trainer, 30, Limits::default()).expect("an engine");
+    let engine = Engine::start(trainer, 30, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
-    let args = Cli::parse_from(["gdg-tui"]).train;
-    let mut app = App::new(engine, viewer, &args);
-    app.depth = Depth::True;
+    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
+    let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), None);
+    app.theme = Theme::new(ThemeName::Dark, Depth::True);
     app
 }
 
+fn app_on(map: Grid, method: Method) -> App {
+    app_with(map, method, Limits::default())
+}
+
+fn rooms() -> Grid {
+    parse_map("rooms", ROOMS.as_bytes()).expect("a map")
+}
+
 fn app() -> App {
-    app_on(parse_map("rooms", ROOMS.as_bytes()).expect("a map"), Method::GdgBridge)
+    app_on(rooms(), Method::GdgBridge)
+}
+
+fn mouse(app: &mut App, kind: MouseEventKind, at: Position) {
+    app.on_event(&Event::Mouse(MouseEvent { kind, column: at.x, row: at.y, modifiers: KeyModifiers::NONE }));
+}
+
+fn type_text(app: &mut App, text: &str) {
+    text.chars().for_each(|c| press(app, KeyCode::Char(c)));
+}
+
+/// The first character that shows `cell`.
+fn character_of(app: &App, cell: Cell) -> Position {
+    let frame = app.places.map.clone().expect("the map is drawn");
+    frame.character_of(cell.centre()).expect("the cell is shown")
 }
 
 fn draw(app: &mut App, width: u16, height: u16) -> Terminal<TestBackend> {
@@ -63,6 +90,10 @@ fn text(terminal: &Terminal<TestBackend>) -> String {
 
 fn press(app: &mut App, code: KeyCode) {
     app.on_event(&Event::Key(KeyEvent::new(code, KeyModifiers::NONE)));
+}
+
+fn press_with(app: &mut App, code: KeyCode, modifiers: KeyModifiers) {
+    app.on_event(&Event::Key(KeyEvent::new(code, modifiers)));
 }
 
 /// Takes what engine and viewer publish until `is` holds.
@@ -84,9 +115,10 @@ fn every_size_can_be_drawn() {
     for (width, height) in
         [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (69, 12), (80, 24), (120, 40), (200, 60), (400, 120)]
     {
-        for help in [false, true] {
-            app.show_help = help;
+        for dialog in ["", "?", ":", "R"] {
+            type_text(&mut app, dialog);
             draw(&mut app, width, height);
+            app.dialogs.clear();
         }
     }
 }
@@ -113,34 +145,13 @@ fn the_screen_of_80_by_24_shows_all_that_matters() {
     let mut app = app();
     wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
     let shown = text(&draw(&mut app, 80, 24));
-    for part in ["gdg-tui", "rooms", "gdg-bridge", "training", "elapsed", "updates", "success", "walk", "bridges"] {
+    for part in
+        ["gdg-tui", "rooms", "gdg-bridge", "training", "elapsed", "updates", "success", "bridges", "time", "batches"]
+    {
         assert!(shown.contains(part), "{part} is missing:\n{shown}");
     }
-    for binding in BINDINGS.iter().filter(|b| !b.short.is_empty()) {
+    for binding in bindings().filter(|b| !b.short.is_empty()) {
         assert!(shown.contains(binding.short), "{} is missing:\n{shown}", binding.short);
-    }
-}
-
-#[test]
-fn the_help_fits_80_by_24_and_lists_every_action() {
-    let mut app = app();
-    press(&mut app, KeyCode::Char('?'));
-    let shown = text(&draw(&mut app, 80, 24));
-    for binding in BINDINGS.iter().filter(|b| !b.long.is_empty()) {
-        assert!(shown.contains(binding.long), "{} is missing:\n{shown}", binding.long);
-    }
-    for sign in ["the goal", "walks there", "path it plans", "explore", "bridge candidates"] {
-        assert!(shown.contains(sign), "{sign} is missing:\n{shown}");
-    }
-    press(&mut app, KeyCode::Esc);
-    assert!(!app.show_help);
-}
-
-#[test]
-fn no_key_stands_for_two_actions() {
-    let keys: Vec<_> = BINDINGS.iter().flat_map(|b| b.keys).collect();
-    for (i, key) in keys.iter().enumerate() {
-        assert!(!keys[..i].contains(key), "{key:?} is bound twice");
     }
 }
 
@@ -159,20 +170,19 @@ fn arrows_move_the_goal_and_jump_over_walls() {
 }
 
 #[test]
-fn a_click_puts_the_goal_where_it_is_drawn() {
+fn a_click_puts_the_goal_where_it_is_drawn_and_the_second_button_the_agent() {
     let mut app = app();
     for (width, height) in [(80, 24), (200, 60)] {
-        let before = draw(&mut app, width, height);
-        let buffer = before.backend().buffer();
-        let (column, row) = (0..height)
-            .flat_map(|y| (0..width).map(move |x| (x, y)))
-            .find(|(x, y)| buffer[(*x, *y)].symbol() == "\u{2580}")
-            .expect("the map is drawn");
-        let kind = MouseEventKind::Down(MouseButton::Left);
-        app.on_event(&Event::Mouse(MouseEvent { kind, column, row, modifiers: KeyModifiers::NONE }));
-        assert_eq!(app.goal, Cell::new(0, 0), "at {width} x {height}");
-        press(&mut app, KeyCode::Right);
+        draw(&mut app, width, height);
+        for cell in [Cell::new(0, 0), Cell::new(13, 3)] {
+            let at = character_of(&app, cell);
+            mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+            assert_eq!(app.goal, cell, "at {width} x {height}");
+        }
     }
+    let at = character_of(&app, Cell::new(5, 1));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
+    wait_until(&mut app, |app| app.view.walk.start == [5.5, 1.5]);
 }
 
 #[test]
@@ -194,59 +204,113 @@ fn the_field_is_light_at_the_goal_and_dark_far_away() {
 }
 
 #[test]
-fn other_distances_can_be_shown() {
+fn other_fields_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 1_000 && app.view.edges.0 > 0);
-    press(&mut app, KeyCode::Char('v'));
-    assert!(text(&draw(&mut app, 80, 24)).contains("D by the graph"));
-    wait_until(&mut app, |app| app.view.layer == Layer::Composed && !app.view.field.is_empty());
-    press(&mut app, KeyCode::Char('v'));
-    wait_until(&mut app, |app| app.view.layer == Layer::True && !app.view.field.is_empty());
-    let (field, raster) = (app.view.field.clone(), app.view.raster.expect("a raster"));
-    let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
-    assert_eq!(field[row * raster.pixels.0 + column], 19.0, "from the left to the goal in the lower right corner");
-    press(&mut app, KeyCode::Char('v'));
-    assert_eq!(app.layer, Layer::Learned);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 1_000 && !app.view.edges.is_empty());
+    let mut seen = Vec::new();
+    for _ in 0..7 {
+        let asked = app.field;
+        wait_until(&mut app, |app| app.view.kind == asked && (asked == Field::Plain || !app.view.field.is_empty()));
+        assert!(text(&draw(&mut app, 80, 24)).contains(asked.name()), "{asked:?} is named");
+        seen.push(asked);
+        let (field, raster) = (app.view.field.clone(), app.view.raster.expect("a raster"));
+        let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
+        let value = field[row * raster.pixels.0 + column];
+        match asked {
+            Field::True => assert_eq!(value, 19.0, "from the left to the goal in the lower right corner"),
+            Field::Plain => assert!(value.is_nan()),
+            _ => assert!(value.is_finite()),
+        }
+        press(&mut app, KeyCode::Char('v'));
+    }
+    assert_eq!(app.field, Field::Learned, "and round");
+    seen.dedup();
+    assert_eq!(seen.len(), 7);
+}
+
+#[test]
+fn a_cell_tells_what_is_known_of_it() {
+    let mut app = app();
+    draw(&mut app, 120, 40);
+    press(&mut app, KeyCode::Char('i'));
+    (0..3).for_each(|_| press(&mut app, KeyCode::Left));
+    let cell = Cell::new(16, 4);
+    wait_until(&mut app, |app| app.view.inspected.is_some_and(|facts| facts.cell == cell));
+    let facts = app.view.inspected.expect("facts");
+    assert_eq!(facts.truth, Some(3));
+    assert!(text(&draw(&mut app, 120, 40)).contains("cell 16,4: D "));
+    press(&mut app, KeyCode::Enter);
+    assert_eq!(app.goal, cell);
+    press(&mut app, KeyCode::Esc);
+    // The mouse tells as well.
+    let at = character_of(&app, Cell::new(2, 2));
+    mouse(&mut app, MouseEventKind::Moved, at);
+    wait_until(&mut app, |app| app.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2)));
+}
+
+#[test]
+fn zooming_keeps_what_is_under_the_mouse_and_the_whole_map_comes_back() {
+    let map = parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
+    let mut app = app_on(map, Method::Gdg);
+    draw(&mut app, 80, 24);
+    let cell = Cell::new(150, 90);
+    let at = character_of(&app, cell);
+    for _ in 0..8 {
+        mouse(&mut app, MouseEventKind::ScrollUp, at);
+        draw(&mut app, 80, 24);
+    }
+    let frame = app.places.map.clone().expect("a map");
+    let under = frame.cell_at(at, app.map()).expect("on the map");
+    assert!(under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6, "{under:?} is far from {cell:?}");
+    assert!(frame.raster.window[2] < 60.0, "{:?}", frame.raster.window);
+    let before = frame.raster.window;
+    press_with(&mut app, KeyCode::Left, KeyModifiers::SHIFT);
+    draw(&mut app, 80, 24);
+    let left = app.places.map.clone().expect("a map").raster.window[0];
+    assert!(left < before[0], "panned to the left");
+    for _ in 0..50 {
+        press_with(&mut app, KeyCode::Up, KeyModifiers::SHIFT);
+        draw(&mut app, 80, 24);
+    }
+    assert_eq!(app.places.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
+    press(&mut app, KeyCode::Char('0'));
+    draw(&mut app, 80, 24);
+    assert!(app.places.map.clone().expect("a map").raster.window[2] >= 200.0);
 }
 
 #[test]
 fn a_door_can_be_closed_while_it_trains_and_opened_again() {
     let mut app = app();
     let door = Cell::new(10, 2);
-    let frame = {
-        draw(&mut app, 80, 24);
-        wait_until(&mut app, |app| app.snapshot.counters.updates > 50);
-        MapFrame::fit(Rect::new(0, 1, 50, 22), app.map()).expect("it fits")
-    };
-    let at = (frame.area.y..frame.area.bottom())
-        .flat_map(|row| (frame.area.x..frame.area.right()).map(move |column| Position::new(column, row)))
-        .filter(|at| frame.cells_at(*at, app.map()).contains(&door));
-    let at: Vec<Position> = at.collect();
-    let mouse = |app: &mut App, kind, at: Position| {
-        app.on_event(&Event::Mouse(MouseEvent { kind, column: at.x, row: at.y, modifiers: KeyModifiers::NONE }));
-    };
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 50);
     press(&mut app, KeyCode::Char('e'));
     assert!(text(&draw(&mut app, 80, 24)).contains("EDIT"));
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at[0]);
-    at.iter().for_each(|at| mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), *at));
-    assert_eq!(app.editor.stroke().map(|(cells, free)| (cells.contains(&door), free)), Some((true, false)));
-    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at[0]);
+    let at = character_of(&app, door);
+    let below = Position::new(at.x, at.y + 1);
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+    assert_eq!(app.editor.preview().map(|(cells, free)| (cells.contains(&door), free)), Some((true, false)));
+    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
     assert!(!app.map().is_free(door), "the door is closed");
     wait_until(&mut app, |app| !app.snapshot.map.is_free(door));
-    assert!(app.notice().is_some_and(|n| n.contains("walled") && n.contains("2 pieces")), "{:?}", app.notice());
+    assert!(app.log.notice().is_some_and(|(n, _)| n.contains("walled") && n.contains("2 pieces")), "{:?}", app.log);
     let updates = app.snapshot.counters.updates;
     wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
     press(&mut app, KeyCode::Char('u'));
     wait_until(&mut app, |app| app.snapshot.map.is_free(door));
-    app.on_event(&Event::Key(KeyEvent::new(KeyCode::Char('r'), KeyModifiers::CONTROL)));
+    press_with(&mut app, KeyCode::Char('r'), KeyModifiers::CONTROL);
     wait_until(&mut app, |app| !app.snapshot.map.is_free(door));
-    press(&mut app, KeyCode::Char('u'));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
+    mouse(&mut app, MouseEventKind::Drag(MouseButton::Right), below);
+    mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
+    wait_until(&mut app, |app| app.snapshot.map.is_free(door));
     // By keyboard alone: from the goal, where the cursor begins.
     assert_eq!(app.editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
+    let wall = app.map().is_free(Cell::new(10, 4));
     press(&mut app, KeyCode::Char('x'));
-    wait_until(&mut app, |app| app.snapshot.map.is_free(Cell::new(10, 4)));
+    wait_until(&mut app, |app| app.snapshot.map.is_free(Cell::new(10, 4)) != wall);
     press(&mut app, KeyCode::Esc);
     assert!(!app.editor.is_open());
     assert_eq!(app.goal, Cell::new(19, 4), "the goal stayed where it was");
@@ -266,9 +330,65 @@ fn space_pauses_and_goes_on() {
 #[test]
 fn without_colours_nothing_is_coloured_and_walls_can_be_told_from_floor() {
     let mut app = app();
-    app.depth = Depth::Mono;
+    app.theme = Theme::new(ThemeName::Dark, Depth::Mono);
     let terminal = draw(&mut app, 80, 24);
     let plain = |colour: Color| colour == Color::Reset;
     assert!(terminal.backend().buffer().content.iter().all(|c| plain(c.fg) && plain(c.bg)));
     assert!(text(&terminal).contains('#'));
+}
+
+#[test]
+fn a_setting_is_changed_while_it_trains_and_mistakes_are_told() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 20);
+    press(&mut app, KeyCode::Char('o'));
+    type_text(&mut app, "random_actions");
+    press(&mut app, KeyCode::Enter);
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, "lots");
+    press(&mut app, KeyCode::Enter);
+    assert!(text(&draw(&mut app, 80, 24)).contains("random_actions cannot be"), "the mistake is told");
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, "0.5");
+    press(&mut app, KeyCode::Enter);
+    assert!(app.dialogs.is_empty());
+    let updates = app.snapshot.counters.updates;
+    wait_until(&mut app, |app| app.run().settings.train.random_actions == 0.5);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > updates + 10);
+}
+
+#[test]
+fn a_new_run_begins_on_a_map_of_another_size_and_the_screen_follows() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 20);
+    type_text(&mut app, ":");
+    type_text(&mut app, "empty map");
+    press(&mut app, KeyCode::Enter);
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, "12 by nothing");
+    press(&mut app, KeyCode::Enter);
+    assert!(matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, "12 x 7");
+    press(&mut app, KeyCode::Enter);
+    // What to do with the networks: begin anew.
+    press(&mut app, KeyCode::Enter);
+    wait_until(&mut app, |app| app.snapshot.generation == 1);
+    assert_eq!((app.map().width(), app.map().height()), (12, 7));
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 20 && !app.view.field.is_empty());
+    draw(&mut app, 80, 24);
+}
+
+#[test]
+fn the_walking_agent_visits_one_goal_after_the_other_if_asked() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    press(&mut app, KeyCode::Char('t'));
+    // Beside the goal: it arrives at once, whatever it has learned.
+    press(&mut app, KeyCode::Char('S'));
+    let first = app.goal;
+    wait_until(&mut app, |app| app.view.walk.journeys.0 >= 1 && app.goal != first);
 }

@@ -1,5 +1,8 @@
-//! What there is to see, computed off the trainer's and the screen's threads from copies of the networks: the
-//! distance field, the bridge graph, the planned path, and an agent that walks to the goal.
+//! What there is to see, computed off the trainer's and the screen's threads from copies of the networks: fields of
+//! distances, the bridge graph, the planned path, and an agent that walks to the goal.
+
+mod field;
+mod walk;
 
 use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
@@ -9,12 +12,14 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use tokio::sync::watch;
 
-use super::raster::{Ground, Raster};
-use crate::bridge::{BridgeGraph, Experience, Standing, Target, Walker};
+use super::layers::Field;
+use super::raster::{MapFrame, Raster};
+use crate::bridge::{BridgeGraph, BridgeSettings, Experience, Standing, Walker};
 use crate::env::{Environment, PointMaze};
-use crate::learn::{Nets, Policy, Scratch};
+use crate::learn::{Policy, Scratch};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use crate::train::{Engine, Method, Phase, Snapshot};
+use crate::train::{Engine, Method, Run, Snapshot};
+pub use walk::{Tour, Walk};
 
 /// Time between two steps of the walking agent.
 const STEP: Duration = Duration::from_millis(70);
@@ -25,98 +30,75 @@ const RENEW_EVERY: Duration = Duration::from_millis(250);
 const REST_WHILE_TRAINING: u32 = 80;
 const REST_OTHERWISE: u32 = 3;
 
-/// Steps that the walking agent rests at the goal before it starts from somewhere else.
-const REST_STEPS: u32 = 15;
-
-/// Steps of the trail that is kept.
-const TRAIL_STEPS: usize = 12;
-
-/// Which distance to the goal colours and contours show.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Layer {
-    /// D as the critics have it.
-    #[default]
-    Learned,
-    /// D as the bridge graph composes it.
-    Composed,
-    /// The map's own steps.
-    True,
-}
-
-impl Layer {
-    /// What it is called on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Learned => "D learned",
-            Self::Composed => "D by the graph",
-            Self::True => "true steps",
-        }
-    }
-
-    /// The next one that there is for `method`.
-    pub fn next(self, method: Method) -> Self {
-        match self {
-            Self::Learned if method.plans() => Self::Composed,
-            Self::Learned | Self::Composed => Self::True,
-            Self::True => Self::Learned,
-        }
-    }
-}
-
-/// Candidates that composed distances of the field consider at each pixel.
-const LINKS_OF_A_PIXEL: usize = 6;
-
 /// What the screen wants to see.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub enum Request {
-    /// The goal that distances are shown to and the agent walks to.
-    Goal(Cell),
-    /// The walking agent starts from a random place.
-    NewStart,
-    /// The pixels that the map is shown by.
-    Window(Raster),
-    /// The distance to show.
-    Layer(Layer),
+    /// The goal that distances are shown to and the agent walks to, and the number of this request.
+    Goal(Cell, u64),
+    /// The walking agent starts from there, or from a random place.
+    Start(Option<Cell>),
+    /// What it does at the goal.
+    Tour(Tour),
+    /// The characters and pixels that the map is shown by.
+    Frame(MapFrame),
+    /// What colours are to stand for.
+    Field(Field),
+    /// Whether the actor's directions are shown.
+    Directions(bool),
+    /// The cell to tell about.
+    Inspect(Option<Cell>),
+}
+
+/// A bridge candidate.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Candidate {
+    /// Where it is.
+    pub at: [f32; 2],
+    /// Edges that leave it, as a share of the most that leave any.
+    pub degree: f32,
+}
+
+/// An edge between two places, and what practice says of it.
+pub type ShownEdge = ([[f32; 2]; 2], Standing);
+
+/// What is known of a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inspected {
+    /// The cell.
+    pub cell: Cell,
+    /// D from its middle to the goal.
+    pub learned: f32,
+    /// The true number of steps, if there is a way.
+    pub truth: Option<u32>,
+    /// How often agents were there.
+    pub visits: u32,
 }
 
 /// What can be seen at one moment.
 #[derive(Clone, Debug, Default)]
 pub struct View {
-    /// The goal.
-    pub goal: Option<Cell>,
-    /// Which distance the field holds.
-    pub layer: Layer,
-    /// The distance of each pixel to the goal in steps, row by row; NaN at walls.
+    /// The goal, and the number of the request that it goes back to.
+    pub goal: (Option<Cell>, u64),
+    /// What the field's values are.
+    pub kind: Field,
+    /// The value of each pixel, row by row; NaN at walls.
     pub field: Arc<Vec<f32>>,
     /// The pixels of the field.
     pub raster: Option<Raster>,
-    /// Bridge candidates, as positions.
-    pub candidates: Arc<Vec<[f32; 2]>>,
-    /// Edges of the bridge graph: all, those that practice confirmed, and those that it demoted.
-    pub edges: (usize, usize, usize),
+    /// The actor's actions at some places.
+    pub directions: Arc<Vec<([f32; 2], [f32; 2])>>,
+    /// Bridge candidates.
+    pub candidates: Arc<Vec<Candidate>>,
+    /// Edges of the bridge graph.
+    pub edges: Arc<Vec<ShownEdge>>,
     /// Waypoints ahead of the walking agent, ending at the goal.
     pub path: Vec<[f32; 2]>,
     /// Where the walking agent is, and where it was.
     pub trail: Vec<[f32; 2]>,
     /// Its journey.
     pub walk: Walk,
-}
-
-/// The walking agent's journey.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Walk {
-    /// Where it started.
-    pub start: [f32; 2],
-    /// Steps taken.
-    pub steps: u32,
-    /// The shortest possible number, if there is a way.
-    pub shortest: Option<u32>,
-    /// D to the goal.
-    pub distance: f32,
-    /// Whether it has arrived.
-    pub arrived: bool,
-    /// Journeys that ended at the goal, and all that ended.
-    pub journeys: (u32, u32),
+    /// What is known of the cell under the cursor.
+    pub inspected: Option<Inspected>,
 }
 
 /// The thread that computes views.
@@ -133,8 +115,7 @@ impl Viewer {
     pub fn start(engine: &Engine) -> std::io::Result<Self> {
         let (requests, inbox) = channel();
         let (publish, views) = watch::channel(Arc::new(View::default()));
-        let world = PointMaze::new(engine.map().clone(), 1, 0.0);
-        let worker = Worker::new(world, engine, (inbox, publish));
+        let worker = Worker::new(engine.snapshots(), (inbox, publish));
         std::thread::Builder::new().name("viewer".to_owned()).spawn(|| worker.run())?;
         Ok(Self { requests, views })
     }
@@ -154,8 +135,8 @@ struct Worker {
     world: PointMaze,
     search: StepSearch,
     rng: ChaCha8Rng,
-    method: Method,
-    bridge: crate::bridge::BridgeSettings,
+    run: Arc<Run>,
+    bridge: BridgeSettings,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     inbox: Receiver<Request>,
     publish: watch::Sender<Arc<View>>,
@@ -165,8 +146,13 @@ struct Worker {
     shown: Arc<(Policy, Arc<Experience>)>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
-    window: Option<Raster>,
+    frame: Option<MapFrame>,
+    directions: bool,
+    inspect: Option<Cell>,
+    tour: Tour,
     view: View,
+    /// Whether the view has changed since it was published.
+    changed: bool,
     resting: u32,
     scratch: Scratch,
     field: Renewal,
@@ -195,18 +181,25 @@ impl Renewal {
 }
 
 impl Worker {
-    fn new(world: PointMaze, engine: &Engine, (inbox, publish): (Receiver<Request>, watch::Sender<Arc<View>>)) -> Self {
-        let snapshots = engine.snapshots();
-        let networks = snapshots.borrow().networks.clone();
+    fn new(
+        snapshots: watch::Receiver<Arc<Snapshot>>,
+        (inbox, publish): (Receiver<Request>, watch::Sender<Arc<View>>),
+    ) -> Self {
+        let first = snapshots.borrow().clone();
+        let world = PointMaze::new(first.map.clone(), 1, 0.0);
         let mut worker = Self {
             search: StepSearch::new(world.map()),
-            rng: ChaCha8Rng::seed_from_u64(engine.run().seed),
-            method: engine.run().method,
-            bridge: engine.run().bridge(),
+            rng: ChaCha8Rng::seed_from_u64(first.run.seed),
+            run: first.run.clone(),
+            bridge: first.run.bridge(),
             graph: None,
             walker: None,
-            window: None,
+            frame: None,
+            directions: false,
+            inspect: None,
+            tour: Tour::default(),
             view: View::default(),
+            changed: true,
             resting: 0,
             scratch: Scratch::default(),
             field: Renewal::default(),
@@ -215,11 +208,15 @@ impl Worker {
             snapshots,
             inbox,
             publish,
-            shown: networks.clone(),
-            networks,
+            shown: first.networks.clone(),
+            networks: first.networks.clone(),
         };
-        worker.restart();
+        worker.restart(None);
         worker
+    }
+
+    fn method(&self) -> Method {
+        self.run.method
     }
 
     fn run(mut self) {
@@ -241,39 +238,59 @@ impl Worker {
                 Err(RecvTimeoutError::Disconnected) => return,
             }
             self.renew();
-            self.publish.send_replace(Arc::new(self.view.clone()));
+            if std::mem::take(&mut self.changed) {
+                self.publish.send_replace(Arc::new(self.view.clone()));
+            }
         }
     }
 
     fn take(&mut self, request: Request) {
+        self.changed = true;
         match request {
-            Request::Goal(cell) => {
-                self.view.goal = Some(cell);
+            Request::Goal(cell, number) => {
+                self.view.goal = (Some(cell), number);
                 self.begin_journey();
                 self.field.ask();
             }
-            Request::NewStart => self.restart(),
-            Request::Layer(layer) => {
-                self.view.layer = layer;
+            Request::Start(cell) => {
+                self.restart(cell);
+                if self.view.kind == Field::FromStart {
+                    self.field.ask();
+                }
+            }
+            Request::Tour(tour) => self.tour = tour,
+            Request::Field(kind) => {
+                self.view.kind = kind;
                 self.field.ask();
             }
-            Request::Window(raster) => {
-                self.window = Some(raster);
+            Request::Frame(frame) => {
+                self.frame = Some(frame);
                 self.field.ask();
+            }
+            Request::Directions(shown) => {
+                self.directions = shown;
+                self.field.ask();
+            }
+            Request::Inspect(cell) => {
+                self.inspect = cell;
+                self.inspect_cell();
             }
         }
     }
 
     /// Computes graph and field of the latest networks where they are due.
     fn renew(&mut self) {
-        let (latest, training, map) = {
-            let snapshot = self.snapshots.borrow();
-            (snapshot.networks.clone(), snapshot.phase == Phase::Running, snapshot.map.clone())
-        };
-        if !Arc::ptr_eq(&map, self.world.map()) {
-            self.enter(map);
+        let snapshot = self.snapshots.borrow().clone();
+        if !Arc::ptr_eq(&snapshot.run, &self.run) {
+            (self.run, self.bridge) = (snapshot.run.clone(), snapshot.run.bridge());
+            (self.graph, self.walker) = (None, None);
+            self.graph_age.ask();
         }
-        let times = if training { REST_WHILE_TRAINING } else { REST_OTHERWISE };
+        if !Arc::ptr_eq(&snapshot.map, self.world.map()) {
+            self.enter(snapshot.map.clone());
+        }
+        let latest = snapshot.networks.clone();
+        let times = if snapshot.phase.trains() { REST_WHILE_TRAINING } else { REST_OTHERWISE };
         let renewed = !Arc::ptr_eq(&latest, &self.networks);
         if self.graph_age.0.is_none() || renewed && self.graph_age.is_due(times) {
             self.networks = latest.clone();
@@ -282,20 +299,27 @@ impl Worker {
         let shown = Arc::ptr_eq(&latest, &self.shown);
         if self.field.0.is_none() || !shown && self.field.is_due(times) {
             self.shown = latest;
-            self.renew_field();
+            self.renew_field(&snapshot);
+            self.inspect_cell();
         }
     }
 
-    /// Goes on with a map that has been edited.
+    /// Goes on with another map, or with this one as it was edited.
     fn enter(&mut self, map: Arc<Grid>) {
         let at = self.position();
+        let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
         self.world = PointMaze::new(map, 1, 0.0);
-        self.world.place(0, &at);
         self.search = StepSearch::new(self.world.map());
-        self.view.goal = self.view.goal.and_then(|goal| self.world.map().nearest_free(goal));
+        self.view.goal.0 = self.view.goal.0.and_then(|goal| self.world.map().nearest_free(goal));
         self.view.trail.clear();
         self.graph = None;
-        self.begin_journey();
+        if same_size {
+            self.world.place(0, &at);
+            self.begin_journey();
+        } else {
+            self.view.walk.journeys = (0, 0);
+            self.restart(None);
+        }
         self.graph_age.ask();
         self.field.ask();
     }
@@ -304,143 +328,55 @@ impl Worker {
         let began = Instant::now();
         let networks = self.networks.clone();
         let nets = networks.0.nets();
-        if self.method.plans() {
+        (self.view.edges, self.view.candidates) = (Arc::default(), Arc::default());
+        if self.method().plans() {
             let graph = BridgeGraph::build(self.world.spec(), &self.bridge, &networks.1, &nets, &mut self.scratch);
-            let of = |standing: Standing| graph.edges().iter().filter(|e| e.standing == standing).count();
-            self.view.edges = (graph.edges().len(), of(Standing::Confirmed), of(Standing::Demoted));
-            self.view.candidates = Arc::new(networks.1.points().chunks_exact(2).map(|p| [p[0], p[1]]).collect());
+            let at = |i: usize| [graph.point(i)[0], graph.point(i)[1]];
+            let edge = |e: &crate::bridge::Edge| ([at(e.from), at(e.to)], e.standing);
+            self.view.edges = Arc::new(graph.edges().iter().map(edge).collect());
+            let mut degrees = vec![0u32; networks.1.len()];
+            graph.edges().iter().for_each(|e| degrees[e.from] += 1);
+            let most = degrees.iter().copied().max().unwrap_or(0).max(1) as f32;
+            let candidate = |(i, degree): (usize, &u32)| Candidate { at: at(i), degree: *degree as f32 / most };
+            self.view.candidates = Arc::new(degrees.iter().enumerate().map(candidate).collect());
             // Candidates may have changed places: the walk is planned anew.
-            if let (Some(goal), false) = (self.view.goal, self.view.walk.arrived) {
+            if let (Some(goal), false) = (self.view.goal.0, self.view.walk.arrived) {
                 self.walker = Some(Walker::new(graph.route(&goal.centre(), &nets, &mut self.scratch)));
             }
             self.graph = Some(graph);
         }
         self.graph_age.done(began);
-    }
-
-    fn renew_field(&mut self) {
-        let began = Instant::now();
-        if let (Some(goal), Some(raster)) = (self.view.goal, self.window) {
-            let shown = self.shown.clone();
-            self.view.field = Arc::new(self.field(raster, goal.centre(), &shown.0.nets()));
-            self.view.raster = Some(raster);
-        }
-        self.field.done(began);
-    }
-
-    /// D(pixel, goal) of every pixel that shows free ground.
-    fn field(&mut self, raster: Raster, goal: [f32; 2], nets: &Nets) -> Vec<f32> {
-        let (columns, rows) = raster.pixels;
-        let map = self.world.map();
-        let shown = (0..columns * rows).filter_map(|i| match raster.ground(map, i % columns, i / columns) {
-            Ground::Free(position) => Some((i, position)),
-            _ => None,
-        });
-        let (shown, positions): (Vec<usize>, Vec<[f32; 2]>) = shown.unzip();
-        let states = positions.as_flattened();
-        let distances = match (self.view.layer, &self.graph) {
-            (Layer::True, _) => {
-                let steps = self.search.from(Cell::new(goal[0] as usize, goal[1] as usize));
-                let of = |at: &[f32; 2]| match steps[map.index(Cell::new(at[0] as usize, at[1] as usize))] {
-                    UNREACHABLE => f32::NAN,
-                    steps => steps as f32,
-                };
-                positions.iter().map(of).collect()
-            }
-            (Layer::Composed, Some(graph)) => {
-                let route = graph.route(&goal, nets, &mut self.scratch);
-                graph.composed(states, &route, LINKS_OF_A_PIXEL, nets, &mut self.scratch)
-            }
-            _ => {
-                let mut distances = vec![0.0; shown.len()];
-                nets.distances(states, &goal.repeat(shown.len()), &mut distances, &mut self.scratch);
-                distances
-            }
-        };
-        let mut field = vec![f32::NAN; columns * rows];
-        shown.iter().zip(distances).for_each(|(i, d)| field[*i] = d);
-        field
-    }
-
-    /// The walking agent at a random place.
-    fn restart(&mut self) {
-        self.world.restart(0, &mut self.rng);
-        self.view.trail.clear();
-        self.begin_journey();
-    }
-
-    /// A journey from where the agent stands to the goal.
-    fn begin_journey(&mut self) {
-        let at = self.position();
-        self.resting = 0;
-        self.view.walk = Walk { start: at, journeys: self.view.walk.journeys, distance: f32::NAN, ..Walk::default() };
-        self.walker = None;
-        self.view.path.clear();
-        if let Some(goal) = self.view.goal {
-            let map = self.world.map();
-            let steps = self.search.from(goal)[map.index(Cell::new(at[0] as usize, at[1] as usize))];
-            self.view.walk.shortest = (steps != UNREACHABLE).then_some(steps);
-        }
+        self.changed = true;
     }
 
     fn position(&self) -> [f32; 2] {
         [self.world.states()[0], self.world.states()[1]]
     }
 
-    /// One step of the walking agent.
-    fn walk(&mut self) {
-        let Some(goal) = self.view.goal else { return };
-        if self.view.walk.arrived {
-            self.resting += 1;
-            if self.resting > REST_STEPS {
-                self.restart();
-            }
-            return;
-        }
-        let (goal, at) = (goal.centre(), self.position());
-        let networks = self.networks.clone();
-        let nets = networks.0.nets();
-        self.view.walk.distance = nets.distance(&at, &goal, &mut self.scratch);
-        if self.world.spec().reached(&at, &goal) {
-            self.view.walk.arrived = true;
-            self.view.walk.journeys = (self.view.walk.journeys.0 + 1, self.view.walk.journeys.1 + 1);
-            self.view.path.clear();
-            return;
-        }
-        // As long as evaluation would let it.
-        if self.view.walk.steps >= self.view.walk.shortest.map_or(500, |s| (3 * s).max(500)) {
-            self.view.walk.journeys.1 += 1;
-            self.restart();
-            return;
-        }
-        let aim = self.aim(at, goal, &nets);
-        let mut action = [0.0; 2];
-        nets.actions(&at, &aim, &mut action, &mut self.scratch);
-        self.world.step(&action, &mut self.rng);
-        self.view.walk.steps += 1;
-        self.view.trail.push(at);
-        if self.view.trail.len() > TRAIL_STEPS {
-            self.view.trail.remove(0);
-        }
+    /// True steps between two cells, if there is a way.
+    fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
+        let map = self.world.map();
+        let steps = self.search.from(to)[map.index(from)];
+        (steps != UNREACHABLE).then_some(steps)
     }
 
-    /// Where the agent heads for next; renews the path that is shown.
-    fn aim(&mut self, at: [f32; 2], goal: [f32; 2], nets: &Nets) -> [f32; 2] {
-        let Some(graph) = &self.graph else {
-            self.view.path = vec![goal];
-            return goal;
-        };
-        let scratch = &mut self.scratch;
-        let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, nets, scratch)));
-        let aim = walker.step(&at, graph, nets, scratch);
-        let aim = [aim[0], aim[1]];
-        self.view.path = match walker.target() {
-            Some(Target::Candidate(_)) => {
-                walker.ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
-            }
-            _ => Vec::new(),
-        };
-        self.view.path.push(goal);
-        aim
+    /// Finds out about the cell that is asked about.
+    fn inspect_cell(&mut self) {
+        self.changed = true;
+        self.view.inspected = None;
+        let (Some(cell), Some(goal)) = (self.inspect, self.view.goal.0) else { return };
+        if !self.world.map().is_free(cell) {
+            return;
+        }
+        let truth = self.true_steps(cell, goal);
+        let shown = self.shown.clone();
+        let learned = shown.0.nets().distance(&cell.centre(), &goal.centre(), &mut self.scratch);
+        let visits = self.snapshots.borrow().visited.get(self.world.map().index(cell)).copied().unwrap_or(0);
+        self.view.inspected = Some(Inspected { cell, learned, truth, visits });
     }
+}
+
+/// The cell that a position lies in.
+fn cell_of(at: [f32; 2]) -> Cell {
+    Cell::new(at[0] as usize, at[1] as usize)
 }

@@ -1,50 +1,65 @@
-//! The help: every key, and what the map shows.
+//! The help: every action, and what the map shows.
 
 use ratatui::Frame;
-use ratatui::layout::{Constraint, Flex, Layout, Rect};
-use ratatui::style::{Modifier, Style};
+use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
-use crate::tui::action::BINDINGS;
+use super::{BOLD, DIM, legend, middle};
+use crate::tui::action::{SECTIONS, When};
 use crate::tui::app::App;
-use crate::tui::colour::{self, Depth, Rgb};
 
-/// Draws the overlay in the middle of `area`.
-pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
-    let key = Style::new().add_modifier(Modifier::BOLD);
-    let mut lines: Vec<Line> = BINDINGS
-        .iter()
-        .filter(|b| !b.long.is_empty())
-        .map(|b| Line::from(vec![Span::styled(format!(" {:>10}  ", b.shown), key), Span::raw(b.long)]))
-        .collect();
-    lines.push(Line::default());
-    lines.extend(legend(app.depth));
-    let height = (lines.len() as u16 + 2).min(area.height);
-    let [row] = Layout::vertical([Constraint::Length(height)]).flex(Flex::Center).areas(area);
-    let [overlay] = Layout::horizontal([Constraint::Length(66.min(area.width))]).flex(Flex::Center).areas(row);
-    frame.render_widget(Clear, overlay);
-    frame.render_widget(Paragraph::new(lines).block(Block::bordered().title(" help ")), overlay);
+/// Columns of the help.
+const WIDTH: u16 = 76;
+
+/// Draws the overlay in the middle of `area` from line `first` on, which is kept within what there is.
+pub fn draw(frame: &mut Frame, area: Rect, app: &App, first: &mut usize) {
+    let lines = lines(app);
+    let place = middle(area, WIDTH, (lines.len() as u16 + 2).min(area.height));
+    let height = usize::from(place.height.saturating_sub(2));
+    *first = (*first).min(lines.len().saturating_sub(height));
+    let more = lines.len() > height;
+    let mut block = Block::bordered().title(" help ");
+    if more {
+        let last = (*first + height).min(lines.len());
+        block = block.title_bottom(format!(
+            " {} to {last} of {}: arrows, PgUp, PgDn; Esc closes ",
+            *first + 1,
+            lines.len()
+        ));
+    }
+    frame.render_widget(Clear, place);
+    let shown: Vec<Line> = lines.into_iter().skip(*first).take(height).collect();
+    frame.render_widget(Paragraph::new(shown).block(block), place);
 }
 
-fn legend(depth: Depth) -> Vec<Line<'static>> {
-    let sign = |rgb: Rgb, text: &'static str| Span::styled(text, Style::new().fg(depth.colour(rgb)));
-    let entry = |sign: Span<'static>, meaning: &'static str| {
-        Line::from(vec![Span::raw("         "), sign, Span::raw("  "), Span::raw(meaning)])
-    };
-    let field = match depth {
-        Depth::Mono => "\u{b7} joins places equally far by the distance named above",
-        _ => "colour: the distance named above, light near, dark far;",
-    };
-    let mut lines = vec![Line::raw(format!(" {field}"))];
-    if depth != Depth::Mono {
-        lines.push(Line::raw(" lines join places equally far from the goal"));
+fn lines(app: &App) -> Vec<Line<'static>> {
+    let mut lines = vec![
+        Line::raw(" Colours show the learned distance D to the goal G, light near, dark far:"),
+        Line::raw(" nobody told the agents about walls or gave them reward. @ walks to G as"),
+        Line::raw(" well as it can by now; click on the map, and it goes there."),
+    ];
+    for section in SECTIONS {
+        lines.push(Line::default());
+        lines.push(Line::styled(format!(" {}", section.title), BOLD));
+        for binding in section.bindings.iter().filter(|b| !b.long.is_empty()) {
+            let keys = app.keymap.shown(binding).join(" ");
+            let keys = if keys.is_empty() { format!("{} ...", palette_key(app)) } else { keys };
+            let when = if binding.when == When::Editing { " (in the editor)" } else { "" };
+            lines.push(Line::from(vec![
+                Span::styled(format!(" {keys:>15}  "), BOLD),
+                Span::raw(binding.long),
+                Span::styled(when, DIM),
+            ]));
+        }
     }
-    lines.push(entry(sign(colour::GOAL, " G"), "the goal"));
-    lines.push(entry(sign(colour::WALKER, " @"), "an agent that walks there as well as it can by now"));
-    lines.push(entry(sign(colour::PATH, " +"), "the path it plans, through bridge points"));
+    lines.push(Line::default());
+    lines.extend(legend::lines(app));
     lines
-        .push(entry(sign(colour::AGENT, if depth == Depth::Mono { " o" } else { " \u{2580}" }), "agents that explore"));
-    lines.push(entry(Span::raw(if depth == Depth::Mono { " :" } else { " \u{b7}" }), "bridge candidates"));
-    lines
+}
+
+/// The key of the list in which actions without a key of their own are found.
+fn palette_key(app: &App) -> String {
+    let palette = SECTIONS.iter().flat_map(|s| s.bindings).find(|b| b.action == crate::tui::action::Action::Palette);
+    palette.and_then(|b| app.keymap.shown(b).first().cloned()).unwrap_or_default()
 }

@@ -1,231 +1,349 @@
-//! The map pane: two pixels a character cell, one above the other.
+//! The map and everything on it.
 
 use std::sync::Arc;
 
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
-use ratatui::style::{Modifier, Style};
+use ratatui::style::{Color, Modifier, Style};
 
+use crate::bridge::Standing;
 use crate::map::Grid;
 use crate::tui::app::App;
-use crate::tui::colour::{self, Depth, Rgb};
+use crate::tui::canvas::{Canvas, WALL_MARK};
+use crate::tui::layers::{Field, Overlay};
 use crate::tui::raster::{Ground, MapFrame, Raster};
+use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink};
+use crate::tui::viewer::ShownEdge;
 
 /// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
 const CONTOUR_STEPS: f32 = 10.0;
 const MOST_CONTOURS: f32 = 14.0;
 
-/// Bridge candidates are drawn from so many pixels a cell on.
+/// Bridge candidates and labels are drawn from so many characters a cell on, and larger ones from the second.
 const LEAST_SCALE_FOR_BRIDGES: f32 = 0.75;
+const SCALE_FOR_SIZES: f32 = 2.0;
+
+/// Edges that nobody walked yet are drawn up to this length, in spacings of the candidates.
+const UNTRIED_SPACINGS: f32 = 1.5;
+
+/// Errors of this share and more have the strongest colour.
+pub const STRONGEST_ERROR: f32 = 0.5;
 
 /// Draws the map and everything on it.
 pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
-    let Some(place) = MapFrame::fit(area, &app.map().clone()) else { return };
+    let Some(place) = MapFrame::fit(area, &app.map().clone(), app.marker, app.viewport) else { return };
     app.set_frame(place.clone());
-    let base = app.base.take().filter(|base| base.shows(&place.raster, app));
-    let base = base.unwrap_or_else(|| Base::new(&place.raster, app));
-    let canvas = Canvas::new(&place, &base, app);
+    let base = app.base.take().filter(|base| base.shows(&place, app));
+    let base = base.unwrap_or_else(|| Base::new(&place, app));
+    let mut canvas = base.canvas.clone();
+    draw_what_moves(&mut canvas, &place, app);
+    canvas.paint(frame.buffer_mut(), &place, &app.theme);
+    let mut glyphs = Glyphs { place: &place, theme: &app.theme, buffer: frame.buffer_mut() };
+    draw_signs(&mut glyphs, &base, app);
     app.base = Some(base);
-    canvas.paint(frame.buffer_mut(), &place, app.depth);
-    let mut glyphs = Glyphs { place: &place, depth: app.depth, buffer: frame.buffer_mut() };
-    let start = app.view.walk.start;
-    glyphs.put(start, 'S', colour::WALKER);
-    glyphs.put(app.goal.centre(), 'G', colour::GOAL);
-    if let Some(at) = app.view.trail.last() {
-        glyphs.put(*at, '@', colour::WALKER);
-    }
-    if let Some(cursor) = app.editor.cursor {
-        glyphs.put(cursor.centre(), '+', colour::CURSOR);
-    }
 }
 
-/// Map and distance field alone: they change far more rarely than what moves on them.
+/// How far apart contours are on a field whose farthest value is `farthest`, in steps.
+pub fn contour_interval(farthest: f32) -> f32 {
+    (farthest / MOST_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS
+}
+
+/// Map, field and edges alone: they change far more rarely than what moves on them.
 #[derive(Clone)]
 pub struct Base {
     raster: Raster,
+    theme: ThemeName,
     map: Arc<Grid>,
     field: Option<Arc<Vec<f32>>>,
+    edges: Arc<Vec<ShownEdge>>,
     canvas: Canvas,
+    /// The largest value of the field.
+    pub farthest: f32,
+    /// A place on each contour and its distance.
+    labels: Vec<([f32; 2], f32)>,
 }
 
 impl Base {
-    fn new(raster: &Raster, app: &App) -> Self {
-        let (columns, rows) = raster.pixels;
-        let mut canvas = Canvas { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] };
-        canvas.terrain(raster, app.map());
-        let field = Self::field_on(raster, app).cloned();
+    fn new(place: &MapFrame, app: &App) -> Self {
+        let mut canvas = Canvas::new(place);
+        terrain(&mut canvas, &place.raster, app);
+        let field = Self::field_on(&place.raster, app).cloned();
+        let (mut farthest, mut labels) = (1.0, Vec::new());
         if let Some(field) = &field {
-            canvas.field(field);
+            farthest = field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
+            labels = colour(&mut canvas, place, field, farthest, app);
         }
-        Self { raster: *raster, map: app.map().clone(), field, canvas }
+        if app.overlays.has(Overlay::Edges) {
+            // The more telling over the others, and each only once over the ground.
+            let [confirmed, demoted, untried] = app.theme.edges;
+            let spacing = app.snapshot.networks.1.spacing();
+            for (kind, rgb, share, mark) in [
+                (Standing::Untried, untried, 0.4, '-'),
+                (Standing::Confirmed, confirmed, 0.6, '='),
+                (Standing::Demoted, demoted, 0.9, 'x'),
+            ] {
+                // Of those that nobody walked yet only what joins neighbours: all together would hide the map.
+                let longest = if kind == Standing::Untried { UNTRIED_SPACINGS * spacing } else { f32::INFINITY };
+                let short = |[a, b]: [[f32; 2]; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) <= longest;
+                let own = app.view.edges.iter().filter(|(_, standing)| *standing == kind);
+                let ends = own.map(|(ends, _)| *ends).filter(|ends| short(*ends));
+                canvas.lines(place, ends, (rgb, share, mark));
+            }
+        }
+        let edges = app.view.edges.clone();
+        Self {
+            raster: place.raster,
+            theme: app.theme.name,
+            map: app.map().clone(),
+            field,
+            edges,
+            canvas,
+            farthest,
+            labels,
+        }
     }
 
     /// The field that belongs on `raster`, if it has been computed.
     fn field_on<'a>(raster: &Raster, app: &'a App) -> Option<&'a Arc<Vec<f32>>> {
-        (app.view.raster == Some(*raster)).then_some(&app.view.field)
+        (app.view.raster == Some(*raster) && app.view.kind == app.field).then_some(&app.view.field)
     }
 
     /// Whether this is what is to be shown now.
-    fn shows(&self, raster: &Raster, app: &App) -> bool {
-        let same_field = match (&self.field, Self::field_on(raster, app)) {
+    fn shows(&self, place: &MapFrame, app: &App) -> bool {
+        let same_field = match (&self.field, Self::field_on(&place.raster, app)) {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
             (own, now) => own.is_none() && now.is_none(),
         };
-        self.raster == *raster && same_field && Arc::ptr_eq(&self.map, app.map())
+        let same_edges = !app.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &app.view.edges);
+        let same_map = Arc::ptr_eq(&self.map, app.map()) && self.theme == app.theme.name;
+        self.raster == place.raster && same_field && same_edges && same_map
     }
 }
 
-/// The pixels, before they become characters.
-#[derive(Clone)]
-struct Canvas {
-    columns: usize,
-    /// Colour of each pixel; `None` outside the map.
-    pixels: Vec<Option<Rgb>>,
-    /// What a terminal without colours shows there.
-    marks: Vec<char>,
+/// Walls and floor.
+fn terrain(canvas: &mut Canvas, raster: &Raster, app: &App) {
+    for i in 0..canvas.len() {
+        let (rgb, mark) = match raster.ground(app.map(), i % canvas.columns(), i / canvas.columns()) {
+            Ground::Outside => (None, ' '),
+            Ground::Wall => (Some(app.theme.wall), WALL_MARK),
+            Ground::Free(_) => (Some(app.theme.unknown), ' '),
+        };
+        canvas.set(i, rgb, mark);
+    }
 }
 
-impl Canvas {
-    /// What moves, drawn on `base`.
-    fn new(place: &MapFrame, base: &Base, app: &App) -> Self {
-        let mut canvas = base.canvas.clone();
-        // On a shrunken map they would hide the rest.
-        if app.show_bridges && place.raster.scale() >= LEAST_SCALE_FOR_BRIDGES {
-            for point in app.view.candidates.iter() {
-                canvas.ground_dot(place, *point, colour::CANDIDATE, ':');
+/// The field as colours, with contour lines; a place for the label of each line.
+fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], farthest: f32, app: &App) -> Vec<([f32; 2], f32)> {
+    let theme = &app.theme;
+    let apart = contour_interval(farthest);
+    let band = |i: usize| (field[i] / apart).floor();
+    let lines = app.field.is_distance() && app.overlays.has(Overlay::Contours);
+    let columns = canvas.columns();
+    let goal = canvas.at(place, app.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
+    // For each line the place nearest to the goal: where it stays longest as the field changes.
+    let mut labels: Vec<(f32, usize, usize)> = Vec::new();
+    for i in 0..canvas.len() {
+        if canvas.is_wall(i) || !field[i].is_finite() {
+            continue;
+        }
+        let neighbours = [(i + 1, !(i + 1).is_multiple_of(columns)), (i + columns, true)];
+        let crossed = neighbours
+            .iter()
+            .find(|(n, same_row)| *same_row && *n < canvas.len() && field[*n].is_finite() && band(*n) != band(i));
+        let rgb = match app.field {
+            Field::Error => theme.of_error(field[i] / STRONGEST_ERROR),
+            Field::Visits => theme.of_distance(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
+            _ => theme.of_distance(field[i] / farthest),
+        };
+        let Some((other, _)) = crossed.filter(|_| lines) else {
+            canvas.set(i, Some(rgb), ' ');
+            continue;
+        };
+        canvas.set(i, Some(contour(rgb)), '\u{b7}');
+        let level = apart * band(i).max(band(*other));
+        let off = (i % columns).abs_diff(goal.0).pow(2) + (i / columns).abs_diff(goal.1).pow(2);
+        match labels.iter_mut().find(|(known, ..)| *known == level) {
+            Some(label) if off < label.2 => *label = (level, i, off),
+            Some(_) => {}
+            None => labels.push((level, i, off)),
+        }
+    }
+    let [left, top, width, height] = place.raster.window;
+    let position = |i: usize| {
+        let (across, down) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
+        [left + across / columns as f32 * width, top + down / place.raster.pixels.1 as f32 * height]
+    };
+    labels.into_iter().map(|(level, i, _)| (position(i), level)).collect()
+}
+
+/// What changes from frame to frame, as pixels.
+fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, app: &App) {
+    let (theme, shows) = (&app.theme, |overlay| app.overlays.has(overlay));
+    // On a shrunken map they would hide the rest; on a large one they are drawn as signs.
+    let scale = place.scale();
+    if shows(Overlay::Candidates) && (LEAST_SCALE_FOR_BRIDGES..SCALE_FOR_SIZES).contains(&scale) {
+        for candidate in app.view.candidates.iter() {
+            // The better joined, the darker.
+            canvas.faint_dot(place, candidate.at, theme.candidate, 0.45 + 0.55 * candidate.degree);
+            if theme.depth == Depth::Mono {
+                canvas.ground_dot(place, candidate.at, theme.candidate, ':');
             }
         }
+    }
+    if shows(Overlay::Path) {
         let mut from = app.view.trail.last().copied();
         for to in &app.view.path {
             if let Some(from) = from {
-                canvas.line(place, from, *to);
+                canvas.line(place, [from, *to], (theme.path, 1.0, '+'));
             }
             from = Some(*to);
         }
-        if let Some((cells, free)) = app.editor.stroke() {
-            let (rgb, mark) = if free { (colour::UNKNOWN, ' ') } else { (colour::WALL, '#') };
-            for cell in cells {
-                canvas.dot(place, cell.centre(), rgb, mark);
-            }
-        }
-        if app.show_agents {
-            for at in app.snapshot.agents.chunks_exact(2) {
-                canvas.dot(place, [at[0], at[1]], colour::AGENT, 'o');
-            }
-        }
-        canvas
     }
+    if let (true, Some(search)) = (shows(Overlay::Search), &app.snapshot.search) {
+        let [accepted, rejected] = theme.search;
+        let at = |numbers: &[f32]| [numbers[0], numbers[1]];
+        search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(place, at(b), rejected, 'x'));
+        if let Some(bridge) = &search.found {
+            canvas.line(place, [at(&search.state), at(&bridge.point)], (accepted, 0.8, '='));
+            canvas.line(place, [at(&bridge.point), at(&search.goal)], (accepted, 0.8, '='));
+        }
+    }
+    if let Some((cells, free)) = app.editor.preview() {
+        let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
+        for cell in cells {
+            canvas.dot(place, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
+        }
+    }
+    for (i, at) in app.view.trail.iter().enumerate() {
+        canvas.faint_dot(place, *at, theme.walker, 0.8 * (i + 1) as f32 / app.view.trail.len() as f32);
+    }
+    if shows(Overlay::Agents) {
+        for trail in app.snapshot.trails.iter() {
+            let (places, _) = trail.as_chunks::<2>();
+            for (i, at) in places.iter().enumerate() {
+                canvas.faint_dot(place, *at, theme.agent, 0.5 * (i + 1) as f32 / places.len() as f32);
+            }
+        }
+        for at in app.snapshot.agents.chunks_exact(2) {
+            canvas.dot(place, [at[0], at[1]], theme.agent, 'o');
+        }
+    }
+}
 
-    /// Walls and floor.
-    fn terrain(&mut self, raster: &Raster, map: &Grid) {
-        for i in 0..self.pixels.len() {
-            let (colour, mark) = match raster.ground(map, i % self.columns, i / self.columns) {
-                Ground::Outside => (None, ' '),
-                Ground::Wall => (Some(colour::WALL), '#'),
-                Ground::Free(_) => (Some(colour::UNKNOWN), ' '),
+/// Letters and signs.
+fn draw_signs(glyphs: &mut Glyphs, base: &Base, app: &App) {
+    let (theme, scale) = (&app.theme, glyphs.place.scale());
+    let shows = |overlay| app.overlays.has(overlay);
+    if scale >= LEAST_SCALE_FOR_BRIDGES {
+        let mut taken: Vec<Rect> = Vec::new();
+        for (at, level) in &base.labels {
+            glyphs.write(*at, &format!("{level:.0}"), &mut taken);
+        }
+    }
+    if shows(Overlay::Candidates) && scale >= SCALE_FOR_SIZES {
+        for candidate in app.view.candidates.iter() {
+            let sign = match candidate.degree {
+                d if d < 0.34 => '\u{b7}',
+                d if d < 0.67 => '\u{2022}',
+                _ => '\u{25cf}',
             };
-            self.pixels[i] = colour;
-            self.marks[i] = mark;
+            glyphs.sign(candidate.at, sign, None);
         }
     }
+    if shows(Overlay::Directions) {
+        for (at, action) in app.view.directions.iter() {
+            glyphs.sign(*at, arrow(*action), None);
+        }
+    }
+    if let (true, Some(search)) = (shows(Overlay::Search), &app.snapshot.search) {
+        if let Some(bridge) = &search.found {
+            glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
+        }
+        glyphs.sign([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
+        glyphs.sign([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
+    }
+    for (marks, letter) in [(app.map().starts(), 's'), (app.map().goals(), 'g')] {
+        marks.iter().for_each(|cell| glyphs.sign(cell.centre(), letter, None));
+    }
+    if let Some(followed) = &app.snapshot.followed {
+        glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);
+        glyphs.sign([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
+    }
+    glyphs.letter(app.view.walk.start, 'S', theme.walker);
+    glyphs.letter(app.goal.centre(), 'G', theme.goal);
+    if let Some(at) = app.view.trail.last() {
+        glyphs.letter(*at, '@', theme.walker);
+    }
+    if let Some(cursor) = app.editor.cursor.or(app.inspecting) {
+        glyphs.letter(cursor.centre(), '+', theme.cursor);
+    }
+}
 
-    /// The distance field as colours, with contour lines.
-    fn field(&mut self, field: &[f32]) {
-        let farthest = field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
-        let apart = (farthest / MOST_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS;
-        let band = |i: usize| (field[i] / apart).floor();
-        for i in 0..self.pixels.len() {
-            let wall = self.marks[i] == '#';
-            if wall || !field[i].is_finite() {
-                continue;
-            }
-            let neighbours = [(i + 1, !(i + 1).is_multiple_of(self.columns)), (i + self.columns, true)];
-            let contour = neighbours.iter().any(|(n, same_row)| {
-                *same_row && *n < self.pixels.len() && field[*n].is_finite() && band(*n) != band(i)
-            });
-            self.pixels[i] = Some(if contour {
-                colour::contour(field[i] / farthest)
-            } else {
-                colour::of_distance(field[i] / farthest)
-            });
-            self.marks[i] = if contour { '\u{b7}' } else { ' ' };
-        }
+/// The arrow nearest to a direction; a dot for standing still.
+fn arrow([x, y]: [f32; 2]) -> char {
+    const ARROWS: [char; 8] =
+        ['\u{2192}', '\u{2198}', '\u{2193}', '\u{2199}', '\u{2190}', '\u{2196}', '\u{2191}', '\u{2197}'];
+    if x.abs().max(y.abs()) < 0.1 {
+        return '\u{b7}';
     }
-
-    /// A dot, but not on a wall that its pixel shows.
-    fn ground_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
-        let pixel = place.raster.pixel_of(at).map(|(column, row)| row * self.columns + column);
-        if pixel.is_some_and(|i| self.marks[i] != '#') {
-            self.dot(place, at, rgb, mark);
-        }
-    }
-
-    fn dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
-        if let Some((column, row)) = place.raster.pixel_of(at) {
-            self.pixels[row * self.columns + column] = Some(rgb);
-            self.marks[row * self.columns + column] = mark;
-        }
-    }
-
-    fn line(&mut self, place: &MapFrame, from: [f32; 2], to: [f32; 2]) {
-        let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
-        let samples = (cells * place.raster.scale()).ceil().max(1.0) as usize;
-        for i in 0..=samples {
-            let t = i as f32 / samples as f32;
-            let at = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
-            self.dot(place, at, colour::PATH, '+');
-        }
-    }
-
-    /// Writes the pixels as characters: upper half block, foreground above and background below.
-    fn paint(&self, buffer: &mut Buffer, place: &MapFrame, depth: Depth) {
-        for row in 0..place.area.height {
-            for column in 0..place.area.width {
-                let above = 2 * usize::from(row) * self.columns + usize::from(column);
-                let below = above + self.columns;
-                let at = Position::new(place.area.x + column, place.area.y + row);
-                let Some(cell) = buffer.cell_mut(at) else { continue };
-                if depth == Depth::Mono {
-                    // The more telling of the two pixels.
-                    let (a, b) = (self.marks[above], self.marks[below]);
-                    cell.set_char(if a == ' ' || a == '#' && b != ' ' { b } else { a });
-                    continue;
-                }
-                let (top, bottom) = (self.pixels[above], self.pixels[below]);
-                let mut style = Style::new();
-                if let Some(rgb) = bottom {
-                    style = style.bg(depth.colour(rgb));
-                }
-                if let Some(rgb) = top {
-                    style = style.fg(depth.colour(rgb));
-                    cell.set_char('\u{2580}');
-                }
-                cell.set_style(style);
-            }
-        }
-    }
+    let eighth = (y.atan2(x) / std::f32::consts::FRAC_PI_4).round() as i32;
+    ARROWS[eighth.rem_euclid(8) as usize]
 }
 
 /// Letters on top of the pixels.
 struct Glyphs<'a> {
     place: &'a MapFrame,
-    depth: Depth,
+    theme: &'a Theme,
     buffer: &'a mut Buffer,
 }
 
 impl Glyphs<'_> {
-    fn put(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
-        let Some((column, row)) = self.place.raster.pixel_of(at) else { return };
-        let at = Position::new(self.place.area.x + column as u16, self.place.area.y + row as u16 / 2);
-        let Some(cell) = self.buffer.cell_mut(at) else { return };
-        let style = match self.depth {
+    /// A letter in a block of its own.
+    fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
+        let Some(cell) = self.place.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
+        let style = match self.theme.depth {
             Depth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
-            depth => {
-                let black = depth.colour((0, 0, 0));
-                Style::new().bg(depth.colour(rgb)).fg(black).add_modifier(Modifier::BOLD)
-            }
+            _ => Style::new().bg(self.theme.colour(rgb)).fg(self.theme.colour(ink(rgb))).add_modifier(Modifier::BOLD),
         };
         cell.set_char(letter).set_style(style);
+    }
+
+    /// A sign on the ground that is there.
+    fn sign(&mut self, at: [f32; 2], sign: char, rgb: Option<Rgb>) {
+        if let Some(at) = self.place.character_of(at) {
+            self.put(at, sign, rgb);
+        }
+    }
+
+    /// A number on the ground that is there, around a place, unless another is too near.
+    fn write(&mut self, at: [f32; 2], text: &str, taken: &mut Vec<Rect>) {
+        let Some(at) = self.place.character_of(at) else { return };
+        let area = self.place.area;
+        let length = text.len() as u16;
+        let from = at.x.saturating_sub(length / 2).clamp(area.x, area.right().saturating_sub(length).max(area.x));
+        let own = Rect::new(from.saturating_sub(1), at.y, length + 2, 1);
+        if taken.iter().any(|other| other.intersects(own)) {
+            return;
+        }
+        taken.push(own);
+        let places = (from..area.right()).map(|x| Position::new(x, at.y));
+        text.chars().zip(places).for_each(|(c, at)| self.put(at, c, None));
+    }
+
+    fn put(&mut self, at: Position, sign: char, rgb: Option<Rgb>) {
+        let Some(cell) = self.buffer.cell_mut(at) else { return };
+        if self.theme.depth == Depth::Mono {
+            cell.set_char(sign);
+            return;
+        }
+        // Half blocks keep the colour of their lower half as the ground.
+        let ground = match cell.bg {
+            Color::Rgb(r, g, b) => (r, g, b),
+            Color::Indexed(i) => ansi_colours::rgb_from_ansi256(i),
+            _ => self.theme.unknown,
+        };
+        let rgb = rgb.unwrap_or(ink(ground));
+        cell.set_char(sign).set_fg(self.theme.colour(rgb));
     }
 }

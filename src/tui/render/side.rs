@@ -1,143 +1,114 @@
-//! The panel beside the map: how training goes.
+//! The panel beside the map: the names of its panes, the one that is chosen, and more where there is room.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Modifier, Style};
+use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Borders, Paragraph, Sparkline};
+use ratatui::widgets::{Block, Borders, Paragraph};
 
-use crate::train::{DistanceScore, Score};
+use super::{BOLD, DIM, REVERSED, curves, legend, log, training, walk};
 use crate::tui::app::App;
+use crate::tui::panes::Pane;
 
-/// Draws the panes that have room, the most important first.
-pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
-    let panes: [(&str, Vec<Line>); 4] = [
-        ("training", training(app)),
-        ("success", success(app)),
-        ("walk @ \u{2192} G", walk(app)),
-        ("bridges", bridges(app)),
-    ];
-    let mut heights = Vec::new();
-    let mut left = area.height;
-    for (_, lines) in &panes {
-        let height = lines.len() as u16 + 1;
-        if height > left {
-            break;
+/// Rows from which on a second pane has room below the first, and a third.
+const TWO_PANES: u16 = 30;
+const THREE_PANES: u16 = 48;
+
+/// Columns from which on there are two columns of panes.
+const TWO_COLUMNS: u16 = 70;
+
+/// Draws the panel.
+pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
+    let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+    tabs(frame, head, app);
+    // Those beside and below the chosen one, the most telling first.
+    let mut others = [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
+    let chosen = app.pane;
+    let mut next = move || others.find(|pane| *pane != chosen);
+    let columns = if body.width >= TWO_COLUMNS { 2 } else { 1 };
+    let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(body);
+    let mut first = Some(chosen);
+    for area in areas.iter() {
+        let rows = match area.height {
+            h if h >= THREE_PANES => 3,
+            h if h >= TWO_PANES => 2,
+            _ => 1,
+        };
+        let panes: Vec<Pane> = (0..rows).filter_map(|_| first.take().or_else(&mut next)).collect();
+        for (pane, area) in panes.iter().zip(stack(*area, &panes, app)) {
+            draw_pane(frame, area, app, *pane);
         }
-        left -= height;
-        heights.push(Constraint::Length(height));
-    }
-    let count = heights.len();
-    heights.push(Constraint::Min(0));
-    let areas = Layout::vertical(heights).split(area);
-    for ((title, lines), area) in panes.into_iter().zip(areas.iter()).take(count) {
-        frame.render_widget(Paragraph::new(lines).block(pane(title)), *area);
-    }
-    if left >= 4 {
-        curve(frame, areas[count], app);
     }
 }
 
-fn pane(title: &str) -> Block<'_> {
-    Block::new().borders(Borders::TOP | Borders::LEFT).title(format!(" {title} "))
-}
-
-fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
-    Line::from(vec![
-        Span::styled(format!(" {name:<10}"), Style::new().add_modifier(Modifier::DIM)),
-        Span::raw(value.to_string()),
-    ])
-}
-
-fn training(app: &App) -> Vec<Line<'static>> {
-    let snapshot = &app.snapshot;
-    let (updates, steps) = snapshot.rates;
-    vec![
-        fact("elapsed", clock(snapshot.seconds)),
-        fact("updates", format!("{} {}/s", short(snapshot.counters.updates as f64), short(updates))),
-        fact("steps", format!("{} {}/s", short(snapshot.counters.env_steps as f64), short(steps))),
-        fact("episodes", short(snapshot.counters.episodes as f64)),
-        fact("D loss", format!("{:.4}", snapshot.losses.critic)),
-        fact("f loss", format!("{:.4}", snapshot.losses.model)),
-        fact("mu loss", format!("{:.1} steps", snapshot.losses.actor)),
-    ]
-}
-
-fn success(app: &App) -> Vec<Line<'static>> {
-    let Some((updates, evaluation)) = app.snapshot.evaluations.last() else {
-        return vec![fact("evaluated", "not yet")];
+/// The areas of panes one below the other: text takes what it needs, curves and log share the rest.
+fn stack(area: Rect, panes: &[Pane], app: &App) -> Vec<Rect> {
+    let height = |pane: &Pane| match lines(*pane, app) {
+        Some(lines) if panes.len() > 1 => Constraint::Length(lines.len() as u16 + 1),
+        _ => Constraint::Fill(1),
     };
-    let mut lines = Vec::new();
-    let score = |name: &str, score: &Score| fact(name, format!("{:.2}  {}", score.success, bars(&score.by_distance)));
-    lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
-    lines.push(score("greedy", &evaluation.greedy));
-    lines.push(fact("D error", format!("{:.0} %", 100.0 * evaluation.distance_error.mape)));
-    lines.push(fact("at update", short(*updates as f64)));
-    lines
+    Layout::vertical(panes.iter().map(height)).split(area).to_vec()
 }
 
-/// One bar for each distance, near to far.
-fn bars(by_distance: &[DistanceScore]) -> String {
-    const BARS: [char; 9] =
-        [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}', '\u{2588}'];
-    by_distance.iter().map(|d| BARS[(d.success * 8.0).round() as usize]).collect()
-}
-
-fn walk(app: &App) -> Vec<Line<'static>> {
-    let walk = &app.view.walk;
-    let shortest = walk.shortest.map_or("no way".to_owned(), |s| s.to_string());
-    let state = if walk.arrived { "arrived" } else { "walking" };
-    let distance = if walk.distance.is_nan() { "-".to_owned() } else { format!("{:.1}", walk.distance) };
-    vec![
-        fact(state, format!("{} steps", walk.steps)),
-        fact("shortest", shortest),
-        fact("D to goal", distance),
-        fact("arrived", format!("{} of {}", walk.journeys.0, walk.journeys.1)),
-    ]
-}
-
-fn bridges(app: &App) -> Vec<Line<'static>> {
-    if !app.run().method.plans() {
-        return vec![fact("none", "method gdg walks alone")];
+/// A pane's lines, if it is made of lines.
+fn lines(pane: Pane, app: &App) -> Option<Vec<Line<'static>>> {
+    match pane {
+        Pane::Training => Some(training::lines(app)),
+        Pane::Walk => Some(walk::lines(app)),
+        Pane::Legend => Some(legend::lines(app)),
+        Pane::Curves | Pane::Log => None,
     }
-    let search = app.snapshot.search.map_or("none yet".to_owned(), |s| match s.found {
-        Some((_, gain)) => format!("{} tried, gain {gain:.0}", s.tried),
-        None => format!("{} tried, none", s.tried),
-    });
-    let (edges, confirmed, demoted) = app.view.edges;
-    vec![
-        fact("points", format!("{}, {} edges", app.view.candidates.len(), short(edges as f64))),
-        fact("walked", format!("{} good, {demoted} bad", short(confirmed as f64))),
-        fact("search", search),
-    ]
 }
 
-/// The critic's loss from the beginning on, on a logarithmic scale.
-fn curve(frame: &mut Frame, area: Rect, app: &App) {
-    let block = pane("D loss, log scale");
+/// Gives the chosen pane everything.
+pub fn draw_maximised(frame: &mut Frame, area: Rect, app: &mut App) {
+    let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+    tabs(frame, head, app);
+    let pane = app.pane;
+    draw_pane(frame, body, app, pane);
+}
+
+fn draw_pane(frame: &mut Frame, area: Rect, app: &App, pane: Pane) {
+    let title = match pane {
+        Pane::Training => "training",
+        Pane::Curves => "curves",
+        Pane::Walk if app.following.is_some() => "exploring agent",
+        Pane::Walk => "walk @ \u{2192} G",
+        Pane::Legend => "on the map",
+        Pane::Log => "what happened",
+    };
+    let style = if pane == app.pane { BOLD } else { Style::new() };
+    let block = Block::new().borders(Borders::TOP | Borders::LEFT).title(Span::styled(format!(" {title} "), style));
     let inner = block.inner(area);
     frame.render_widget(block, area);
-    let width = usize::from(inner.width).max(1);
-    let count = app.losses.len();
-    let shown = (0..width.min(count)).map(|i| app.losses[i * count / width.min(count)].max(1e-6).ln());
-    let shown: Vec<f32> = shown.collect();
-    let (low, high) = shown.iter().fold((f32::MAX, f32::MIN), |(low, high), l| (low.min(*l), high.max(*l)));
-    // A sparkline counts in whole numbers; the lowest value still shows.
-    let data: Vec<u64> = shown.iter().map(|l| 10 + (90.0 * (l - low) / (high - low).max(1e-3)) as u64).collect();
-    let height = inner.height.min(5);
-    frame.render_widget(Sparkline::default().data(data), Rect { height, ..inner });
-}
-
-/// A number in at most five characters: 950, 12.3k, 4.56M.
-fn short(value: f64) -> String {
-    match value {
-        v if v < 1e4 => format!("{v:.0}"),
-        v if v < 1e6 => format!("{:.1}k", v / 1e3),
-        v => format!("{:.2}M", v / 1e6),
+    match pane {
+        Pane::Curves => curves::draw(frame, inner, app),
+        Pane::Log => log::draw(frame, inner, app),
+        _ => frame.render_widget(Paragraph::new(lines(pane, app).unwrap_or_default()), inner),
     }
 }
 
-fn clock(seconds: f64) -> String {
-    let whole = seconds as u64;
-    format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
+/// The names of the panes, the chosen one reversed.
+fn tabs(frame: &mut Frame, area: Rect, app: &mut App) {
+    let mut at = area.x;
+    for (i, pane) in Pane::ALL.into_iter().enumerate() {
+        let number = if area.width >= 34 { format!("{} ", i + 1) } else { String::new() };
+        let text = format!(" {number}{} ", pane.name());
+        let width = (text.len() as u16).min(area.right().saturating_sub(at));
+        let place = Rect { x: at, width, ..area };
+        let style = if pane == app.pane { REVERSED } else { DIM };
+        frame.render_widget(Paragraph::new(Span::styled(text, style)), place);
+        app.places.tabs.push((place, pane));
+        at += width;
+    }
+}
+
+/// A name and a value.
+pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
+    Line::from(vec![Span::styled(format!(" {name:<10}"), DIM), Span::raw(value.to_string())])
+}
+
+/// A heading within a pane.
+pub fn heading(text: &str) -> Line<'static> {
+    Line::styled(format!(" {text}"), BOLD)
 }

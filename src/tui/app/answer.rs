@@ -1,0 +1,189 @@
+//! What answers to dialogs do.
+
+use std::sync::Arc;
+
+use super::App;
+use crate::map::{Grid, MAX_CELLS};
+use crate::train::{Command, Effect, Run, effect_of, list_settings, with_setting};
+use crate::tui::dialog::{Choice, Dialog, Item, Picker, Prompt, Question};
+
+impl App {
+    /// The dialog on top is answered.
+    pub(super) fn answer(&mut self) {
+        match self.dialogs.pop() {
+            Some(Dialog::Pick(picker)) => {
+                if let Some(choice) = picker.choice().cloned() {
+                    self.choose(choice);
+                }
+            }
+            Some(Dialog::Ask(mut prompt)) => {
+                let (typed, _) = prompt.typed();
+                let typed = typed.trim().to_owned();
+                if let Err(error) = self.take_answer(&prompt.question.clone(), &typed) {
+                    prompt.error = Some(error);
+                    self.dialogs.push(Dialog::Ask(prompt));
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn choose(&mut self, choice: Choice) {
+        match choice {
+            Choice::Act(action) => self.act(action),
+            Choice::Setting(name) => self.ask_setting(name),
+            Choice::Method(method) => self.change_run(|run| run.method = method),
+            Choice::Preset(preset) => {
+                self.change_run(|run| (run.preset, run.settings) = (preset, preset.settings()));
+            }
+            Choice::Theme(name) => self.set_theme(name),
+            Choice::Folder(folder) => self.pick_map(Some(&folder)),
+            Choice::OpenMap(path) => self.open_map(&path),
+            Choice::OpenBuiltin(name) => {
+                if let Some(map) = crate::map::builtin(name) {
+                    self.go_to(&Arc::new(map));
+                }
+            }
+            Choice::BeginOn(map) => self.begin_on(map),
+            Choice::GoOnWith(map) => {
+                let new = self.editor.remember(&self.map.clone(), (*map).clone());
+                self.change_map(new);
+            }
+            Choice::Load(path) => {
+                self.notify(format!("loading {} ...", path.display()));
+                self.command(Command::Load(path));
+            }
+            Choice::Export(what) => self.export(what),
+            Choice::Quit { save } => {
+                self.save_at_end = save;
+                self.done = true;
+            }
+            Choice::Nothing => {}
+        }
+    }
+
+    /// Goes on with the run as `change` makes it.
+    fn change_run(&mut self, change: impl FnOnce(&mut Run)) {
+        let mut run = self.run().clone();
+        change(&mut run);
+        if run != *self.run() {
+            self.command(Command::Change(Box::new(run)));
+        }
+    }
+
+    fn begin_on(&mut self, map: Arc<Grid>) {
+        let run = self.run().clone();
+        self.command(Command::Begin(Box::new(run), map));
+    }
+
+    /// Turns to another map: at once where it has the size of this one, else the user is asked what to do.
+    pub(super) fn go_to(&mut self, map: &Arc<Grid>) {
+        let (width, height) = (self.map.width(), self.map.height());
+        let mut items = vec![Item::new(
+            "begin a new run on it",
+            "fresh networks; what was learned here is lost unless it is saved",
+            Choice::BeginOn(map.clone()),
+        )];
+        let same = (map.width(), map.height()) == (width, height);
+        // Cells that the map does not have are walls here: agents have no business there.
+        let fitted = map.resized(width, height).and_then(|fitted| {
+            let beyond = |c: &crate::map::Cell| c.x >= map.width() || c.y >= map.height();
+            let walls: Vec<_> = fitted.free_cells().filter(beyond).map(|c| (c, false)).collect();
+            fitted.with_cells(walls)
+        });
+        if same {
+            items.insert(
+                0,
+                Item::new("go on with these networks", "they learn the new walls", Choice::GoOnWith(map.clone())),
+            );
+        } else if let Some(fitted) = fitted {
+            let label = format!("go on with these networks, cut or filled up to {width} x {height}");
+            items.push(Item::new(
+                label,
+                "they know positions on a map of this size",
+                Choice::GoOnWith(Arc::new(fitted)),
+            ));
+        }
+        items.push(Item::new("stay here", "", Choice::Nothing));
+        self.pick(Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items));
+    }
+
+    pub(super) fn pick_setting(&mut self) {
+        let items = list_settings(&self.run().settings).into_iter().map(|(name, value)| {
+            let effect = match effect_of(&name) {
+                Effect::AtOnce => "",
+                Effect::NewAgents => "   (agents begin anew)",
+                Effect::NewNetworks => "   (networks begin anew)",
+            };
+            Item::new(name.clone(), format!("{value}{effect}"), Choice::Setting(name))
+        });
+        let items = items.collect();
+        self.pick(Picker::new("change a setting: at once, but where it says otherwise", items));
+    }
+
+    fn ask_setting(&mut self, name: String) {
+        let value = list_settings(&self.run().settings).into_iter().find(|(known, _)| *known == name);
+        let value = value.map(|(_, value)| value).unwrap_or_default();
+        let hint = match effect_of(&name) {
+            Effect::AtOnce => "holds at once",
+            Effect::NewAgents => "the agents begin anew; networks and replay are kept",
+            Effect::NewNetworks => "the networks begin anew; the replay is kept",
+        };
+        self.ask(Prompt::new(Question::Setting(name.clone()), name, hint, value));
+    }
+
+    pub(super) fn ask_size(&mut self, question: Question) {
+        let title = if question == Question::NewMap { "an empty map of size" } else { "the map's new size" };
+        let now = format!("{} x {}", self.map.width(), self.map.height());
+        self.ask(Prompt::new(question, title, "columns x rows, as 40 x 30", now));
+    }
+
+    /// Does what an answer asks for, or says what is wrong with it.
+    fn take_answer(&mut self, question: &Question, typed: &str) -> Result<(), String> {
+        match question {
+            Question::Setting(name) => {
+                let settings = with_setting(&self.run().settings, name, typed).map_err(|e| e.in_a_line())?;
+                self.change_run(|run| run.settings = settings);
+            }
+            Question::SaveAs => {
+                if typed.is_empty() {
+                    return Err("a name, as rooms-at-95-percent".to_owned());
+                }
+                self.save_under(typed);
+            }
+            Question::SaveMap => self.save_map(typed)?,
+            Question::NewMap => {
+                let (width, height) = size(typed)?;
+                self.go_to(&Arc::new(Grid::empty("new", width, height)));
+            }
+            Question::ResizeMap => {
+                let (width, height) = size(typed)?;
+                let resized = self.map.resized(width, height);
+                let map = resized.ok_or_else(|| "no free cell would remain".to_owned())?;
+                self.go_to(&Arc::new(map));
+            }
+            Question::Seed => {
+                let seed = typed.parse().map_err(|_| "a whole number from 0 on".to_owned())?;
+                let run = Run { seed, ..self.run().clone() };
+                self.command(Command::Begin(Box::new(run), self.map.clone()));
+            }
+            Question::Autosave => {
+                let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));
+                self.autosave_minutes = minutes.ok_or_else(|| "a number of minutes, 0 for never".to_owned())?;
+                self.autosaved = std::time::Instant::now();
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Columns and rows of a map.
+fn size(typed: &str) -> Result<(usize, usize), String> {
+    let numbers: Vec<usize> =
+        typed.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty()).filter_map(|n| n.parse().ok()).collect();
+    match numbers[..] {
+        [width, height] if width > 0 && height > 0 && width.saturating_mul(height) <= MAX_CELLS => Ok((width, height)),
+        [_, _] => Err(format!("a map has at least one cell, and up to {MAX_CELLS}")),
+        _ => Err("two numbers, as 40 x 30".to_owned()),
+    }
+}

@@ -1,0 +1,180 @@
+//! Maps and checkpoints on disk, and what is exported.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::time::SystemTime;
+
+use super::App;
+use crate::map::{BUILTIN, load_map, print_ascii, print_movingai};
+use crate::train::{Command, Description, describe, write_whole};
+use crate::tui::config::recent_path;
+use crate::tui::dialog::{Choice, Item, Picker, Prompt, Question};
+use crate::tui::export::{self, What};
+
+/// Maps that are remembered.
+const RECENT: usize = 8;
+
+/// Where checkpoints and exports go.
+const SAVES: &str = "saves";
+const EXPORTS: &str = "exports";
+
+impl App {
+    pub(super) fn save(&mut self) {
+        let path = self.save_to.0.clone();
+        self.notify(format!("saving {} ...", path.display()));
+        self.command(Command::Save(path));
+    }
+
+    pub(super) fn ask_save_as(&mut self) {
+        let stem = self.save_to.0.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let hint = format!("a name: it goes to {SAVES}/NAME.safetensors; or a path");
+        self.ask(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
+    }
+
+    pub(super) fn save_under(&mut self, name: &str) {
+        let path = Path::new(name).with_extension("safetensors");
+        let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+        self.save_to.0 = if plain { Path::new(SAVES).join(path) } else { path };
+        self.save();
+    }
+
+    pub(super) fn pick_checkpoint(&mut self) {
+        let own = self.save_to.0.parent().map_or(PathBuf::from(SAVES), Path::to_owned);
+        let mut files = files_in(&own);
+        if own != Path::new(SAVES) {
+            files.extend(files_in(Path::new(SAVES)));
+        }
+        let mut found: Vec<Description> = files.iter().filter_map(|path| describe(path).ok()).collect();
+        found.sort_by_key(|d| std::cmp::Reverse(d.written));
+        if found.is_empty() {
+            self.notify(format!("there is no checkpoint in {}: s saves one", own.display()));
+            return;
+        }
+        let item = |d: &Description| {
+            let name = d.file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+            Item::new(name, about(d), Choice::Load(d.file.clone()))
+        };
+        self.pick(Picker::new("load a checkpoint", found.iter().map(item).collect()));
+    }
+
+    pub(super) fn ask_map_file(&mut self) {
+        let name = format!("{}-edited.txt", self.map.name().trim_end_matches("-edited"));
+        let hint = "NAME.map is written as Moving AI's, any other as plain ASCII";
+        self.ask(Prompt::new(Question::SaveMap, "write the map to", hint, name));
+    }
+
+    pub(super) fn save_map(&mut self, name: &str) -> Result<(), String> {
+        if name.is_empty() {
+            return Err("a file name, as rooms.txt or rooms.map".to_owned());
+        }
+        let path = Path::new(name);
+        let movingai = path.extension().is_some_and(|e| e == "map");
+        let marks = self.map.starts().len() + self.map.goals().len();
+        let text = if movingai { print_movingai(&self.map) } else { print_ascii(&self.map) };
+        write_whole(path, text.as_bytes()).map_err(|e| format!("{name} cannot be written: {e}"))?;
+        let lost = if movingai && marks > 0 { " (without starts and goals: that format has none)" } else { "" };
+        self.notify(format!("wrote {name}{lost}"));
+        remember_map(path);
+        Ok(())
+    }
+
+    /// Recent maps, those built in, and what lies in `folder`.
+    pub(super) fn pick_map(&mut self, folder: Option<&Path>) {
+        let mut items = Vec::new();
+        let here = folder.unwrap_or(Path::new(".")).to_owned();
+        if folder.is_none() {
+            let recent = recent_maps();
+            items.extend(
+                recent
+                    .iter()
+                    .map(|path| Item::new(path.display().to_string(), "recent", Choice::OpenMap(path.clone()))),
+            );
+            items.extend(BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))));
+        }
+        items.push(Item::new("..", "folder", Choice::Folder(here.join(".."))));
+        for path in files_in(&here) {
+            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            let is_map = path.extension().is_some_and(|e| e == "map" || e == "txt");
+            if path.is_dir() && !name.starts_with('.') {
+                items.push(Item::new(format!("{name}/"), "folder", Choice::Folder(path)));
+            } else if is_map {
+                items.push(Item::new(name, "map", Choice::OpenMap(path)));
+            }
+        }
+        let place = here.canonicalize().unwrap_or(here);
+        self.pick(Picker::new(format!("open a map: {}", place.display()), items));
+    }
+
+    pub(super) fn open_map(&mut self, path: &Path) {
+        match load_map(path) {
+            Ok(map) => {
+                remember_map(path);
+                self.go_to(&Arc::new(map));
+            }
+            Err(error) => {
+                let help = miette::Diagnostic::help(&*error).map_or(String::new(), |help| format!(": {help}"));
+                self.notify(format!("{error}{help}"));
+            }
+        }
+    }
+
+    pub(super) fn pick_export(&mut self) {
+        let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what))).to_vec();
+        self.pick(Picker::new(format!("write to a file in {EXPORTS}/"), items));
+    }
+
+    pub(super) fn export(&mut self, what: What) {
+        let name =
+            format!("{}-{}-{}.{}", self.map.name(), self.snapshot.counters.updates, what.stem(), what.file_type());
+        let path = Path::new(EXPORTS).join(name);
+        let written =
+            export::contents(what, self).and_then(|bytes| write_whole(&path, &bytes).map_err(|e| e.to_string()));
+        self.notify(match written {
+            Ok(()) => format!("wrote {}", path.display()),
+            Err(error) => format!("{} cannot be written: {error}", path.display()),
+        });
+    }
+}
+
+/// Files and folders in `folder`, by name; none where it cannot be read.
+fn files_in(folder: &Path) -> Vec<PathBuf> {
+    let mut files: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
+    files.sort();
+    files
+}
+
+/// Maps opened or written recently that are still there.
+fn recent_maps() -> Vec<PathBuf> {
+    let text = recent_path().and_then(|file| std::fs::read_to_string(file).ok());
+    let recent: Vec<PathBuf> = text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
+    recent.into_iter().filter(|path| path.exists()).collect()
+}
+
+/// What a list says of a checkpoint.
+fn about(d: &Description) -> String {
+    let success = d.success.map_or("not evaluated".to_owned(), |s| match s.planned {
+        Some(planned) => format!("success {planned:.2}/{:.2}", s.greedy),
+        None => format!("success {:.2}", s.greedy),
+    });
+    let age = d.written.and_then(|at| SystemTime::now().duration_since(at).ok()).map_or(String::new(), |age| match age
+        .as_secs()
+    {
+        s @ 0..120 => format!("{s} s ago"),
+        s @ 120..7_200 => format!("{} min ago", s / 60),
+        s @ 7_200..172_800 => format!("{} h ago", s / 3_600),
+        s => format!("{} days ago", s / 86_400),
+    });
+    format!("{} {} {} updates, {success}, {} MB, {age}", d.map, d.run.method.name(), d.updates, d.bytes / 1_000_000)
+}
+
+/// Puts a map in front of those that are remembered; where that cannot be, nothing is lost.
+fn remember_map(path: &Path) {
+    let (Ok(path), Some(file)) = (path.canonicalize(), recent_path()) else { return };
+    let mut recent = recent_maps();
+    recent.retain(|known| *known != path);
+    recent.insert(0, path);
+    recent.truncate(RECENT);
+    if let Ok(text) = serde_json::to_string(&recent) {
+        let _ = write_whole(&file, text.as_bytes());
+    }
+}

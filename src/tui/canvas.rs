@@ -1,0 +1,236 @@
+//! Pixels, and how characters show them.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::Position;
+use ratatui::style::Style;
+
+use super::raster::{MapFrame, Marker};
+use super::theme::{Depth, Rgb, Theme, blend};
+
+/// A picture of the map before it becomes characters.
+#[derive(Clone, Debug)]
+pub struct Canvas {
+    columns: usize,
+    /// Colour of each pixel; `None` outside the map.
+    pixels: Vec<Option<Rgb>>,
+    /// What a terminal without colours shows there.
+    marks: Vec<char>,
+}
+
+/// What a wall looks like without colours.
+pub const WALL_MARK: char = '#';
+
+impl Canvas {
+    /// An empty picture for `place`.
+    pub fn new(place: &MapFrame) -> Self {
+        let (columns, rows) = place.raster.pixels;
+        Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] }
+    }
+
+    /// Pixels in all.
+    pub fn len(&self) -> usize {
+        self.pixels.len()
+    }
+
+    /// Pixels in a row.
+    pub fn columns(&self) -> usize {
+        self.columns
+    }
+
+    /// Sets pixel `i`.
+    pub fn set(&mut self, i: usize, rgb: Option<Rgb>, mark: char) {
+        (self.pixels[i], self.marks[i]) = (rgb, mark);
+    }
+
+    /// Whether pixel `i` shows wall.
+    pub fn is_wall(&self, i: usize) -> bool {
+        self.marks[i] == WALL_MARK
+    }
+
+    /// The pixel of a position on the map.
+    pub fn at(&self, place: &MapFrame, at: [f32; 2]) -> Option<usize> {
+        place.raster.pixel_of(at).map(|(column, row)| row * self.columns + column)
+    }
+
+    /// A dot.
+    pub fn dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
+        if let Some(i) = self.at(place, at) {
+            self.set(i, Some(rgb), mark);
+        }
+    }
+
+    /// A dot, but not on a wall that its pixel shows.
+    pub fn ground_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
+        if let Some(i) = self.at(place, at).filter(|i| !self.is_wall(*i)) {
+            self.set(i, Some(rgb), mark);
+        }
+    }
+
+    /// A dot through which `1 - share` of the ground is seen.
+    pub fn faint_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, share: f32) {
+        if let Some(i) = self.at(place, at).filter(|i| !self.is_wall(*i)) {
+            self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
+            if self.marks[i] == ' ' {
+                self.marks[i] = '.';
+            }
+        }
+    }
+
+    /// A straight line; `share` of it covers the ground.
+    pub fn line(&mut self, place: &MapFrame, ends: [[f32; 2]; 2], look: (Rgb, f32, char)) {
+        self.lines(place, [ends].into_iter(), look);
+    }
+
+    /// Straight lines that cover the ground only once where several cross.
+    pub fn lines(
+        &mut self,
+        place: &MapFrame,
+        ends: impl Iterator<Item = [[f32; 2]; 2]>,
+        (rgb, share, mark): (Rgb, f32, char),
+    ) {
+        let mut covered = vec![false; self.pixels.len()];
+        for ends in ends {
+            self.cover(place, ends, &mut covered);
+        }
+        for i in (0..covered.len()).filter(|i| covered[*i]) {
+            self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
+            self.marks[i] = mark;
+        }
+    }
+
+    /// Notes the pixels of a straight line.
+    fn cover(&self, place: &MapFrame, [from, to]: [[f32; 2]; 2], covered: &mut [bool]) {
+        let pixels_a_cell = place.scale() * place.marker.pixels().0.max(place.marker.pixels().1 / 2) as f32;
+        let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
+        let samples = (cells * pixels_a_cell).ceil().max(1.0) as usize;
+        for n in 0..=samples {
+            let t = n as f32 / samples as f32;
+            let at = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
+            if let Some(i) = self.at(place, at) {
+                covered[i] = true;
+            }
+        }
+    }
+
+    /// Writes the pixels as characters.
+    pub fn paint(&self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
+        let (across, down) = place.marker.pixels();
+        let mut own = Vec::with_capacity(across * down);
+        for row in 0..place.area.height {
+            for column in 0..place.area.width {
+                let first = down * usize::from(row) * self.columns + across * usize::from(column);
+                own.clear();
+                own.extend((0..down).flat_map(|y| (0..across).map(move |x| first + y * self.columns + x)));
+                let at = Position::new(place.area.x + column, place.area.y + row);
+                let Some(cell) = buffer.cell_mut(at) else { continue };
+                if theme.depth == Depth::Mono {
+                    let marks = own.iter().map(|i| self.marks[*i]);
+                    // The most telling of them.
+                    cell.set_char(marks.max_by_key(|mark| telling(*mark)).unwrap_or(' '));
+                    continue;
+                }
+                let colours = own.iter().map(|i| self.pixels[*i]);
+                let (mask, front, back) = two_colours(&colours);
+                let mut style = Style::new();
+                if let Some(rgb) = back {
+                    style = style.bg(theme.colour(rgb));
+                }
+                if let Some(rgb) = front {
+                    style = style.fg(theme.colour(rgb));
+                }
+                cell.set_char(glyph(place.marker, mask)).set_style(style);
+            }
+        }
+    }
+}
+
+/// How much a mark says: nothing, contours, wall, anything else.
+fn telling(mark: char) -> u8 {
+    match mark {
+        ' ' => 0,
+        '\u{b7}' | '.' => 1,
+        WALL_MARK => 2,
+        _ => 3,
+    }
+}
+
+/// The two colours that a character's pixels are shown by, and which of them show the front one (bit 0 the first).
+///
+/// The two pixels farthest apart stand for all others, each group by its mean. Where some pixels lie outside the map,
+/// these are the background.
+fn two_colours(colours: &(impl Iterator<Item = Option<Rgb>> + Clone)) -> (u8, Option<Rgb>, Option<Rgb>) {
+    let mut inside = colours.clone().flatten();
+    let Some(first) = inside.next() else { return (0, None, None) };
+    let apart = |a: Rgb, b: Rgb| {
+        let squared = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
+        squared(a.0, b.0) + squared(a.1, b.1) + squared(a.2, b.2)
+    };
+    let bits = |front: &dyn Fn(Option<Rgb>) -> bool| {
+        colours.clone().enumerate().fold(0u8, |mask, (i, c)| mask | u8::from(front(c)) << i)
+    };
+    let mean = |mask: u8, wanted: bool| {
+        let own = colours.clone().enumerate().filter(|(i, _)| (mask >> i & 1 == 1) == wanted).filter_map(|(_, c)| c);
+        let (sum, n) = own.fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
+            ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
+        });
+        (n > 0).then(|| ((sum.0 / n) as u8, (sum.1 / n) as u8, (sum.2 / n) as u8))
+    };
+    if colours.clone().any(|c| c.is_none()) {
+        let mask = bits(&|c| c.is_some());
+        return (mask, mean(mask, true), None);
+    }
+    let other = inside.max_by_key(|c| apart(*c, first)).unwrap_or(first);
+    let mask = bits(&|c| c.is_some_and(|c| apart(c, first) <= apart(c, other)));
+    (mask, mean(mask, true), mean(mask, false).or_else(|| mean(mask, true)))
+}
+
+/// The character whose parts in `mask` are in front: row by row, bit 0 the upper left.
+fn glyph(marker: Marker, mask: u8) -> char {
+    const QUADRANTS: [char; 16] = [
+        ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}', '\u{2597}',
+        '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}', '\u{2588}',
+    ];
+    match marker {
+        Marker::Auto | Marker::HalfBlock => [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)],
+        Marker::Quadrant => QUADRANTS[usize::from(mask & 15)],
+        Marker::Braille => {
+            // Unicode counts the dots of the left column first, and the lowest row last.
+            const DOTS: [u32; 8] = [0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80];
+            let dots: u32 = (0..8).filter(|i| mask >> i & 1 == 1).map(|i| DOTS[i]).sum();
+            char::from_u32(0x2800 + dots).unwrap_or(' ')
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn two_pixels_keep_their_colours() {
+        let (a, b) = ((10, 20, 30), (200, 100, 0));
+        let (mask, front, back) = two_colours(&[Some(a), Some(b)].into_iter());
+        assert_eq!((mask, front, back), (1, Some(a), Some(b)));
+        assert_eq!(glyph(Marker::HalfBlock, mask), '\u{2580}');
+        assert_eq!(two_colours(&[Some(a), Some(a)].into_iter()), (3, Some(a), Some(a)));
+        assert_eq!(two_colours(&[Some(a), None].into_iter()), (1, Some(a), None));
+        assert_eq!(two_colours(&[None, None].into_iter()), (0, None, None));
+    }
+
+    #[test]
+    fn four_pixels_are_grouped_by_likeness() {
+        let pixels = [(0, 0, 0), (250, 250, 250), (10, 10, 10), (255, 255, 255)].map(Some);
+        let (mask, front, back) = two_colours(&pixels.into_iter());
+        assert_eq!(mask, 0b0101);
+        assert_eq!((front, back), (Some((5, 5, 5)), Some((252, 252, 252))));
+        assert_eq!(glyph(Marker::Quadrant, mask), '\u{258c}');
+    }
+
+    #[test]
+    fn braille_dots_lie_where_their_pixels_do() {
+        assert_eq!(glyph(Marker::Braille, 0b0000_0001), '\u{2801}');
+        assert_eq!(glyph(Marker::Braille, 0b0000_0010), '\u{2808}');
+        assert_eq!(glyph(Marker::Braille, 0b1100_0000), '\u{28c0}');
+        assert_eq!(glyph(Marker::Braille, 0xff), '\u{28ff}');
+    }
+}

@@ -1,0 +1,168 @@
+//! What users set for themselves: theme, marker, autosave and keys, from a TOML file in the platform's folder for
+//! configuration.
+
+use std::collections::BTreeMap;
+use std::fmt::Write as _;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use directories::ProjectDirs;
+use miette::{Diagnostic, NamedSource, SourceSpan};
+use serde::Deserialize;
+
+use super::action::SECTIONS;
+use super::keymap::Keymap;
+use super::raster::Marker;
+use super::theme::ThemeName;
+
+/// The file's contents.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct UiConfig {
+    /// Colours.
+    pub theme: ThemeName,
+    /// What the map is drawn with.
+    pub marker: Marker,
+    /// Minutes between checkpoints that are saved by themselves; 0 for none.
+    pub autosave_minutes: f64,
+    /// Keys of actions, by the actions' names.
+    keys: BTreeMap<String, toml::Spanned<Vec<String>>>,
+}
+
+impl Default for UiConfig {
+    fn default() -> Self {
+        Self { theme: ThemeName::Dark, marker: Marker::Auto, autosave_minutes: 0.0, keys: BTreeMap::new() }
+    }
+}
+
+/// A configuration that cannot be used.
+#[derive(Debug, thiserror::Error, Diagnostic)]
+#[error("{place}{what}")]
+pub struct UiConfigError {
+    place: String,
+    what: String,
+    #[help]
+    right: String,
+    #[source_code]
+    source_code: NamedSource<String>,
+    #[label("here")]
+    span: Option<SourceSpan>,
+}
+
+/// The folder for configuration, unless there is no home.
+fn folders() -> Option<ProjectDirs> {
+    ProjectDirs::from("", "", "gdg-tui")
+}
+
+/// Where the configuration is looked for.
+pub fn default_path() -> Option<PathBuf> {
+    folders().map(|dirs| dirs.config_dir().join("config.toml"))
+}
+
+/// Where recently opened maps are remembered.
+pub fn recent_path() -> Option<PathBuf> {
+    folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recent.json"))
+}
+
+/// The configuration in `file`, or in the usual place if there is one there.
+///
+/// # Errors
+/// A file that cannot be read, or something in it that is not as it should be.
+pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
+    let path = file.map(Path::to_owned).or_else(default_path);
+    let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
+    let name = path.to_string_lossy();
+    let text = std::fs::read_to_string(&path).map_err(|e| {
+        let right = "give a TOML file, as --print-config-template prints one";
+        error(&name, "", None, format!("cannot be read: {e}"), right.to_owned())
+    })?;
+    parse(&name, &text)
+}
+
+fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
+    let hint = "--print-config-template prints a file with everything that can be set";
+    let config: UiConfig =
+        toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message().to_owned(), hint.to_owned()))?;
+    if !(0.0..=1e6).contains(&config.autosave_minutes) {
+        let what = format!("autosave_minutes cannot be {}", config.autosave_minutes);
+        let at = text.find("autosave_minutes").map(|at| at..at + "autosave_minutes".len());
+        return Err(error(name, text, at, what, "a number of minutes, 0 for never".to_owned()));
+    }
+    let keys = config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
+    let keymap = Keymap::new(&keys).map_err(|(action, what, right)| {
+        let span = config.keys.get(&action).map(toml::Spanned::span);
+        error(name, text, span, format!("{action}: {what}"), right)
+    })?;
+    Ok((config, keymap))
+}
+
+fn error(name: &str, text: &str, span: Option<Range<usize>>, what: String, right: String) -> Box<UiConfigError> {
+    let place = span.as_ref().map_or_else(
+        || format!("{name}: "),
+        |span| {
+            let before = &text[..span.start.min(text.len())];
+            let line = before.matches('\n').count() + 1;
+            let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+            format!("{name}:{line}:{column}: ")
+        },
+    );
+    let span = span.map(|span| SourceSpan::from((span.start, span.len())));
+    Box::new(UiConfigError { place, what, right, source_code: NamedSource::new(name, text.to_owned()), span })
+}
+
+/// A file with everything that can be set, as it is without one.
+pub fn template() -> String {
+    let default = UiConfig::default();
+    let names = |names: Vec<&str>| names.join(", ");
+    let mut text = format!(
+        "# gdg-tui: what you set for yourself.{}\n\
+         # Take the # away from a line to change it.\n\n\
+         # Colours: {}.\n# theme = \"{}\"\n\n\
+         # What the map is drawn with: {}.\n# marker = \"{}\"\n\n\
+         # Minutes between checkpoints that are saved by themselves; 0 for none.\n# autosave_minutes = {}\n\n\
+         # Keys of each action: \"a\", \"shift-a\", \"ctrl-a\", \"alt-a\", \"space\", \"enter\", \"left\", \"f1\" ...\n[keys]\n",
+        default_path().map_or(String::new(), |path| format!(" Its place: {}", path.display())),
+        names(ThemeName::ALL.map(ThemeName::name).to_vec()),
+        default.theme.name(),
+        names(Marker::ALL.map(Marker::name).to_vec()),
+        default.marker.name(),
+        default.autosave_minutes,
+    );
+    for section in SECTIONS {
+        let _ = write!(text, "\n# {}\n", section.title);
+        for binding in section.bindings {
+            let about = if binding.long.is_empty() { String::new() } else { format!("  # {}", binding.long) };
+            let _ = writeln!(text, "# {} = {:?}{about}", binding.name, binding.keys);
+        }
+    }
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_template_says_what_holds_without_it() {
+        let template = template();
+        assert!(parse("template", &template).is_ok(), "as it is printed");
+        let lines = template.lines().filter(|line| line.contains(" = ") || line.starts_with('['));
+        let all: String = lines.map(|line| line.trim_start_matches("# ").to_owned() + "\n").collect();
+        let (config, _) = parse("template", &all).expect("with everything switched on");
+        assert_eq!((config.theme, config.marker), (ThemeName::Dark, Marker::Auto));
+        assert_eq!(config.keys.len(), super::super::action::bindings().count());
+    }
+
+    #[test]
+    fn mistakes_are_told_with_line_and_column() {
+        for (text, place) in [
+            ("theme = \"drak\"\n", "f:1:9: "),
+            ("\nautosave_minutes = -1\n", "f:2:1: "),
+            ("[keys]\npause = [\"space\"]\nqiut = [\"x\"]\n", "f:3:8: "),
+            ("theme = \n", "f:1:"),
+        ] {
+            let error = parse("f", text).expect_err("a mistake");
+            assert!(error.to_string().starts_with(place), "{error} is not at {place}");
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! A list to pick from, narrowed by typing.
+
+use crossterm::event::{Event, KeyCode, KeyEvent};
+use nucleo_matcher::pattern::{CaseMatching, Normalization, Pattern};
+use nucleo_matcher::{Config, Matcher, Utf32Str};
+use tui_input::Input;
+use tui_input::backend::crossterm::EventHandler;
+
+use super::Choice;
+
+/// Rows that Page Up and Page Down move by.
+const PAGE: isize = 10;
+
+/// One line of a list.
+#[derive(Clone, Debug)]
+pub struct Item {
+    /// What it is.
+    pub label: String,
+    /// What else is to be said of it.
+    pub detail: String,
+    /// What picking it does.
+    pub choice: Choice,
+}
+
+impl Item {
+    /// An item.
+    pub fn new(label: impl Into<String>, detail: impl Into<String>, choice: Choice) -> Self {
+        Self { label: label.into(), detail: detail.into(), choice }
+    }
+}
+
+/// The list, what has been typed, and what is selected.
+#[derive(Debug)]
+pub struct Picker {
+    /// What is picked.
+    pub title: String,
+    items: Vec<Item>,
+    typed: Input,
+    /// The items that match what has been typed, best first.
+    shown: Vec<usize>,
+    selected: usize,
+}
+
+impl Picker {
+    /// All of `items`, the first selected.
+    pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
+        let shown = (0..items.len()).collect();
+        Self { title: title.into(), items, typed: Input::default(), shown, selected: 0 }
+    }
+
+    /// The same with the first item selected of which `is` holds.
+    #[must_use]
+    pub fn selecting(mut self, is: impl Fn(&Choice) -> bool) -> Self {
+        self.selected = self.items.iter().position(|item| is(&item.choice)).unwrap_or(0);
+        self
+    }
+
+    /// What has been typed, and the cursor's column in it.
+    pub fn typed(&self) -> (&str, usize) {
+        (self.typed.value(), self.typed.visual_cursor())
+    }
+
+    /// The items shown, best first, and which of them is selected.
+    pub fn shown(&self) -> (impl Iterator<Item = &Item>, usize) {
+        (self.shown.iter().map(|i| &self.items[*i]), self.selected)
+    }
+
+    /// Items in all.
+    pub fn len(&self) -> usize {
+        self.items.len()
+    }
+
+    /// What the selected item does.
+    pub fn choice(&self) -> Option<&Choice> {
+        self.shown.get(self.selected).map(|i| &self.items[*i].choice)
+    }
+
+    /// Selects the item on row `row` of those shown.
+    pub fn select(&mut self, row: usize) -> bool {
+        let there = row < self.shown.len();
+        if there {
+            self.selected = row;
+        }
+        there
+    }
+
+    /// Moves the selection.
+    pub fn turn(&mut self, by: isize) {
+        let last = self.shown.len().saturating_sub(1);
+        self.selected = self.selected.saturating_add_signed(by).min(last);
+    }
+
+    /// Takes a key.
+    pub fn on_key(&mut self, key: KeyEvent) {
+        match key.code {
+            KeyCode::Up => self.turn(-1),
+            KeyCode::Down => self.turn(1),
+            KeyCode::PageUp => self.turn(-PAGE),
+            KeyCode::PageDown => self.turn(PAGE),
+            _ => {
+                self.typed.handle_event(&Event::Key(key));
+                self.narrow();
+            }
+        }
+    }
+
+    /// Takes pasted text.
+    pub fn paste(&mut self, text: &str) {
+        super::prompt::type_in(&mut self.typed, text);
+        self.narrow();
+    }
+
+    fn narrow(&mut self) {
+        let pattern = Pattern::parse(self.typed.value(), CaseMatching::Ignore, Normalization::Smart);
+        let mut matcher = Matcher::new(Config::DEFAULT);
+        let mut buffer = Vec::new();
+        let mut score = |item: &Item| {
+            // What it is counts more than what is said of it.
+            let of = |text: &str, matcher: &mut Matcher, buffer: &mut Vec<char>| {
+                pattern.score(Utf32Str::new(text, buffer), matcher)
+            };
+            let label = of(&item.label, &mut matcher, &mut buffer).map(|s| 2 * s);
+            label.max(of(&format!("{} {}", item.label, item.detail), &mut matcher, &mut buffer))
+        };
+        let scored = self.items.iter().enumerate().filter_map(|(i, item)| Some((i, score(item)?)));
+        let mut scored: Vec<(usize, u32)> = scored.collect();
+        scored.sort_by_key(|(i, score)| (std::cmp::Reverse(*score), *i));
+        self.shown = scored.into_iter().map(|(i, _)| i).collect();
+        self.selected = 0;
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use crossterm::event::KeyModifiers;
+
+    use super::*;
+
+    fn picker() -> Picker {
+        let item = |label: &str, detail: &str| Item::new(label, detail, Choice::Setting(label.to_owned()));
+        Picker::new(
+            "settings",
+            vec![item("batch", "64"), item("learning_rate", "0.001"), item("loss", "sqrt: relative accuracy")],
+        )
+    }
+
+    fn press(picker: &mut Picker, keys: &str) {
+        keys.chars().for_each(|c| picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE)));
+    }
+
+    #[test]
+    fn typing_narrows_the_list_to_what_fits_best_first() {
+        let mut picker = picker();
+        press(&mut picker, "lrt");
+        assert_eq!(picker.choice(), Some(&Choice::Setting("learning_rate".to_owned())));
+        picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
+        press(&mut picker, "accuracy");
+        assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "details are searched too");
+        press(&mut picker, "zzz");
+        assert_eq!(picker.choice(), None);
+    }
+
+    #[test]
+    fn the_selection_stays_on_the_list() {
+        let mut picker = picker();
+        picker.turn(-5);
+        assert_eq!(picker.shown().1, 0);
+        picker.turn(99);
+        assert_eq!(picker.shown().1, 2);
+        assert!(!picker.select(3));
+    }
+}

@@ -1,0 +1,115 @@
+//! Curves as a drawing and as numbers.
+
+use plotters::coord::Shift;
+use plotters::prelude::*;
+
+use crate::train::{Evaluation, Snapshot};
+use crate::tui::app::App;
+
+/// Size of the drawing.
+const SIZE: (u32, u32) = (960, 720);
+
+/// A line: its name, and updates and values.
+type Series = (String, Vec<(f64, f64)>);
+
+/// Success, errors and losses, one below the other.
+pub fn svg(app: &App) -> Result<Vec<u8>, String> {
+    let mut drawing = String::new();
+    {
+        let root = SVGBackend::with_string(&mut drawing, SIZE).into_drawing_area();
+        let draw = || {
+            root.fill(&WHITE)?;
+            let parts = root.split_evenly((3, 1));
+            chart(&parts[0], "success", &success(&app.snapshot), Some(1.0))?;
+            chart(&parts[1], "relative error of D", &errors(&app.snapshot), None)?;
+            chart(&parts[2], "loss of D (log10)", &[losses(app)], None)?;
+            root.present()
+        };
+        draw().map_err(|e: DrawingAreaErrorKind<_>| e.to_string())?;
+    }
+    Ok(drawing.into_bytes())
+}
+
+fn chart(
+    area: &DrawingArea<SVGBackend, Shift>,
+    title: &str,
+    series: &[Series],
+    most: Option<f64>,
+) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
+    let points = || series.iter().flat_map(|(_, points)| points.iter());
+    let last = points().map(|p| p.0).fold(1.0, f64::max);
+    let low = points().map(|p| p.1).fold(0.0, f64::min);
+    let high = most.unwrap_or_else(|| points().map(|p| p.1).fold(low + 1e-3, f64::max));
+    let mut chart = ChartBuilder::on(area)
+        .caption(title, ("sans-serif", 16))
+        .margin(8)
+        .x_label_area_size(28)
+        .y_label_area_size(44)
+        .build_cartesian_2d(0.0..last, low..high)?;
+    chart.configure_mesh().x_desc("updates").draw()?;
+    for (i, (name, points)) in series.iter().enumerate() {
+        let colour = Palette99::pick(i).to_rgba();
+        chart
+            .draw_series(LineSeries::new(points.iter().copied(), colour.stroke_width(2)))?
+            .label(name.as_str())
+            .legend(move |(x, y)| PathElement::new([(x, y), (x + 16, y)], colour.stroke_width(2)));
+    }
+    chart.configure_series_labels().background_style(WHITE.mix(0.8)).border_style(BLACK.mix(0.3)).draw()
+}
+
+fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option<f64>) -> Series {
+    let points = snapshot.evaluations.iter().filter_map(|(at, e)| Some((*at as f64, value(e)?)));
+    (name.to_owned(), points.collect())
+}
+
+fn success(snapshot: &Snapshot) -> Vec<Series> {
+    let planned = series("planned", snapshot, |e| e.planned.as_ref().map(|s| s.success));
+    let greedy = series("greedy", snapshot, |e| Some(e.greedy.success));
+    vec![planned, greedy]
+}
+
+fn errors(snapshot: &Snapshot) -> Vec<Series> {
+    let learned = series("learned", snapshot, |e| Some(e.distance_error.mape));
+    let composed = series("by bridges", snapshot, |e| e.distance_error.graph.map(|g| g.mape));
+    vec![learned, composed]
+}
+
+fn losses(app: &App) -> Series {
+    let points = app.history.points().iter().map(|p| (p.updates as f64, f64::from(p.losses[0].max(1e-9)).log10()));
+    ("critic".to_owned(), points.collect())
+}
+
+/// One line for each evaluation and each point of the losses' curve, by updates.
+pub fn csv(app: &App) -> Result<Vec<u8>, String> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    let distances = app.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
+    let mut head = vec!["updates".to_owned()];
+    head.extend(["critic_loss", "model_loss", "actor_loss"].map(str::to_owned));
+    head.extend(["greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
+    for kind in ["greedy", "planned"] {
+        head.extend(distances.iter().map(|d| format!("{kind}_at_{:.0}_steps", d.distance_steps)));
+    }
+    let width = head.len();
+    let mut lines: Vec<(u64, Vec<String>)> = Vec::new();
+    for point in app.history.points() {
+        let mut line = vec![point.updates.to_string()];
+        line.extend(point.losses.iter().map(f32::to_string));
+        line.resize(width, String::new());
+        lines.push((point.updates, line));
+    }
+    for (updates, e) in app.snapshot.evaluations.iter() {
+        let mut line = vec![updates.to_string(), String::new(), String::new(), String::new()];
+        line.push(e.greedy.success.to_string());
+        line.push(e.planned.as_ref().map_or(String::new(), |s| s.success.to_string()));
+        line.push(e.distance_error.mape.to_string());
+        line.push(e.distance_error.graph.map_or(String::new(), |g| g.mape.to_string()));
+        line.extend(e.greedy.by_distance.iter().map(|d| d.success.to_string()));
+        line.extend(e.planned.iter().flat_map(|s| &s.by_distance).map(|d| d.success.to_string()));
+        line.resize(width, String::new());
+        lines.push((*updates, line));
+    }
+    lines.sort_by_key(|(updates, _)| *updates);
+    writer.write_record(&head).map_err(|e| e.to_string())?;
+    lines.iter().try_for_each(|(_, line)| writer.write_record(line)).map_err(|e| e.to_string())?;
+    writer.into_inner().map_err(|e| e.to_string())
+}

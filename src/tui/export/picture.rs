@@ -1,0 +1,131 @@
+//! Characters as pixels: PNG.
+
+use ratatui::buffer::{Buffer, Cell};
+use ratatui::layout::Rect;
+use ratatui::style::{Color, Modifier};
+use unifont::get_glyph;
+
+use super::Paper;
+use crate::tui::theme::{Rgb, blend};
+
+/// Pixels of a character in the font.
+const WIDTH: usize = 8;
+const HEIGHT: usize = 16;
+
+/// A part of the screen as a PNG file.
+///
+/// # Errors
+/// What the encoder reports.
+pub fn png_of(screen: &Buffer, area: Rect, paper: Paper) -> Result<Vec<u8>, png::EncodingError> {
+    let (columns, rows) = (usize::from(area.width) * WIDTH, usize::from(area.height) * HEIGHT);
+    let mut pixels = vec![0u8; 3 * columns * rows];
+    for y in 0..area.height {
+        for x in 0..area.width {
+            let cell = &screen[(area.x + x, area.y + y)];
+            let (front, back) = colours(cell, paper);
+            let sign = cell.symbol().chars().next().unwrap_or(' ');
+            let glyph = get_glyph(sign);
+            let bold = cell.modifier.contains(Modifier::BOLD);
+            for row in 0..HEIGHT {
+                for column in 0..WIDTH {
+                    let dot = |column: usize| match braille(sign) {
+                        Some(dots) => dots.has(column, row),
+                        None => glyph.is_some_and(|g| g.get_pixel(column, row)),
+                    };
+                    // Bold letters are drawn twice, a pixel apart.
+                    let letter = cell.symbol().chars().all(char::is_alphanumeric);
+                    let set = dot(column) || bold && letter && column > 0 && dot(column - 1);
+                    let (r, g, b) = if set { front } else { back };
+                    let at = 3 * ((usize::from(y) * HEIGHT + row) * columns + usize::from(x) * WIDTH + column);
+                    pixels[at..at + 3].copy_from_slice(&[r, g, b]);
+                }
+            }
+        }
+    }
+    let mut file = Vec::new();
+    let mut encoder = png::Encoder::new(&mut file, columns as u32, rows as u32);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::High);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&pixels)?;
+    writer.finish()?;
+    Ok(file)
+}
+
+/// Dots of a braille character; the font draws rings for those that are not set.
+struct Dots(u32);
+
+impl Dots {
+    /// Whether a pixel belongs to a dot that is set.
+    fn has(&self, column: usize, row: usize) -> bool {
+        // The left column's dots are bits 0, 1, 2 and 6, the right one's 3, 4, 5 and 7.
+        const BITS: [[u32; 4]; 2] = [[0, 1, 2, 6], [3, 4, 5, 7]];
+        let inside = (1..3).contains(&(column % 4)) && (1..3).contains(&(row % 4));
+        inside && self.0 >> BITS[column / 4][row / 4] & 1 == 1
+    }
+}
+
+fn braille(sign: char) -> Option<Dots> {
+    u32::from(sign).checked_sub(0x2800).filter(|dots| *dots < 256).map(Dots)
+}
+
+/// The colours of a character's front and back as they are seen.
+pub fn colours(cell: &Cell, paper: Paper) -> (Rgb, Rgb) {
+    let (mut front, mut back) = (rgb(cell.fg, paper.ink), rgb(cell.bg, paper.ground));
+    if cell.modifier.contains(Modifier::REVERSED) {
+        std::mem::swap(&mut front, &mut back);
+    }
+    if cell.modifier.contains(Modifier::DIM) {
+        front = blend(front, back, 0.4);
+    }
+    (front, back)
+}
+
+/// A terminal's colour; `own` where it is the terminal's own.
+fn rgb(colour: Color, own: Rgb) -> Rgb {
+    let ansi = |i: u8| ansi_colours::rgb_from_ansi256(i);
+    match colour {
+        Color::Rgb(r, g, b) => (r, g, b),
+        Color::Indexed(i) => ansi(i),
+        Color::Reset => own,
+        Color::Black => ansi(0),
+        Color::Red => ansi(1),
+        Color::Green => ansi(2),
+        Color::Yellow => ansi(3),
+        Color::Blue => ansi(4),
+        Color::Magenta => ansi(5),
+        Color::Cyan => ansi(6),
+        Color::Gray => ansi(7),
+        Color::DarkGray => ansi(8),
+        Color::LightRed => ansi(9),
+        Color::LightGreen => ansi(10),
+        Color::LightYellow => ansi(11),
+        Color::LightBlue => ansi(12),
+        Color::LightMagenta => ansi(13),
+        Color::LightCyan => ansi(14),
+        Color::White => ansi(15),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::style::Style;
+
+    use super::*;
+
+    #[test]
+    fn half_blocks_become_two_halves_in_their_colours() {
+        let mut screen = Buffer::empty(Rect::new(0, 0, 2, 1));
+        let style = Style::new().fg(Color::Rgb(200, 10, 20)).bg(Color::Rgb(1, 2, 3));
+        screen.set_string(0, 0, "\u{2580}A", style);
+        let file = png_of(&screen, screen.area, Paper::default()).expect("a picture");
+        let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
+        let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+        let frame = reader.next_frame(&mut pixels).expect("pixels");
+        assert_eq!((frame.width, frame.height), (16, 16));
+        let at = |x: usize, y: usize| &pixels[3 * (y * 16 + x)..3 * (y * 16 + x) + 3];
+        assert_eq!((at(3, 0), at(3, 7), at(3, 8)), (&[200, 10, 20][..], &[200, 10, 20][..], &[1, 2, 3][..]));
+        assert!((8..16).any(|x| at(x, 8) == [200, 10, 20]), "the letter is drawn");
+    }
+}

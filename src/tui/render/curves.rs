@@ -1,0 +1,165 @@
+//! Curves over updates: success, errors of D, losses.
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Color, Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition, Paragraph};
+
+use super::{BOLD, DIM, short};
+use crate::train::{DistanceScore, Evaluation};
+use crate::tui::app::App;
+use crate::tui::theme::Depth;
+
+/// The least height of a chart, and the least width of two side by side.
+const LEAST_HEIGHT: u16 = 7;
+const TWO_ABREAST: u16 = 64;
+
+/// The part of all updates that is shown at once when scrolled back.
+const PAGE: f64 = 0.25;
+
+/// A line of a chart.
+struct Series {
+    name: String,
+    points: Vec<(f64, f64)>,
+}
+
+/// A chart's data.
+struct Plot {
+    title: &'static str,
+    series: Vec<Series>,
+    /// The highest value, where it is known.
+    most: Option<f64>,
+    /// Whether it may be drawn on a logarithmic scale.
+    log: bool,
+}
+
+/// Draws as many charts as have room, the most telling first.
+pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
+    let mut plots = plots(app);
+    let columns = if area.width >= TWO_ABREAST { 2 } else { 1 };
+    let rows = usize::from((area.height / LEAST_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
+    plots.truncate(rows * columns);
+    let rows = Layout::vertical(vec![Constraint::Fill(1); rows]).split(area);
+    let mut plots = plots.into_iter();
+    for row in rows.iter() {
+        let places = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
+        for (place, plot) in places.iter().zip(&mut plots) {
+            draw_plot(frame, *place, app, &plot);
+        }
+    }
+}
+
+fn plots(app: &App) -> Vec<Plot> {
+    let of = |name: &str, value: &dyn Fn(&Evaluation) -> Option<f64>| Series {
+        name: name.to_owned(),
+        points: app.snapshot.evaluations.iter().filter_map(|(at, e)| Some((*at as f64, value(e)?))).collect(),
+    };
+    let loss = |i: usize| {
+        let name = ["D", "f", "mu"][i].to_owned();
+        Series {
+            name,
+            points: app.history.points().iter().map(|p| (p.updates as f64, f64::from(p.losses[i]))).collect(),
+        }
+    };
+    let distances = app.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
+    let each = distances
+        .iter()
+        .enumerate()
+        .map(|(i, d)| of(&format!("{:.0}", d.distance_steps), &|e| by_distance(e).get(i).map(|d| d.success)));
+    let success =
+        vec![of("planned", &|e| e.planned.as_ref().map(|s| s.success)), of("greedy", &|e| Some(e.greedy.success))];
+    let errors =
+        vec![of("D", &|e| Some(e.distance_error.mape)), of("by bridges", &|e| e.distance_error.graph.map(|g| g.mape))];
+    vec![
+        Plot { title: "success", series: success, most: Some(1.0), log: false },
+        Plot { title: "loss of D", series: vec![loss(0)], most: None, log: true },
+        Plot { title: "error of D", series: errors, most: None, log: true },
+        Plot { title: "success by steps", series: each.collect(), most: Some(1.0), log: false },
+        Plot { title: "loss of f", series: vec![loss(1)], most: None, log: true },
+        Plot { title: "loss of mu, steps", series: vec![loss(2)], most: None, log: true },
+    ]
+}
+
+/// Success at each distance, planned where the method plans.
+fn by_distance(e: &Evaluation) -> &[DistanceScore] {
+    &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
+}
+
+fn draw_plot(frame: &mut Frame, area: Rect, app: &App, plot: &Plot) {
+    let log = plot.log && app.log_scale;
+    let [from, to] = window(app);
+    let value = |y: f64| if log { y.max(1e-9).log10() } else { y };
+    let shown: Vec<Vec<(f64, f64)>> = plot
+        .series
+        .iter()
+        .map(|s| s.points.iter().filter(|p| (from..=to).contains(&p.0)).map(|p| (p.0, value(p.1))).collect())
+        .collect();
+    let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
+    let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
+    let mut line = Line::from(Span::styled(title, BOLD));
+    for (i, series) in plot.series.iter().enumerate().filter(|(_, s)| !s.points.is_empty()) {
+        if plot.series.len() > 1 && line.width() + series.name.len() + 3 <= usize::from(area.width) {
+            line.push_span(Span::styled(format!("  {} {}", sign(i), series.name), colour(app, i)));
+        }
+    }
+    frame.render_widget(Paragraph::new(line), head);
+    let values = || shown.iter().flatten().map(|p| p.1);
+    if values().next().is_none() {
+        let text = if plot.log && plot.series.len() == 1 { " nothing yet" } else { " not evaluated yet" };
+        frame.render_widget(Paragraph::new(Line::styled(text, DIM)), body);
+        return;
+    }
+    let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
+    let high = plot.most.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
+    let sets = shown.iter().enumerate().map(|(i, points)| {
+        let style = colour(app, i);
+        Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(style).data(points)
+    });
+    let label = |y: f64| {
+        let y = if log { 10f64.powf(y) } else { y };
+        if y >= 100.0 {
+            format!("{y:.0}")
+        } else if y >= 1.0 || y == 0.0 {
+            format!("{y:.1}")
+        } else {
+            format!("{y:.2}")
+        }
+    };
+    let y = Axis::default().bounds([low, high]).labels([label(low), label(high)]).style(DIM);
+    let x = Axis::default().bounds([from, to]).labels([short(from), short(to)]).style(DIM);
+    let chart = Chart::new(sets.collect()).x_axis(x).y_axis(y).legend_position(None::<LegendPosition>);
+    frame.render_widget(chart, body);
+}
+
+/// The updates that are shown: all, or a part of them that lies back in time.
+fn window(app: &App) -> [f64; 2] {
+    let last = (app.snapshot.counters.updates as f64).max(1.0);
+    let page = PAGE * last;
+    match app.scrolled {
+        0 => [0.0, last],
+        n => {
+            let to = (last - (n - 1) as f64 * page / 2.0).max(page);
+            [to - page, to]
+        }
+    }
+}
+
+/// What tells lines apart without colours: their order and these signs.
+fn sign(i: usize) -> char {
+    ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
+}
+
+fn colour(app: &App, i: usize) -> Style {
+    if app.theme.depth == Depth::Mono {
+        return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
+    }
+    // From near to far, as on the map; the first two far apart.
+    let at = [0.0, 0.6, 0.3, 0.45, 0.75, 0.15][i % 6];
+    let Color::Rgb(..) = app.theme.colour((0, 0, 0)) else {
+        return Style::new()
+            .fg([Color::Yellow, Color::Cyan, Color::Green, Color::Blue, Color::Magenta, Color::Red][i % 6]);
+    };
+    Style::new().fg(app.theme.colour(app.theme.of_distance(at)))
+}

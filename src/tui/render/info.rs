@@ -1,0 +1,77 @@
+//! The line below the map: the facts of a cell, or what the colours mean.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use super::map::{STRONGEST_ERROR, contour_interval};
+use super::{DIM, short};
+use crate::tui::app::App;
+use crate::tui::layers::{Field, Overlay};
+use crate::tui::theme::Depth;
+
+/// Characters of the bar of colours.
+const BAR: usize = 12;
+
+/// Draws the line.
+pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
+    let cell = app.inspecting.or(app.hovered);
+    let line = match cell {
+        Some(_) => cell_facts(app),
+        None => scale(app, BAR),
+    };
+    frame.render_widget(Paragraph::new(line), area);
+}
+
+fn cell_facts(app: &App) -> Line<'static> {
+    let Some(cell) = app.inspecting.or(app.hovered) else { return Line::default() };
+    let place = format!(" cell {},{}", cell.x, cell.y);
+    if !app.map().is_free(cell) {
+        return Line::from(format!("{place}: wall"));
+    }
+    let Some(facts) = app.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
+    let (learned, visits) = (facts.learned, short(f64::from(facts.visits)));
+    Line::from(match facts.truth {
+        Some(truth) => {
+            let error = 100.0 * (learned - truth as f32) / (truth as f32).max(1.0);
+            format!("{place}: D {learned:.1}, true {truth} ({error:+.0} %), {visits} visits")
+        }
+        None => format!("{place}: D {learned:.1}, but there is no way to G"),
+    })
+}
+
+/// What the colours mean, from one end to the other, with a bar of `bar` characters.
+pub fn scale(app: &App, bar: usize) -> Line<'static> {
+    let farthest = app.base.as_ref().map_or(1.0, |base| base.farthest);
+    let name = Span::raw(format!(" {} ", app.field.name()));
+    let (low, high) = match app.field {
+        Field::Plain => return Line::from(name),
+        Field::Error => {
+            let most = 100.0 * STRONGEST_ERROR;
+            (format!("-{most:.0} %"), format!("+{most:.0} %"))
+        }
+        Field::Visits => ("0".to_owned(), short(f64::from(farthest))),
+        _ => ("0".to_owned(), format!("{farthest:.0} steps")),
+    };
+    let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
+    if app.theme.depth == Depth::Mono {
+        line.push_span(Span::raw("to"));
+    } else {
+        for i in 0..bar {
+            let at = i as f32 / (bar - 1) as f32;
+            let rgb = match app.field {
+                Field::Error => app.theme.of_error(2.0 * at - 1.0),
+                Field::Visits => app.theme.of_distance(1.0 - at),
+                _ => app.theme.of_distance(at),
+            };
+            line.push_span(Span::styled("\u{2588}", Style::new().fg(app.theme.colour(rgb))));
+        }
+    }
+    line.push_span(Span::styled(format!(" {high}"), DIM));
+    if app.field.is_distance() && app.overlays.has(Overlay::Contours) && bar >= BAR {
+        line.push_span(Span::styled(format!(", a line every {:.0}", contour_interval(farthest)), DIM));
+    }
+    line
+}

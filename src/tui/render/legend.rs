@@ -1,0 +1,69 @@
+//! What the map shows: colours, signs, and what can be switched on.
+
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::side::heading;
+use super::{DIM, info};
+use crate::bridge::Standing;
+use crate::tui::action::{Action, bindings};
+use crate::tui::app::App;
+use crate::tui::layers::Overlay;
+use crate::tui::theme::{Depth, Rgb};
+
+/// The pane's lines.
+pub fn lines(app: &App) -> Vec<Line<'static>> {
+    let mut lines = vec![info::scale(app, 5), heading("switched by key")];
+    for overlay in Overlay::ALL {
+        let binding = bindings().find(|b| b.action == Action::Toggle(overlay));
+        let key = binding.and_then(|b| app.keymap.shown(b).first().cloned()).unwrap_or_default();
+        let shown = app.overlays.has(overlay);
+        let mut line =
+            Line::from(vec![Span::raw(format!(" {key:<2}")), Span::raw(if shown { "[x] " } else { "[ ] " })]);
+        line.spans.push(Span::styled(overlay.name(), if shown { Style::new() } else { DIM }));
+        line.spans.extend(sign_of(overlay, app));
+        lines.push(line);
+    }
+    lines.push(heading("signs"));
+    let theme = &app.theme;
+    for (sign, rgb, meaning) in [
+        ('G', theme.goal, "goal"),
+        ('S', theme.walker, "where @ set out"),
+        ('@', theme.walker, "walks to G"),
+        ('s', theme.cursor, "g: the map's own"),
+    ] {
+        lines.push(Line::from(vec![Span::raw(" "), sample(app, sign, rgb), Span::raw(format!(" {meaning}"))]));
+    }
+    if app.run().method.plans() {
+        lines.push(heading("edges"));
+        let of = |standing: Standing| app.view.edges.iter().filter(|(_, s)| *s == standing).count();
+        let kinds =
+            [(Standing::Confirmed, "walked"), (Standing::Demoted, "failed"), (Standing::Untried, "by experience")];
+        for ((standing, name), rgb) in kinds.into_iter().zip(theme.edges) {
+            let text = format!(" {} {name}", of(standing));
+            lines.push(Line::from(vec![Span::raw(" "), sample(app, '\u{2500}', rgb), Span::raw(text)]));
+        }
+    }
+    lines
+}
+
+/// A sign in its colour.
+fn sample(app: &App, sign: char, rgb: Rgb) -> Span<'static> {
+    Span::styled(sign.to_string(), Style::new().fg(app.theme.colour(rgb)))
+}
+
+/// How something that can be switched on looks.
+fn sign_of(overlay: Overlay, app: &App) -> Vec<Span<'static>> {
+    let theme = &app.theme;
+    let mono = theme.depth == Depth::Mono;
+    let (sign, rgb) = match overlay {
+        Overlay::Contours => return Vec::new(),
+        Overlay::Directions => ('\u{2192}', theme.cursor),
+        Overlay::Agents => (if mono { 'o' } else { '\u{2580}' }, theme.agent),
+        Overlay::Candidates => (if mono { ':' } else { '\u{2022}' }, theme.cursor),
+        Overlay::Edges => ('\u{2500}', theme.edges[0]),
+        Overlay::Search => ('B', theme.search[0]),
+        Overlay::Path => (if mono { '+' } else { '\u{2580}' }, theme.path),
+    };
+    vec![Span::raw(" "), sample(app, sign, rgb)]
+}

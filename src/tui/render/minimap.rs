@@ -1,0 +1,45 @@
+//! The whole map in a corner, where only a part of it is shown.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::widgets::{Block, Clear};
+
+use crate::tui::app::App;
+use crate::tui::canvas::{Canvas, WALL_MARK};
+use crate::tui::raster::{Ground, MapFrame, Marker, Viewport};
+use crate::tui::theme::blend;
+
+/// The most columns and rows of it, and the share of the pane that it may take.
+const MOST: (u16, u16) = (24, 10);
+const SHARE: u16 = 3;
+
+/// Draws it in the upper right corner of `area`.
+pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
+    let Some(shown) = app.places.map.as_ref().filter(|_| app.viewport.zoom > 1.0) else { return };
+    let room = Rect { width: MOST.0.min(area.width / SHARE), height: MOST.1.min(area.height / SHARE), ..area };
+    let inner = Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
+    let Some(place) = MapFrame::fit(inner, app.map(), Marker::Quadrant, Viewport::default()) else { return };
+    let (width, height) = (place.area.width + 2, place.area.height + 2);
+    let outer = Rect { x: area.right().saturating_sub(width), y: area.y, width, height };
+    let place = MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..place.area }, ..place };
+    let mut canvas = Canvas::new(&place);
+    let [left, top, columns, rows] = shown.raster.window;
+    for i in 0..canvas.len() {
+        let (column, row) = (i % canvas.columns(), i / canvas.columns());
+        let [.., width, height] = place.raster.window;
+        let x = (column as f32 + 0.5) / place.raster.pixels.0 as f32 * width;
+        let y = (row as f32 + 0.5) / place.raster.pixels.1 as f32 * height;
+        let inside = x >= left && x < left + columns && y >= top && y < top + rows;
+        let (rgb, mark) = match place.raster.ground(app.map(), column, row) {
+            Ground::Outside => (None, ' '),
+            Ground::Wall => (Some(app.theme.wall), WALL_MARK),
+            Ground::Free(_) => (Some(app.theme.unknown), ' '),
+        };
+        let lit = rgb.map(|rgb| if inside { blend(rgb, app.theme.walker, 0.5) } else { rgb });
+        canvas.set(i, lit, if inside && mark == ' ' { '.' } else { mark });
+    }
+    frame.render_widget(Clear, outer);
+    frame.render_widget(Block::bordered().style(Style::new()), outer);
+    canvas.paint(frame.buffer_mut(), &place, &app.theme);
+}

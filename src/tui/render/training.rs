@@ -1,0 +1,100 @@
+//! How training goes: counters, rates, success, and where the time goes.
+
+use ratatui::text::Line;
+
+use super::side::{fact, heading};
+use super::{clock, short};
+use crate::learn;
+use crate::train::{DistanceScore, Score};
+use crate::tui::app::App;
+
+/// The pane's lines.
+pub fn lines(app: &App) -> Vec<Line<'static>> {
+    let snapshot = &app.snapshot;
+    let (updates, steps) = snapshot.rates;
+    let (used, room) = snapshot.replay;
+    let mut lines = vec![
+        fact("elapsed", clock(snapshot.seconds)),
+        fact("updates", format!("{} {}/s", short(snapshot.counters.updates as f64), short(updates))),
+        fact("steps", format!("{} {}/s", short(snapshot.counters.env_steps as f64), short(steps))),
+        fact("episodes", short(snapshot.counters.episodes as f64)),
+        fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
+        fact("D loss", format!("{:.4}", snapshot.losses.critic)),
+        fact("f loss", format!("{:.4}", snapshot.losses.model)),
+        fact("mu loss", format!("{:.1} steps", snapshot.losses.actor)),
+        heading("success"),
+    ];
+    lines.splice(1..1, left(app).map(|seconds| fact("to go", clock(seconds))));
+    lines.extend(success(app));
+    lines.extend(bridges(app));
+    lines.extend(time(app));
+    lines
+}
+
+/// Seconds until the run ends, where that is known.
+fn left(app: &App) -> Option<f64> {
+    let (snapshot, limits) = (&app.snapshot, &app.snapshot.limits);
+    let updates = limits
+        .updates
+        .filter(|_| snapshot.rates.0 > 0.0)
+        .map(|limit| limit.saturating_sub(snapshot.counters.updates) as f64 / snapshot.rates.0);
+    let seconds = limits.seconds.map(|limit| (limit - snapshot.seconds).max(0.0));
+    let episodes = limits.episodes.filter(|_| snapshot.counters.episodes > 0 && snapshot.seconds > 0.0).map(|limit| {
+        limit.saturating_sub(snapshot.counters.episodes) as f64 * snapshot.seconds / snapshot.counters.episodes as f64
+    });
+    [updates, seconds, episodes].into_iter().flatten().min_by(f64::total_cmp)
+}
+
+fn success(app: &App) -> Vec<Line<'static>> {
+    let Some((updates, evaluation)) = app.snapshot.evaluations.last() else {
+        return vec![fact("evaluated", "not yet")];
+    };
+    let mut lines = Vec::new();
+    let score = |name: &str, score: &Score| fact(name, format!("{:.2}  {}", score.success, bars(&score.by_distance)));
+    lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
+    lines.push(score("greedy", &evaluation.greedy));
+    let graph = evaluation.distance_error.graph.map_or(String::new(), |g| format!(", graph {:.0} %", 100.0 * g.mape));
+    lines.push(fact("D error", format!("{:.0} %{graph}", 100.0 * evaluation.distance_error.mape)));
+    lines.push(fact("at update", short(*updates as f64)));
+    lines
+}
+
+/// One bar for each distance, near to far.
+fn bars(by_distance: &[DistanceScore]) -> String {
+    const BARS: [char; 9] =
+        [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}', '\u{2588}'];
+    by_distance.iter().map(|d| BARS[(d.success * 8.0).round() as usize]).collect()
+}
+
+fn bridges(app: &App) -> Vec<Line<'static>> {
+    if !app.run().method.plans() {
+        return Vec::new();
+    }
+    let search = app.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
+        Some(bridge) => format!("{} tried, gain {:.0}", s.tried(), bridge.gain),
+        None => format!("{} tried, none", s.tried()),
+    });
+    let edges = app.view.edges.len() as f64;
+    vec![
+        heading("bridges"),
+        fact("points", format!("{}, {} edges", app.view.candidates.len(), short(edges))),
+        fact("search", search),
+    ]
+}
+
+/// Where the time goes.
+fn time(app: &App) -> Vec<Line<'static>> {
+    use learn::Phase::{
+        ActorGradient, ActorStep, CriticModelGradients, CriticModelSteps, Explore, Graph, Sample, Tape,
+    };
+
+    let spent = |phase| app.snapshot.profile.spent(phase).as_secs_f64();
+    let all: f64 = learn::Phase::ALL.into_iter().map(spent).sum();
+    let share = |phases: &[learn::Phase]| 100.0 * phases.iter().map(|p| spent(*p)).sum::<f64>() / all.max(1e-9);
+    let learning = share(&[CriticModelGradients, ActorGradient, Tape]);
+    vec![
+        heading("time"),
+        fact("gradients", format!("{learning:.0} %, steps {:.0} %", share(&[CriticModelSteps, ActorStep]))),
+        fact("exploring", format!("{:.0} %, batches {:.0} %", share(&[Explore]), share(&[Sample, Graph]))),
+    ]
+}

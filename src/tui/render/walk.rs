@@ -1,0 +1,63 @@
+//! The agent that is followed: the walking one, or one that explores.
+
+use ratatui::text::Line;
+
+use super::side::{fact, heading};
+use crate::tui::app::App;
+
+/// The pane's lines.
+pub fn lines(app: &App) -> Vec<Line<'static>> {
+    match app.following {
+        Some(_) => explorer(app),
+        None => walker(app),
+    }
+}
+
+fn place(at: &[f32]) -> String {
+    format!("{:.1}, {:.1}", at[0], at[1])
+}
+
+fn steps(distance: f32) -> String {
+    if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1}") }
+}
+
+fn walker(app: &App) -> Vec<Line<'static>> {
+    let walk = &app.view.walk;
+    let shortest = walk.shortest.map_or("no way".to_owned(), |s| s.to_string());
+    let state = if walk.arrived { "arrived" } else { "walking" };
+    let mut lines = vec![
+        fact("from S", place(&walk.start)),
+        fact("to G", place(&app.goal.centre())),
+        fact(state, format!("{} steps", walk.steps)),
+        fact("shortest", shortest),
+        fact("D to goal", steps(walk.distances.0)),
+        fact("waypoint", walk.waypoint.map_or("the goal itself".to_owned(), |at| place(&at))),
+        fact("D to it", steps(walk.distances.1)),
+        fact("ahead", format!("{} waypoints", app.view.path.len().saturating_sub(1))),
+        heading("journeys"),
+        fact("arrived", format!("{} of {}", walk.journeys.0, walk.journeys.1)),
+        fact("then", app.tour.name()),
+    ];
+    lines.push(Line::default());
+    lines.push(Line::from(" n or click: a goal"));
+    lines.push(Line::from(" w or right-click: a start"));
+    lines.push(Line::from(" f: follow who explores"));
+    lines
+}
+
+fn explorer(app: &App) -> Vec<Line<'static>> {
+    let Some(followed) = &app.snapshot.followed else { return vec![fact("agent", "...")] };
+    let aim = if followed.aim == followed.goal { "the goal itself".to_owned() } else { place(&followed.aim) };
+    vec![
+        fact("agent", format!("{} of {}", followed.agent, app.snapshot.agents.len() / 2)),
+        fact("at A", place(&followed.state)),
+        fact("goal", place(&followed.goal)),
+        fact("steps", format!("{} of {}", followed.steps, app.run().settings.train.episode_steps)),
+        fact("D to goal", steps(followed.distances.1)),
+        fact("heads for", aim),
+        fact("D to it", steps(followed.distances.0)),
+        fact("way", if followed.planned { "through bridges" } else { "by the actor" }),
+        Line::default(),
+        Line::from(" f: the next one"),
+    ]
+}

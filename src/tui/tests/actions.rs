@@ -1,0 +1,99 @@
+//! Every action: reachable by the keyboard alone, listed in the help, and safe to take at any time.
+
+use super::*;
+use crate::tui::action::{Action, Binding, When};
+
+/// All help there is, page by page.
+fn help(app: &mut App) -> String {
+    press(app, KeyCode::Char('?'));
+    let mut pages = String::new();
+    loop {
+        let shown = text(&draw(app, 80, 24));
+        if pages.ends_with(&shown) {
+            press(app, KeyCode::Esc);
+            return pages;
+        }
+        pages += &shown;
+        press(app, KeyCode::PageDown);
+    }
+}
+
+#[test]
+fn the_help_lists_every_action_and_sign_at_80_by_24() {
+    let mut app = app();
+    let help = help(&mut app);
+    for binding in bindings() {
+        assert!(help.contains(binding.long), "{} is missing", binding.name);
+        assert!(app.keymap.shown(binding).iter().all(|key| binding.long.is_empty() || help.contains(key.as_str())));
+    }
+    for sign in ["goal", "walks to G", "where @ set out", "planned path", "exploring agents", "bridge candidates"] {
+        assert!(help.contains(sign), "{sign} is missing");
+    }
+    assert!(app.dialogs.is_empty(), "Esc closes it");
+}
+
+/// What changes when things are done.
+fn state(app: &App) -> String {
+    format!(
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+        app.dialogs.len(),
+        app.pane,
+        app.maximised,
+        app.field,
+        app.overlays,
+        app.marker,
+        (app.viewport, app.scrolled, app.log_scale),
+        app.editor.cursor,
+        app.editor.tool,
+        app.goal,
+        app.inspecting,
+        app.tour,
+        (app.following, app.pausing, app.is_done(), app.suspends()),
+        app.log.entries().len(),
+        app.map().free_count(),
+    )
+}
+
+/// Actions that change nothing on this screen at once, or nothing where there is nothing to do it to.
+fn is_quiet(binding: &Binding) -> bool {
+    let quiet = [Action::Undo, Action::Redo, Action::Close, Action::ZoomOff, Action::ZoomOut, Action::Scroll(1)];
+    let of_others = [Action::StartHere, Action::NewStart, Action::GoalHere, Action::StepUpdate, Action::StepEpisode];
+    quiet.contains(&binding.action)
+        || of_others.contains(&binding.action)
+        || matches!(binding.action, Action::Pan(..) | Action::Move(..) | Action::Show(_) | Action::Tool(_))
+}
+
+#[test]
+fn every_action_is_taken_by_its_keys() {
+    for binding in bindings() {
+        for key in binding.keys {
+            let mut app = app();
+            draw(&mut app, 80, 24);
+            wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+            if binding.when == When::Editing {
+                press(&mut app, KeyCode::Char('e'));
+            }
+            let before = state(&app);
+            let combination = crokey::parse(key).expect("a key");
+            let crokey::OneToThree::One(code) = combination.codes else { panic!("{key} is one key") };
+            press_with(&mut app, code, combination.modifiers);
+            draw(&mut app, 80, 24);
+            assert!(is_quiet(binding) || state(&app) != before, "{key} does nothing for {}", binding.name);
+        }
+    }
+}
+
+#[test]
+fn every_action_without_a_key_is_found_by_its_name() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    for binding in bindings().filter(|b| b.keys.is_empty()) {
+        press(&mut app, KeyCode::Char(':'));
+        type_text(&mut app, binding.long);
+        let Some(Dialog::Pick(picker)) = app.dialogs.last() else { panic!("the list is open") };
+        assert_eq!(picker.choice(), Some(&super::super::dialog::Choice::Act(binding.action)), "{}", binding.name);
+        press(&mut app, KeyCode::Enter);
+        assert!(!app.dialogs.is_empty(), "{} asks something", binding.name);
+        app.dialogs.clear();
+    }
+}

@@ -1,0 +1,216 @@
+//! Screens as they were when somebody last looked at them, with their styles.
+//!
+//! Everything that is drawn is made up here: what training brings differs from machine to machine.
+
+use std::fmt::Write as _;
+
+use super::*;
+use crate::bridge::{BridgePoint, SearchOutcome, Standing};
+use crate::train::{Counters, DistanceError, DistanceScore, Evaluation, Followed, Score, Snapshot};
+use crate::tui::layers::Overlay;
+use crate::tui::panes::Pane;
+use crate::tui::viewer::{Candidate, View, Walk};
+
+fn score(success: f64) -> Score {
+    let by_distance = (1..=6).map(|i| DistanceScore {
+        distance_steps: f64::from(5 * i),
+        tasks: 10,
+        success: (success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0),
+        spl: success,
+    });
+    Score { success, spl: success, steps_ratio: 1.1, by_distance: by_distance.collect() }
+}
+
+fn evaluation(at: f64) -> Evaluation {
+    Evaluation {
+        greedy: score(0.6 * at),
+        planned: Some(score(at)),
+        distance_error: DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() },
+        bridges: None,
+        coverage: 1.0,
+        marked: None,
+    }
+}
+
+/// The rooms in the midst of a run of which every number is known, drawn once at that size.
+fn stage(width: u16, height: u16) -> App {
+    let mut app = app_with(rooms(), Method::GdgBridge, Limits { updates: Some(0), ..Limits::default() });
+    draw(&mut app, width, height);
+    let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
+    let search = SearchOutcome {
+        state: vec![1.5, 0.5],
+        goal: vec![15.5, 1.5],
+        rejected: vec![3.5, 3.5, 17.5, 3.5],
+        found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
+        budget: 64,
+    };
+    let followed = Followed {
+        agent: 2,
+        state: vec![7.5, 1.5],
+        steps: 17,
+        aim: vec![10.5, 2.5],
+        goal: vec![18.5, 0.5],
+        distances: (3.0, 11.0),
+        planned: true,
+    };
+    for updates in [2_500, 5_000, 7_500, 10_000] {
+        let mut counters = Counters::default();
+        (counters.updates, counters.env_steps, counters.episodes) = (updates, 16 * updates, updates / 10);
+        let losses = crate::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
+        let snapshot = Snapshot {
+            phase: Phase::Running,
+            counters,
+            limits: Limits { updates: Some(20_000), ..Limits::default() },
+            seconds: 12.0,
+            rates: (812.0, 13_000.0),
+            losses,
+            replay: (15_000, 20_000),
+            agents: Arc::new(vec![4.5, 3.5, 7.5, 1.5, 14.5, 2.5]),
+            trails: Arc::new(vec![vec![3.5, 3.5, 4.0, 3.5, 4.5, 3.5]]),
+            followed: Some(Arc::new(followed.clone())),
+            search: Some(Arc::new(search.clone())),
+            evaluations: Arc::new(Vec::new()),
+            ..(*app.snapshot).clone()
+        };
+        app.on_snapshot(Arc::new(snapshot));
+    }
+    app.on_snapshot(Arc::new(Snapshot { evaluations: Arc::new(evaluations), ..(*app.snapshot).clone() }));
+    let frame = app.places.map.clone().expect("the map is drawn");
+    let field = |i: usize| {
+        let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
+        let [left, top, width, height] = frame.raster.window;
+        let x = left + (column as f32 + 0.5) / frame.raster.pixels.0 as f32 * width;
+        let y = top + (row as f32 + 0.5) / frame.raster.pixels.1 as f32 * height;
+        let free = app.map().is_free_at(x, y);
+        if free { 2.0 * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
+    };
+    let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
+    let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
+    let standings = [Standing::Confirmed, Standing::Demoted, Standing::Confirmed, Standing::Confirmed];
+    let edges = candidates.windows(2).zip(standings).map(|(ends, standing)| ([ends[0], ends[1]], standing));
+    let view = View {
+        goal: (Some(app.goal), 1),
+        kind: Field::Learned,
+        field: Arc::new((0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect()),
+        raster: Some(frame.raster),
+        directions: Arc::new(vec![([5.5, 2.5], [1.0, 0.0]), ([12.5, 1.5], [0.7, 0.7]), ([16.5, 1.5], [0.0, 1.0])]),
+        candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
+        edges: Arc::new(edges.collect()),
+        path: vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]],
+        trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
+        walk: Walk {
+            start: [0.5, 2.5],
+            steps: 4,
+            shortest: Some(19),
+            distances: (15.2, 2.1),
+            waypoint: Some([6.5, 1.5]),
+            arrived: false,
+            journeys: (3, 4),
+        },
+        inspected: None,
+    };
+    app.on_view(Arc::new(view));
+    app
+}
+
+/// Characters row by row, and below them each cell's style as a letter that is explained at the end.
+fn picture(terminal: &Terminal<TestBackend>) -> String {
+    let buffer = terminal.backend().buffer();
+    let width = usize::from(buffer.area.width);
+    let mut styles = Vec::new();
+    let (mut signs, mut letters) = (String::new(), String::new());
+    for row in buffer.content.chunks(width) {
+        let mut line: String = row.iter().map(ratatui::buffer::Cell::symbol).collect();
+        line.truncate(line.trim_end().len());
+        let _ = writeln!(signs, "|{line}");
+        let mut line = String::new();
+        for cell in row {
+            let style = format!("{} on {} {:?}", cell.fg, cell.bg, cell.modifier);
+            let at = styles.iter().position(|known| *known == style).unwrap_or_else(|| {
+                styles.push(style);
+                styles.len() - 1
+            });
+            // Colours of the field are many; letters after the alphabet do as well.
+            line.push(
+                char::from_u32(0x61 + at as u32)
+                    .filter(char::is_ascii_lowercase)
+                    .unwrap_or_else(|| char::from_u32(0x4e00 + at as u32).unwrap_or('?')),
+            );
+        }
+        let _ = writeln!(letters, "|{}", line.trim_end_matches('a'));
+    }
+    let mut all = format!("{signs}{letters}");
+    for (i, style) in styles.iter().enumerate().take(26) {
+        let _ = writeln!(all, "{}: {style}", char::from(b'a' + i as u8));
+    }
+    all
+}
+
+fn check(name: &str, app: &mut App, width: u16, height: u16) {
+    let shown = picture(&draw(app, width, height));
+    insta::with_settings!({ omit_expression => true, prepend_module_to_snapshot => false, snapshot_path => "screens" }, {
+        insta::assert_snapshot!(name, shown);
+    });
+}
+
+#[test]
+fn overviews() {
+    for (width, height) in [(80, 24), (120, 40), (200, 60)] {
+        check(&format!("overview-{width}x{height}"), &mut stage(width, height), width, height);
+    }
+}
+
+#[test]
+fn without_colours() {
+    let mut app = stage(80, 24);
+    app.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+    check("mono-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn panes() {
+    for pane in Pane::ALL {
+        let mut app = stage(80, 24);
+        app.pane = pane;
+        check(&format!("pane-{}-80x24", pane.name()), &mut app, 80, 24);
+    }
+    let mut app = stage(80, 24);
+    (app.pane, app.maximised, app.log_scale) = (Pane::Curves, true, true);
+    check("pane-curves-maximised-80x24", &mut app, 80, 24);
+    (app.pane, app.maximised, app.following) = (Pane::Walk, false, Some(2));
+    check("pane-explorer-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn everything_on_the_map() {
+    let mut app = stage(120, 40);
+    Overlay::ALL.into_iter().filter(|o| !app.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(|overlay| {
+        app.overlays.toggle(overlay);
+    });
+    app.pane = Pane::Legend;
+    check("overlays-120x40", &mut app, 120, 40);
+}
+
+#[test]
+fn dialogs() {
+    for (name, keys) in
+        [("help", "?"), ("palette", ":goal"), ("settings", "o"), ("seed", "R"), ("export", "E"), ("colours", "T")]
+    {
+        let mut app = stage(80, 24);
+        type_text(&mut app, &keys[..1]);
+        type_text(&mut app, &keys[1..]);
+        check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
+    }
+    let mut app = stage(80, 24);
+    press(&mut app, KeyCode::Char('q'));
+    check("dialog-quit-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn the_editor() {
+    let mut app = stage(80, 24);
+    type_text(&mut app, "e4x");
+    (0..4).for_each(|_| press(&mut app, KeyCode::Left));
+    (0..2).for_each(|_| press(&mut app, KeyCode::Up));
+    check("editor-80x24", &mut app, 80, 24);
+}

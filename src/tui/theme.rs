@@ -1,0 +1,208 @@
+//! Colours of what the map shows: themes, and as many colours as the terminal has.
+
+use colorous::Gradient;
+use ratatui::style::Color;
+use serde::{Deserialize, Serialize};
+
+/// Red, green, blue.
+pub type Rgb = (u8, u8, u8);
+
+/// How many colours the terminal shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Depth {
+    /// 24 bits.
+    True,
+    /// The 256 of xterm.
+    Indexed,
+    /// None: NO_COLOR, or a terminal that has none.
+    Mono,
+}
+
+/// A set of colours.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum ThemeName {
+    /// For dark terminals.
+    Dark,
+    /// For light terminals.
+    Light,
+    /// Told apart with every kind of colour vision.
+    ColourBlindSafe,
+    /// Letters and signs instead of colours.
+    Mono,
+}
+
+impl ThemeName {
+    /// All of them.
+    pub const ALL: [Self; 4] = [Self::Dark, Self::Light, Self::ColourBlindSafe, Self::Mono];
+
+    /// Its name in the configuration and on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Dark => "dark",
+            Self::Light => "light",
+            Self::ColourBlindSafe => "colour-blind-safe",
+            Self::Mono => "mono",
+        }
+    }
+}
+
+/// The colours in use.
+#[derive(Clone, Copy, Debug)]
+pub struct Theme {
+    /// Which one.
+    pub name: ThemeName,
+    /// What the terminal shows of it.
+    pub depth: Depth,
+    /// Walls.
+    pub wall: Rgb,
+    /// Free cells before anything is known of them.
+    pub unknown: Rgb,
+    /// Agents that explore.
+    pub agent: Rgb,
+    /// Bridge candidates.
+    pub candidate: Rgb,
+    /// The planned path and its waypoints.
+    pub path: Rgb,
+    /// The goal.
+    pub goal: Rgb,
+    /// The walking agent.
+    pub walker: Rgb,
+    /// The cursor of editor and inspector.
+    pub cursor: Rgb,
+    /// Edges: walked with success, walked in vain, not walked yet.
+    pub edges: [Rgb; 3],
+    /// What a bridge search accepted, and what it rejected.
+    pub search: [Rgb; 2],
+    /// From far (0) to near (1).
+    distance: Gradient,
+    /// From too short (0) to too long (1).
+    error: Gradient,
+}
+
+impl Depth {
+    /// What the environment says of the terminal.
+    pub fn detect() -> Self {
+        let variable = |name: &str| std::env::var(name).unwrap_or_default();
+        if !variable("NO_COLOR").is_empty() || variable("TERM") == "dumb" {
+            return Self::Mono;
+        }
+        match variable("COLORTERM").as_str() {
+            "truecolor" | "24bit" => Self::True,
+            _ => Self::Indexed,
+        }
+    }
+}
+
+impl Theme {
+    /// The theme called `name` on a terminal of `depth`. On one without colours all are [`ThemeName::Mono`].
+    pub fn new(name: ThemeName, depth: Depth) -> Self {
+        let name = if depth == Depth::Mono { ThemeName::Mono } else { name };
+        let dark = Self {
+            name,
+            depth: if name == ThemeName::Mono { Depth::Mono } else { depth },
+            wall: (58, 58, 66),
+            unknown: (24, 24, 28),
+            agent: (255, 255, 255),
+            candidate: (20, 20, 30),
+            path: (255, 90, 60),
+            goal: (214, 40, 57),
+            walker: (255, 140, 30),
+            cursor: (240, 240, 240),
+            edges: [(90, 200, 120), (220, 60, 60), (110, 110, 120)],
+            search: [(255, 80, 200), (150, 90, 140)],
+            distance: colorous::VIRIDIS,
+            error: colorous::SPECTRAL,
+        };
+        match name {
+            ThemeName::Dark | ThemeName::Mono => dark,
+            ThemeName::Light => Self {
+                wall: (150, 150, 158),
+                unknown: (238, 238, 240),
+                cursor: (20, 20, 20),
+                edges: [(0, 120, 50), (190, 30, 30), (130, 130, 140)],
+                ..dark
+            },
+            // Signs in the colours of Okabe and Ito, the field in Cividis.
+            ThemeName::ColourBlindSafe => Self {
+                path: (213, 94, 0),
+                goal: (230, 159, 0),
+                walker: (86, 180, 233),
+                edges: [(0, 158, 115), (213, 94, 0), (120, 120, 120)],
+                search: [(204, 121, 167), (120, 90, 110)],
+                distance: colorous::CIVIDIS,
+                error: colorous::PURPLE_ORANGE,
+                ..dark
+            },
+        }
+    }
+
+    /// The nearest colour that the terminal has.
+    pub fn colour(&self, (r, g, b): Rgb) -> Color {
+        match self.depth {
+            Depth::True => Color::Rgb(r, g, b),
+            Depth::Indexed => Color::Indexed(ansi_colours::ansi256_from_rgb((r, g, b))),
+            Depth::Mono => Color::Reset,
+        }
+    }
+
+    /// The colour of a distance as a share of the farthest shown: near is light, far is dark.
+    pub fn of_distance(&self, share: f32) -> Rgb {
+        // The darkest end is left out: walls and the background are there.
+        eval(self.distance, 0.95 - 0.85 * share.clamp(0.0, 1.0))
+    }
+
+    /// The colour of a relative error from -1 (too short) to 1 (too long).
+    pub fn of_error(&self, error: f32) -> Rgb {
+        eval(self.error, 0.5 + 0.5 * error.clamp(-1.0, 1.0))
+    }
+}
+
+fn eval(gradient: Gradient, at: f32) -> Rgb {
+    let colour = gradient.eval_continuous(f64::from(at));
+    (colour.r, colour.g, colour.b)
+}
+
+/// How light a colour looks, from 0 to 1 (ITU-R BT.601 luma).
+pub fn lightness((r, g, b): Rgb) -> f32 {
+    (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
+}
+
+/// `share` of the way from one colour to another.
+pub fn blend(from: Rgb, to: Rgb, share: f32) -> Rgb {
+    let mix = |from: u8, to: u8| (f32::from(from) + share * (f32::from(to) - f32::from(from))).round() as u8;
+    (mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
+}
+
+/// A line on `ground`: the same colour, darker where that is light and lighter where it is dark.
+pub fn contour(ground: Rgb) -> Rgb {
+    let to = if lightness(ground) > 0.4 { (0, 0, 0) } else { (255, 255, 255) };
+    blend(ground, to, 0.45)
+}
+
+/// Black or white, whichever is read more easily on `ground`.
+pub fn ink(ground: Rgb) -> Rgb {
+    if lightness(ground) > 0.5 { (0, 0, 0) } else { (255, 255, 255) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_theme_colours_anything_on_a_terminal_without_colours() {
+        for name in ThemeName::ALL {
+            assert_eq!(Theme::new(name, Depth::Mono).colour((1, 2, 3)), Color::Reset);
+        }
+        assert_eq!(Theme::new(ThemeName::Mono, Depth::True).colour((1, 2, 3)), Color::Reset);
+    }
+
+    #[test]
+    fn near_is_lighter_than_far_in_every_theme() {
+        for name in ThemeName::ALL {
+            let theme = Theme::new(name, Depth::True);
+            let lights: Vec<f32> = (0..=10).map(|i| lightness(theme.of_distance(i as f32 / 10.0))).collect();
+            assert!(lights.windows(2).all(|pair| pair[0] > pair[1]), "{}: {lights:?}", name.name());
+        }
+    }
+}

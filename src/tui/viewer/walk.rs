@@ -1,0 +1,168 @@
+//! The agent that walks to the goal as well as it can by now.
+
+use super::{Worker, cell_of};
+use crate::bridge::{Target, Walker};
+use crate::env::Environment;
+use crate::learn::Nets;
+use crate::map::Cell;
+
+/// Steps that the walking agent rests at the goal.
+const REST_STEPS: u32 = 15;
+
+/// Steps of the trail that is kept.
+const TRAIL_STEPS: usize = 14;
+
+/// Steps after which a walk is given up at the soonest, as in evaluation.
+const MOST_STEPS: u32 = 500;
+
+/// What the walking agent does once it has arrived.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Tour {
+    /// Sets out again from somewhere else.
+    #[default]
+    Again,
+    /// Goes on to another goal.
+    Visit,
+    /// Stays there.
+    Stay,
+}
+
+impl Tour {
+    /// The next one.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::Again => Self::Visit,
+            Self::Visit => Self::Stay,
+            Self::Stay => Self::Again,
+        }
+    }
+
+    /// What it is called on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Again => "set out again",
+            Self::Visit => "visit others",
+            Self::Stay => "stay there",
+        }
+    }
+}
+
+/// The walking agent's journey.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Walk {
+    /// Where it started.
+    pub start: [f32; 2],
+    /// Steps taken.
+    pub steps: u32,
+    /// The shortest possible number, if there is a way.
+    pub shortest: Option<u32>,
+    /// D to the goal, and to the waypoint that it heads for.
+    pub distances: (f32, f32),
+    /// Where it heads for, if that is not the goal.
+    pub waypoint: Option<[f32; 2]>,
+    /// Whether it has arrived.
+    pub arrived: bool,
+    /// Journeys that ended at the goal, and all that ended.
+    pub journeys: (u32, u32),
+}
+
+impl Worker {
+    /// The walking agent at a place, or a random one.
+    pub(super) fn restart(&mut self, cell: Option<Cell>) {
+        match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
+            Some(cell) => self.world.place(0, &cell.centre()),
+            None => self.world.restart(0, &mut self.rng),
+        }
+        self.view.trail.clear();
+        self.begin_journey();
+    }
+
+    /// A journey from where the agent stands to the goal.
+    pub(super) fn begin_journey(&mut self) {
+        let at = self.position();
+        self.resting = 0;
+        let journeys = self.view.walk.journeys;
+        self.view.walk = Walk { start: at, journeys, distances: (f32::NAN, f32::NAN), ..Walk::default() };
+        self.walker = None;
+        self.view.path.clear();
+        self.view.walk.shortest = self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
+        self.changed = true;
+    }
+
+    /// What comes after an arrival.
+    fn rest(&mut self) {
+        self.resting += 1;
+        if self.resting <= REST_STEPS {
+            return;
+        }
+        match self.tour {
+            Tour::Again => self.restart(None),
+            Tour::Visit => {
+                let mut goal = [0.0; 2];
+                self.world.sample_goal(0, &mut self.rng, &mut goal);
+                self.view.goal.0 = Some(cell_of(goal));
+                self.begin_journey();
+                self.field.ask();
+            }
+            Tour::Stay => {}
+        }
+    }
+
+    /// One step of the walking agent.
+    pub(super) fn walk(&mut self) {
+        let Some(goal) = self.view.goal.0 else { return };
+        if self.view.walk.arrived {
+            return self.rest();
+        }
+        self.changed = true;
+        let (goal, at) = (goal.centre(), self.position());
+        let networks = self.networks.clone();
+        let nets = networks.0.nets();
+        self.view.walk.distances.0 = nets.distance(&at, &goal, &mut self.scratch);
+        if self.world.spec().reached(&at, &goal) {
+            self.view.walk.arrived = true;
+            self.view.walk.waypoint = None;
+            self.view.walk.journeys = (self.view.walk.journeys.0 + 1, self.view.walk.journeys.1 + 1);
+            self.view.path.clear();
+            return;
+        }
+        // As long as evaluation would let it.
+        if self.view.walk.steps >= self.view.walk.shortest.map_or(MOST_STEPS, |s| (3 * s).max(MOST_STEPS)) {
+            self.view.walk.journeys.1 += 1;
+            self.restart(None);
+            return;
+        }
+        let aim = self.aim(at, goal, &nets);
+        self.view.walk.distances.1 = nets.distance(&at, &aim, &mut self.scratch);
+        self.view.walk.waypoint = (aim != goal).then_some(aim);
+        let mut action = [0.0; 2];
+        nets.actions(&at, &aim, &mut action, &mut self.scratch);
+        self.world.step(&action, &mut self.rng);
+        self.view.walk.steps += 1;
+        self.view.trail.push(at);
+        if self.view.trail.len() > TRAIL_STEPS {
+            self.view.trail.remove(0);
+        }
+    }
+
+    /// Where the agent heads for next; renews the path that is shown.
+    fn aim(&mut self, at: [f32; 2], goal: [f32; 2], nets: &Nets) -> [f32; 2] {
+        let Some(graph) = &self.graph else {
+            self.view.path = vec![goal];
+            return goal;
+        };
+        let scratch = &mut self.scratch;
+        let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, nets, scratch)));
+        let aim = walker.step(&at, graph, nets, scratch);
+        let aim = [aim[0], aim[1]];
+        self.view.path = match walker.target() {
+            Some(Target::Candidate(_)) => {
+                walker.ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
+            }
+            _ => Vec::new(),
+        };
+        self.view.path.push(goal);
+        aim
+    }
+}
