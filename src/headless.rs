@@ -28,8 +28,9 @@ const NOT_REACHED: u8 = 3;
 /// What goes wrong while running: training, writing records, saving.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let signal = ending_signals()?;
-    let mut session = Session { setup, args, progress: Progress::new(args), success: None };
-    print(&Record::start(&session.setup))?;
+    let diameter = Diameter::of(setup.trainer.map());
+    let mut session = Session { setup, diameter, args, progress: Progress::new(args), success: None };
+    print(&Record::start(&session.setup, diameter))?;
     let trained = session.train(&signal);
     let result = trained.and_then(|reason| session.finish(reason));
     // Whatever happened, what was learned is kept.
@@ -65,6 +66,8 @@ fn success(evaluation: &Evaluation) -> f64 {
 
 struct Session<'a> {
     setup: Setup,
+    /// The map's farthest distance.
+    diameter: Diameter,
     args: &'a TrainArgs,
     progress: Progress,
     /// The latest evaluation in brief.
@@ -99,10 +102,10 @@ impl Session<'_> {
 
     /// Changes the map where that is asked for after `updates`.
     fn edit(&mut self, updates: u64) -> Result<(), Report> {
-        let Setup { trainer, diameter, edits, .. } = &mut self.setup;
+        let Setup { trainer, edits, .. } = &mut self.setup;
         for (_, map) in edits.iter().filter(|(at, _)| *at == updates) {
             let change = trainer.change_map(map.clone()).map_err(Report::msg)?;
-            *diameter = Diameter::of(map);
+            self.diameter = Diameter::of(map);
             print(&Record::edit(trainer, change))?;
         }
         Ok(())
@@ -113,10 +116,10 @@ impl Session<'_> {
     }
 
     fn evaluate(&mut self) -> Result<Evaluation, Report> {
-        let Setup { trainer, diameter, scenario, .. } = &mut self.setup;
+        let Setup { trainer, scenario, .. } = &mut self.setup;
         let tasks = match scenario {
             Some(scenario) => TaskSet::from_scenario(trainer.map(), scenario, 6 * self.args.eval_tasks as usize),
-            None => trainer.tasks(diameter.steps, self.args.eval_tasks as usize),
+            None => trainer.tasks(self.diameter.steps, self.args.eval_tasks as usize),
         };
         let evaluation = trainer.evaluate(&tasks).into_diagnostic()?;
         self.success = Some(evaluation.success(trainer.counters().updates));

@@ -8,15 +8,13 @@ use miette::{IntoDiagnostic, Report};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::{EditAt, TrainArgs};
-use crate::map::{self, Diameter, Grid, MapError, ScenarioTask};
+use crate::map::{self, Grid, MapError, ScenarioTask};
 use crate::train::{self, Overrides, Restart, Run, Settings, Trainer};
 
-/// A trainer, and what is known of its map.
+/// A trainer, and what goes with it.
 pub struct Setup {
     /// The run, begun or resumed.
     pub trainer: Trainer,
-    /// The map's farthest distance.
-    pub diameter: Diameter,
     /// Tasks to evaluate on instead of sampled ones.
     pub scenario: Option<Vec<ScenarioTask>>,
     /// Maps to change to, and after how many updates.
@@ -67,7 +65,7 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
     let edits = load_edits(args, trainer.map())?;
-    Ok(Setup { diameter: Diameter::of(trainer.map()), trainer, scenario, edits, threads })
+    Ok(Setup { trainer, scenario, edits, threads })
 }
 
 /// The number of threads asked for, else this machine's cores.

@@ -63,7 +63,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let signal = ending_signals()?;
     let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
     let recorder = args.record.as_deref().map(Recorder::begin).transpose()?;
-    let engine = Engine::start(setup.trainer, setup.diameter.steps, args.limits()).into_diagnostic()?;
+    let engine = Engine::start(setup.trainer, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut app = App::new(engine, viewer, config, args.save.clone());
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;

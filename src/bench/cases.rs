@@ -146,7 +146,7 @@ pub fn interface((threads, runs): (usize, usize)) -> Result<InterfaceTimes> {
         Trainer::new(run, map.clone(), threads)
     };
     let mut alone = trainer()?;
-    let mut watched = Watched::open(trainer()?, OPEN as u32, SCREEN)?;
+    let mut watched = Watched::open(trainer()?, SCREEN)?;
     let (mut rates, mut ratios, mut frames) = (Vec::new(), Vec::new(), Vec::new());
     for turn in 0..=runs {
         let (began, mut updates) = (Instant::now(), 0);

@@ -3,6 +3,7 @@
 use serde::Serialize;
 
 use super::updates_per_second;
+use crate::map::Diameter;
 use crate::setup::Setup;
 use crate::train::{BridgeFacts, DistanceError, EndReason, Evaluation, MapChange, MarkedTask, Score, Trainer};
 
@@ -75,7 +76,7 @@ pub struct LossRecord {
 }
 
 impl Record {
-    pub fn start(setup: &Setup) -> Self {
+    pub fn start(setup: &Setup, diameter: Diameter) -> Self {
         let (map, run) = (setup.trainer.map(), setup.trainer.run());
         Self::Start {
             version: env!("CARGO_PKG_VERSION"),
@@ -84,8 +85,8 @@ impl Record {
                 width: map.width(),
                 height: map.height(),
                 free_cells: map.free_count(),
-                diameter_steps: setup.diameter.steps,
-                diameter_exact: setup.diameter.exact,
+                diameter_steps: diameter.steps,
+                diameter_exact: diameter.exact,
             },
             method: run.method.name(),
             preset: run.preset.name(),

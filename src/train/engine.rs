@@ -3,8 +3,8 @@
 mod command;
 mod snapshot;
 
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -16,6 +16,7 @@ use super::tasks::TaskSet;
 use super::trainer::Trainer;
 use crate::env::Environment;
 use crate::learn::Scratch;
+use crate::map::Diameter;
 pub use command::{Command, Step};
 pub use snapshot::{Followed, Phase, Snapshot};
 
@@ -49,17 +50,17 @@ pub struct Engine {
 }
 
 impl Engine {
-    /// Starts training up to `limits`; `diameter` is the map's, in steps, which evaluations need.
+    /// Starts training up to `limits`.
     ///
     /// # Errors
     /// What candle reports, or that the thread cannot be started.
-    pub fn start(trainer: Trainer, diameter: u32, limits: Limits) -> candle_core::Result<Self> {
+    pub fn start(trainer: Trainer, limits: Limits) -> candle_core::Result<Self> {
         let (commands, inbox) = sync_channel(64);
         let first = Snapshot { limits, ..Snapshot::of(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = Worker {
             trainer,
-            diameter,
+            diameter: Arc::default(),
             inbox,
             publish,
             current: first,
@@ -92,7 +93,8 @@ impl Engine {
 
 struct Worker {
     trainer: Trainer,
-    diameter: u32,
+    /// The map's farthest distance in steps, once an evaluation has found it out: on large maps that takes long.
+    diameter: Arc<OnceLock<u32>>,
     inbox: Receiver<Command>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
@@ -229,10 +231,11 @@ impl Worker {
             return Ok(());
         }
         let (job, rng) = (self.trainer.evaluation()?, self.trainer.task_rng());
-        let (map, diameter) = (self.trainer.map().clone(), self.diameter);
+        let (map, diameter) = (self.trainer.map().clone(), self.diameter.clone());
         let began = Instant::now();
         let result = std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
             let mut rng = rng;
+            let diameter = *diameter.get_or_init(|| Diameter::of(&map).steps);
             job.carry_out(&TaskSet::sample(&map, diameter, EVALUATION_TASKS, &mut rng))
         })?;
         self.evaluation = Some(Evaluating { updates: self.trainer.counters().updates, began, result });

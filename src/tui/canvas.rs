@@ -76,12 +76,7 @@ impl Canvas {
         }
     }
 
-    /// A straight line; `share` of it covers the ground.
-    pub fn line(&mut self, place: &MapFrame, ends: [[f32; 2]; 2], look: (Rgb, f32, char)) {
-        self.lines(place, [ends].into_iter(), look);
-    }
-
-    /// Straight lines that cover the ground only once where several cross.
+    /// Straight lines; `share` of them covers the ground, only once where several cross.
     pub fn lines(
         &mut self,
         place: &MapFrame,
@@ -115,7 +110,7 @@ impl Canvas {
     /// Writes the pixels as characters.
     pub fn paint(&self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
         let (across, down) = place.marker.pixels();
-        let mut own = Vec::with_capacity(across * down);
+        let (mut own, mut colours) = (Vec::with_capacity(across * down), Vec::with_capacity(across * down));
         for row in 0..place.area.height {
             for column in 0..place.area.width {
                 let first = down * usize::from(row) * self.columns + across * usize::from(column);
@@ -129,7 +124,8 @@ impl Canvas {
                     cell.set_char(marks.max_by_key(|mark| telling(*mark)).unwrap_or(' '));
                     continue;
                 }
-                let colours = own.iter().map(|i| self.pixels[*i]);
+                colours.clear();
+                colours.extend(own.iter().map(|i| self.pixels[*i]));
                 let (mask, front, back) = two_colours(&colours);
                 let mut style = Style::new();
                 if let Some(rgb) = back {
@@ -158,30 +154,36 @@ fn telling(mark: char) -> u8 {
 ///
 /// The two pixels farthest apart stand for all others, each group by its mean. Where some pixels lie outside the map,
 /// these are the background.
-fn two_colours(colours: &(impl Iterator<Item = Option<Rgb>> + Clone)) -> (u8, Option<Rgb>, Option<Rgb>) {
-    let mut inside = colours.clone().flatten();
-    let Some(first) = inside.next() else { return (0, None, None) };
-    let apart = |a: Rgb, b: Rgb| {
-        let squared = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
-        squared(a.0, b.0) + squared(a.1, b.1) + squared(a.2, b.2)
-    };
+fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
+    let first = colours[0];
+    let all = ((1u16 << colours.len()) - 1) as u8;
+    if colours.iter().all(|c| *c == first) {
+        return if first.is_some() { (all, first, first) } else { (0, None, None) };
+    }
+    if let [Some(above), Some(below)] = colours {
+        return (1, Some(*above), Some(*below));
+    }
     let bits = |front: &dyn Fn(Option<Rgb>) -> bool| {
-        colours.clone().enumerate().fold(0u8, |mask, (i, c)| mask | u8::from(front(c)) << i)
+        colours.iter().enumerate().fold(0u8, |mask, (i, c)| mask | u8::from(front(*c)) << i)
     };
-    let mean = |mask: u8, wanted: bool| {
-        let own = colours.clone().enumerate().filter(|(i, _)| (mask >> i & 1 == 1) == wanted).filter_map(|(_, c)| c);
+    let mean = |mask: u8| {
+        let own = colours.iter().enumerate().filter(|(i, _)| mask >> i & 1 == 1).filter_map(|(_, c)| *c);
         let (sum, n) = own.fold(((0u32, 0u32, 0u32), 0u32), |((r, g, b), n), c| {
             ((r + u32::from(c.0), g + u32::from(c.1), b + u32::from(c.2)), n + 1)
         });
         (n > 0).then(|| ((sum.0 / n) as u8, (sum.1 / n) as u8, (sum.2 / n) as u8))
     };
-    if colours.clone().any(|c| c.is_none()) {
+    let Some(first) = first.filter(|_| colours.iter().all(Option::is_some)) else {
         let mask = bits(&|c| c.is_some());
-        return (mask, mean(mask, true), None);
-    }
-    let other = inside.max_by_key(|c| apart(*c, first)).unwrap_or(first);
+        return (mask, mean(mask), None);
+    };
+    let apart = |a: Rgb, b: Rgb| {
+        let squared = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
+        squared(a.0, b.0) + squared(a.1, b.1) + squared(a.2, b.2)
+    };
+    let other = colours.iter().flatten().copied().max_by_key(|c| apart(*c, first)).unwrap_or(first);
     let mask = bits(&|c| c.is_some_and(|c| apart(c, first) <= apart(c, other)));
-    (mask, mean(mask, true), mean(mask, false).or_else(|| mean(mask, true)))
+    (mask, mean(mask), mean(all & !mask))
 }
 
 /// The character whose parts in `mask` are in front: row by row, bit 0 the upper left.
@@ -209,18 +211,18 @@ mod tests {
     #[test]
     fn two_pixels_keep_their_colours() {
         let (a, b) = ((10, 20, 30), (200, 100, 0));
-        let (mask, front, back) = two_colours(&[Some(a), Some(b)].into_iter());
+        let (mask, front, back) = two_colours(&[Some(a), Some(b)]);
         assert_eq!((mask, front, back), (1, Some(a), Some(b)));
         assert_eq!(glyph(Marker::HalfBlock, mask), '\u{2580}');
-        assert_eq!(two_colours(&[Some(a), Some(a)].into_iter()), (3, Some(a), Some(a)));
-        assert_eq!(two_colours(&[Some(a), None].into_iter()), (1, Some(a), None));
-        assert_eq!(two_colours(&[None, None].into_iter()), (0, None, None));
+        assert_eq!(two_colours(&[Some(a), Some(a)]), (3, Some(a), Some(a)));
+        assert_eq!(two_colours(&[Some(a), None]), (1, Some(a), None));
+        assert_eq!(two_colours(&[None, None]), (0, None, None));
     }
 
     #[test]
     fn four_pixels_are_grouped_by_likeness() {
         let pixels = [(0, 0, 0), (250, 250, 250), (10, 10, 10), (255, 255, 255)].map(Some);
-        let (mask, front, back) = two_colours(&pixels.into_iter());
+        let (mask, front, back) = two_colours(&pixels);
         assert_eq!(mask, 0b0101);
         assert_eq!((front, back), (Some((5, 5, 5)), Some((252, 252, 252))));
         assert_eq!(glyph(Marker::Quadrant, mask), '\u{258c}');

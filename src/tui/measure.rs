@@ -39,8 +39,8 @@ impl Watched {
     ///
     /// # Errors
     /// What candle reports, or that a thread cannot be started.
-    pub fn open(trainer: Trainer, diameter: u32, (columns, rows): (u16, u16)) -> candle_core::Result<Self> {
-        let engine = Engine::start(trainer, diameter, Limits::default())?;
+    pub fn open(trainer: Trainer, (columns, rows): (u16, u16)) -> candle_core::Result<Self> {
+        let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(|(_, what, _)| candle_core::Error::msg(what))?;
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), None);

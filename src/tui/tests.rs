@@ -40,7 +40,7 @@ fn app_with(map: Grid, method: Method, limits: Limits) -> App {
     settings.bridge.candidates = 40;
     let run = Run { method, preset: Preset::Default, seed: 1, settings };
     let trainer = Trainer::new(run, Arc::new(map), 1).expect("a trainer");
-    let engine = Engine::start(trainer, 30, limits).expect("an engine");
+    let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), None);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use super::Worker;
 use super::snapshot::{Phase, Snapshot};
-use crate::map::{Diameter, Grid, StepSearch};
+use crate::map::{Grid, StepSearch};
 use crate::train::checkpoint::{self, Success};
 use crate::train::run::{Limits, Run};
 use crate::train::trainer::Trainer;
@@ -48,7 +48,7 @@ impl Worker {
     /// Changes the map; what is to be said of it, or against it.
     fn change_map(&mut self, map: Arc<Grid>) -> Result<String, String> {
         let change = self.trainer.change_map(map.clone())?;
-        self.diameter = Diameter::of(&map).steps;
+        self.diameter = Arc::default();
         let pieces = StepSearch::new(&map).components(&map).sizes.len();
         self.current.map = map;
         // What is being found out about the map as it was says nothing of the map that there is now.
@@ -74,9 +74,7 @@ impl Worker {
 
     /// Goes on with another run altogether.
     fn adopt(&mut self, trainer: Trainer) -> candle_core::Result<()> {
-        if !Arc::ptr_eq(trainer.map(), self.trainer.map()) {
-            self.diameter = Diameter::of(trainer.map()).steps;
-        }
+        self.diameter = Arc::default();
         self.trainer = trainer;
         (self.evaluation, self.rested, self.next_update) = (None, None, None);
         self.current = Snapshot {

@@ -192,21 +192,16 @@ fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, app: &App) {
         }
     }
     if shows(Overlay::Path) {
-        let mut from = app.view.trail.last().copied();
-        for to in &app.view.path {
-            if let Some(from) = from {
-                canvas.line(place, [from, *to], (theme.path, 1.0, '+'));
-            }
-            from = Some(*to);
-        }
+        let stops: Vec<[f32; 2]> = app.view.trail.last().into_iter().chain(&app.view.path).copied().collect();
+        canvas.lines(place, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
     }
     if let (true, Some(search)) = (shows(Overlay::Search), &app.snapshot.search) {
         let [accepted, rejected] = theme.search;
         let at = |numbers: &[f32]| [numbers[0], numbers[1]];
         search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(place, at(b), rejected, 'x'));
         if let Some(bridge) = &search.found {
-            canvas.line(place, [at(&search.state), at(&bridge.point)], (accepted, 0.8, '='));
-            canvas.line(place, [at(&bridge.point), at(&search.goal)], (accepted, 0.8, '='));
+            let [from, bridge, to] = [&search.state, &bridge.point, &search.goal].map(|numbers| at(numbers));
+            canvas.lines(place, [[from, bridge], [bridge, to]].into_iter(), (accepted, 0.8, '='));
         }
     }
     if let Some((cells, free)) = app.editor.preview() {
