@@ -55,6 +55,12 @@ use viewer::Viewer;
 const ANSWER: Duration = Duration::from_millis(16);
 const FRAME: Duration = Duration::from_millis(66);
 
+/// How often it is looked whether a signal came or a notice has been shown long enough.
+const LOOK_EVERY: Duration = Duration::from_millis(100);
+
+/// The latter while training waits and only the walking agent moves: a program that waits should cost little.
+const IDLE_FRAME: Duration = Duration::from_millis(130);
+
 /// Opens the trainer; the exit status once it is closed.
 ///
 /// # Errors
@@ -97,8 +103,6 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
     let mut events = EventStream::new();
     let mut snapshots = app.snapshots();
     let mut views = app.views();
-    let mut ticks = tokio::time::interval(ANSWER);
-    ticks.set_missed_tick_behavior(tokio::time::MissedTickBehavior::Delay);
     let mut pace = Pace { asked: true, ..Pace::default() };
     let mut stops = Stops::listen()?;
     while !app.is_done() && signal.load(Ordering::Relaxed) == 0 {
@@ -120,16 +124,16 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
                 pace.changed = true;
             }
             () = stops.next() => app.act(action::Action::Suspend),
-            _ = ticks.tick() => {
-                if app.takes_suspension() {
-                    terminal.suspend()?;
-                    pace.asked = true;
-                }
-                pace.changed |= app.on_tick(ANSWER);
-                if pace.is_due() {
-                    terminal.draw(|frame| render::draw(frame, app))?;
-                }
-            }
+            () = tokio::time::sleep(pace.until_due()) => {}
+        }
+        if app.takes_suspension() {
+            terminal.suspend()?;
+            pace.asked = true;
+        }
+        pace.changed |= app.on_tick();
+        pace.waits = !app.snapshot.phase.trains();
+        if pace.is_due() {
+            terminal.draw(|frame| render::draw(frame, app))?;
         }
     }
     Ok(())
@@ -168,13 +172,26 @@ struct Pace {
     asked: bool,
     /// There is something new to see.
     changed: bool,
+    /// Training waits.
+    waits: bool,
     drawn: Option<Instant>,
 }
 
 impl Pace {
+    /// Time until something is to be done.
+    fn until_due(&self) -> Duration {
+        let rest = match self {
+            Self { asked: true, .. } => ANSWER,
+            Self { changed: true, waits: false, .. } => FRAME,
+            Self { changed: true, waits: true, .. } => IDLE_FRAME,
+            _ => return LOOK_EVERY,
+        };
+        self.drawn.map_or(Duration::ZERO, |at| rest.saturating_sub(at.elapsed()))
+    }
+
     /// Whether a frame is to be drawn now; then it counts as drawn.
     fn is_due(&mut self) -> bool {
-        let due = self.asked || self.changed && self.drawn.is_none_or(|at| at.elapsed() >= FRAME);
+        let due = (self.asked || self.changed) && self.until_due().is_zero();
         if due {
             *self = Self { drawn: Some(Instant::now()), ..Self::default() };
         }

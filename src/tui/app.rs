@@ -7,7 +7,7 @@ mod mouse;
 
 use std::path::PathBuf;
 use std::sync::Arc;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rand::{RngExt, SeedableRng};
@@ -297,7 +297,7 @@ impl App {
     }
 
     /// Time has passed; whether that changes the screen.
-    pub fn on_tick(&mut self, tick: Duration) -> bool {
+    pub fn on_tick(&mut self) -> bool {
         let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
         if due {
             self.autosaved = Instant::now();
@@ -305,7 +305,7 @@ impl App {
                 self.command(Command::Save(self.save_to.0.clone()));
             }
         }
-        self.log.on_tick(tick)
+        self.log.on_tick()
     }
 
     /// Passes a command on to the trainer; `false` where too many wait, which the user is told.

@@ -2,7 +2,7 @@
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Position;
-use ratatui::style::Style;
+use ratatui::style::{Color, Style};
 
 use super::raster::{MapFrame, Marker};
 use super::theme::{Depth, Rgb, Theme, blend};
@@ -15,7 +15,12 @@ pub struct Canvas {
     pixels: Vec<Option<Rgb>>,
     /// What a terminal without colours shows there.
     marks: Vec<char>,
+    /// Pixels changed since all was painted.
+    changed: Vec<usize>,
 }
+
+/// The most pixels in a character.
+const MOST_PIXELS: usize = 8;
 
 /// What a wall looks like without colours.
 pub const WALL_MARK: char = '#';
@@ -24,7 +29,7 @@ impl Canvas {
     /// An empty picture for `place`.
     pub fn new(place: &MapFrame) -> Self {
         let (columns, rows) = place.raster.pixels;
-        Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows] }
+        Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows], changed: Vec::new() }
     }
 
     /// Pixels in all.
@@ -40,6 +45,7 @@ impl Canvas {
     /// Sets pixel `i`.
     pub fn set(&mut self, i: usize, rgb: Option<Rgb>, mark: char) {
         (self.pixels[i], self.marks[i]) = (rgb, mark);
+        self.changed.push(i);
     }
 
     /// Whether pixel `i` shows wall.
@@ -73,6 +79,7 @@ impl Canvas {
             if self.marks[i] == ' ' {
                 self.marks[i] = '.';
             }
+            self.changed.push(i);
         }
     }
 
@@ -90,6 +97,7 @@ impl Canvas {
         for i in (0..covered.len()).filter(|i| covered[*i]) {
             self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
             self.marks[i] = mark;
+            self.changed.push(i);
         }
     }
 
@@ -107,36 +115,47 @@ impl Canvas {
         }
     }
 
-    /// Writes the pixels as characters.
-    pub fn paint(&self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
-        let (across, down) = place.marker.pixels();
-        let (mut own, mut colours) = (Vec::with_capacity(across * down), Vec::with_capacity(across * down));
+    /// Writes all pixels as characters.
+    pub fn paint(&mut self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
+        self.changed.clear();
         for row in 0..place.area.height {
             for column in 0..place.area.width {
-                let first = down * usize::from(row) * self.columns + across * usize::from(column);
-                own.clear();
-                own.extend((0..down).flat_map(|y| (0..across).map(move |x| first + y * self.columns + x)));
-                let at = Position::new(place.area.x + column, place.area.y + row);
-                let Some(cell) = buffer.cell_mut(at) else { continue };
-                if theme.depth == Depth::Mono {
-                    let marks = own.iter().map(|i| self.marks[*i]);
-                    // The most telling of them.
-                    cell.set_char(marks.max_by_key(|mark| telling(*mark)).unwrap_or(' '));
-                    continue;
-                }
-                colours.clear();
-                colours.extend(own.iter().map(|i| self.pixels[*i]));
-                let (mask, front, back) = two_colours(&colours);
-                let mut style = Style::new();
-                if let Some(rgb) = back {
-                    style = style.bg(theme.colour(rgb));
-                }
-                if let Some(rgb) = front {
-                    style = style.fg(theme.colour(rgb));
-                }
-                cell.set_char(glyph(place.marker, mask)).set_style(style);
+                self.paint_character(buffer, (column, row), place, theme);
             }
         }
+    }
+
+    /// Writes the characters of which pixels have changed since all was painted.
+    pub fn paint_changes(&mut self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
+        let (across, down) = place.marker.pixels();
+        let character = |i: usize| ((i % self.columns / across) as u16, (i / self.columns / down) as u16);
+        let mut characters: Vec<(u16, u16)> = self.changed.drain(..).map(character).collect();
+        characters.sort_unstable();
+        characters.dedup();
+        for at in characters {
+            self.paint_character(buffer, at, place, theme);
+        }
+    }
+
+    /// Writes one character, by its column and row within `place`.
+    fn paint_character(&self, buffer: &mut Buffer, (column, row): (u16, u16), place: &MapFrame, theme: &Theme) {
+        let (across, down) = place.marker.pixels();
+        let first = down * usize::from(row) * self.columns + across * usize::from(column);
+        let own = |n: usize| first + n / across * self.columns + n % across;
+        let count = across * down;
+        let at = Position::new(place.area.x + column, place.area.y + row);
+        let Some(cell) = buffer.cell_mut(at) else { return };
+        if theme.depth == Depth::Mono {
+            // The most telling of them.
+            let marks = (0..count).map(|n| self.marks[own(n)]);
+            cell.set_char(marks.max_by_key(|mark| telling(*mark)).unwrap_or(' '));
+            return;
+        }
+        let mut colours = [None; MOST_PIXELS];
+        (0..count).for_each(|n| colours[n] = self.pixels[own(n)]);
+        let (mask, front, back) = two_colours(&colours[..count]);
+        let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
+        cell.set_char(glyph(place.marker, mask)).set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
 }
 

@@ -29,11 +29,13 @@ pub struct Log {
     count: usize,
     /// Since when a notice is shown, and how many entries there were with it.
     notice: Option<(Instant, usize)>,
+    /// Whether it was seen to fade.
+    fades: bool,
 }
 
 impl Default for Log {
     fn default() -> Self {
-        Self { began: Instant::now(), entries: Vec::new(), count: 0, notice: None }
+        Self { began: Instant::now(), entries: Vec::new(), count: 0, notice: None, fades: false }
     }
 }
 
@@ -66,13 +68,14 @@ impl Log {
     }
 
     /// Time has passed; whether the notice began to fade or went.
-    pub fn on_tick(&mut self, tick: Duration) -> bool {
+    pub fn on_tick(&mut self) -> bool {
         let Some((since, _)) = self.notice else { return false };
         let age = since.elapsed();
         if age > SHOWN + FADING {
             self.notice = None;
             return true;
         }
-        age > SHOWN && age < SHOWN + 2 * tick
+        let fades = age > SHOWN;
+        std::mem::replace(&mut self.fades, fades) != fades
     }
 }

@@ -38,7 +38,10 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
     let base = base.unwrap_or_else(|| Base::new(&place, app));
     let mut canvas = base.canvas.clone();
     draw_what_moves(&mut canvas, &place, app);
-    canvas.paint(frame.buffer_mut(), &place, &app.theme);
+    for at in place.area.positions() {
+        frame.buffer_mut()[at].clone_from(&base.painted[at]);
+    }
+    canvas.paint_changes(frame.buffer_mut(), &place, &app.theme);
     let mut glyphs = Glyphs { place: &place, theme: &app.theme, buffer: frame.buffer_mut() };
     draw_signs(&mut glyphs, &base, app);
     app.base = Some(base);
@@ -52,12 +55,14 @@ pub fn contour_interval(farthest: f32) -> f32 {
 /// Map, field and edges alone: they change far more rarely than what moves on them.
 #[derive(Clone)]
 pub struct Base {
-    raster: Raster,
+    place: MapFrame,
     theme: ThemeName,
     map: Arc<Grid>,
     field: Option<Arc<Vec<f32>>>,
     edges: Arc<Vec<ShownEdge>>,
     canvas: Canvas,
+    /// The same as characters.
+    painted: Buffer,
     /// The largest value of the field.
     pub farthest: f32,
     /// A place on each contour and its distance.
@@ -92,8 +97,11 @@ impl Base {
             }
         }
         let edges = app.view.edges.clone();
+        let mut painted = Buffer::empty(place.area);
+        canvas.paint(&mut painted, place, &app.theme);
         Self {
-            raster: place.raster,
+            painted,
+            place: place.clone(),
             theme: app.theme.name,
             map: app.map().clone(),
             field,
@@ -117,7 +125,7 @@ impl Base {
         };
         let same_edges = !app.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &app.view.edges);
         let same_map = Arc::ptr_eq(&self.map, app.map()) && self.theme == app.theme.name;
-        self.raster == place.raster && same_field && same_edges && same_map
+        self.place == *place && same_field && same_edges && same_map
     }
 }
 
