@@ -40,8 +40,10 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker) -> (Rect, usi
     let width = usize::from(rows.width);
     let widest = items.iter().map(|item| item.label.chars().count()).max().unwrap_or(0).min(width * 2 / 3);
     let lines = items.iter().enumerate().skip(first).take(height).map(|(i, item)| {
-        let (label, detail) = (&item.label, &item.detail);
-        let text = Line::from(vec![Span::raw(format!(" {label:<widest$}  ")), Span::styled(detail.clone(), DIM)]);
+        let crate::tui::dialog::Item { label, detail, .. } = item;
+        let label = format!(" {label:<widest$}  ");
+        let rest = width.saturating_sub(label.chars().count());
+        let text = Line::from(vec![Span::raw(label), Span::styled(format!("{detail:<rest$}"), DIM)]);
         let style = if i == selected { REVERSED } else { Style::new() };
         text.style(style)
     });
