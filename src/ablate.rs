@@ -1,40 +1,16 @@
 //! `gdg-tui ablate`: what each piece of the default preset is worth, by switching it off.
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr};
 use parking_lot::Mutex;
 use serde::Serialize;
 
+use crate::cli::AblateArgs;
 use crate::map::{Diameter, Grid};
 use crate::setup::{find_map, threads};
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Run, Trainer, settings_from};
-
-/// What `gdg-tui ablate` is asked for.
-#[derive(Debug, Args)]
-pub struct AblateArgs {
-    /// Built-in map or map file
-    #[arg(default_value = "fourrooms", value_name = "MAP")]
-    map: String,
-    /// Updates of each run
-    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..))]
-    updates: u64,
-    /// Runs of each variant: seeds 1, 2, ...
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
-    seeds: u64,
-    /// Evaluation tasks for each of six distances
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
-    eval_tasks: u32,
-    /// Runs side by side, each on one thread [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
-    jobs: Option<u16>,
-    /// Write all results as JSON too
-    #[arg(long, value_name = "FILE")]
-    json: Option<PathBuf>,
-}
 
 /// The default with one thing changed.
 struct Variant {

@@ -4,8 +4,6 @@ use std::path::PathBuf;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
 
-use crate::ablate::AblateArgs;
-use crate::frames::FramesArgs;
 use crate::map::Kind;
 use crate::train::{Limits, Method, Preset};
 
@@ -77,6 +75,42 @@ pub enum Command {
         #[arg(long, value_name = "FILE")]
         map: Option<PathBuf>,
     },
+}
+
+/// What `gdg-tui ablate` is asked for.
+#[derive(Debug, Args)]
+pub struct AblateArgs {
+    /// Built-in map or map file
+    #[arg(default_value = "fourrooms", value_name = "MAP")]
+    pub map: String,
+    /// Updates of each run
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..))]
+    pub updates: u64,
+    /// Runs of each variant: seeds 1, 2, ...
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+    /// Evaluation tasks for each of six distances
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub eval_tasks: u32,
+    /// Runs side by side, each on one thread [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub jobs: Option<u16>,
+    /// Write all results as JSON too
+    #[arg(long, value_name = "FILE")]
+    pub json: Option<PathBuf>,
+}
+
+/// What to draw.
+#[derive(Debug, Args)]
+pub struct FramesArgs {
+    /// A recording, as --record makes them
+    pub cast: PathBuf,
+    /// Moments to draw, in seconds from its beginning
+    #[arg(long, value_name = "S", value_delimiter = ',', required = true)]
+    pub at: Vec<f64>,
+    /// Where the pictures go: one FILE-SECONDS.png for each moment
+    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    pub out: PathBuf,
 }
 
 /// Everything about a training run.

@@ -3,7 +3,6 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use clap::Args;
 use miette::{IntoDiagnostic, Report, WrapErr};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -11,21 +10,9 @@ use ratatui::style::{Color, Modifier, Style};
 use serde::Deserialize;
 use std::num::NonZero;
 
+use crate::cli::FramesArgs;
 use crate::train::write_whole;
 use crate::tui::{Paper, png_of};
-
-/// What to draw.
-#[derive(Debug, Args)]
-pub struct FramesArgs {
-    /// A recording, as --record makes them
-    pub cast: PathBuf,
-    /// Moments to draw, in seconds from its beginning
-    #[arg(long, value_name = "S", value_delimiter = ',', required = true)]
-    pub at: Vec<f64>,
-    /// Where the pictures go: one FILE-SECONDS.png for each moment
-    #[arg(long, value_name = "FOLDER", default_value = ".")]
-    pub out: PathBuf,
-}
 
 /// A recording's first line.
 #[derive(Deserialize)]

@@ -14,13 +14,13 @@ mod settings;
 mod tasks;
 mod trainer;
 
-pub use checkpoint::{CheckpointError, Description, Success, describe, load, save, write_whole};
+pub use checkpoint::{CheckpointError, Description, describe, load, save, write_whole};
 pub use config::{ConfigError, Effect, Overrides, effect_of, list_settings, settings_from, with_setting};
 pub use engine::{Command, Engine, Followed, Phase, Snapshot, Step};
 pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, Journey, MarkedTask};
 pub use method::{Method, Preset};
 pub use run::{Counters, EndReason, Limits, Run, Tick};
-pub use score::{DistanceScore, Score};
+pub use score::{DistanceScore, Score, Success};
 pub use settings::{Restart, Settings, TrainSettings, UpdateWhen};
 pub use tasks::{Task, TaskSet};
 pub use trainer::{Kept, MapChange, Trainer};

@@ -26,7 +26,7 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
         numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
     };
-    let mut batch = Batch::default();
+    let mut batch = Batch { expectile: 0.9, ..Batch::default() };
     for i in 0..rows {
         batch.states.extend(state(rng));
         let goal = state(rng);
@@ -67,7 +67,7 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
     let targets = Tensor::from_slice(&batch.steps, batch.len(), &Device::Cpu).unwrap();
     let reference = Reference::new(&learner, layers).unwrap();
-    let critic = reference.critic_loss(0, &states, &goals, &targets).unwrap();
+    let critic = reference.critic_loss(0, (&states, &goals), &targets, batch.expectile).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
     let (actor, excess) = reference.actor_loss(&states, &goals).unwrap();

@@ -22,6 +22,8 @@ pub struct Batch {
     pub bootstrap: Vec<f32>,
     /// What the target may not exceed, `(batch)`; infinite where nothing is known.
     pub bound: Vec<f32>,
+    /// Weight of a critic's error where its target lies below D; 1 minus it where above.
+    pub expectile: f32,
     /// Transitions for the dynamics model: states `(batch, state_dim)`,
     pub from: Vec<f32>,
     /// actions `(batch, action_dim)`,
@@ -77,6 +79,7 @@ impl BatchSampler {
     /// Fills `batch` anew.
     pub fn sample(&self, replay: &Replay, rng: &mut ChaCha8Rng, batch: &mut Batch) {
         batch.clear();
+        batch.expectile = self.settings.expectile;
         for _ in 0..self.settings.batch {
             let (moment, left) = replay.sample(rng);
             let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);

@@ -429,7 +429,7 @@ impl Part {
         for (critic, gradient) in critics.iter().zip(&mut self.critics) {
             gradient.prepare(shapes.critic.parameters());
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let (targets, ws) = (&self.targets, &mut self.judge);
+            let (targets, ws) = ((&self.targets[..], rows.expectile), &mut self.judge);
             let loss = shapes.critic_gradient(*critic, pairs, targets, rows.share, gradient, ws);
             self.losses.critic += loss / critics.len() as f32;
         }
@@ -447,6 +447,7 @@ struct Rows<'a> {
     from: &'a [f32],
     actions: &'a [f32],
     next: &'a [f32],
+    expectile: f32,
     /// 1 / batch.
     share: f32,
 }
@@ -468,6 +469,7 @@ impl<'a> Rows<'a> {
             from: cut(&batch.from, s),
             actions: cut(&batch.actions, spec.action_dim),
             next: cut(&batch.next, s),
+            expectile: batch.expectile,
             share: 1.0 / batch.len() as f32,
         }
     }

@@ -17,7 +17,6 @@ pub struct Shapes {
     /// D = scale * softplus(z).
     pub distance_scale: f32,
     pub loss: LossScale,
-    pub expectile: f32,
     /// Bound of the actor's outputs before tanh; infinite for none.
     pub actor_bound: f32,
 }
@@ -36,7 +35,6 @@ impl Shapes {
             model: mlp(encoder.state_width() + spec.action_dim, spec.state_dim()),
             distance_scale: settings.distance_scale_steps,
             loss: settings.loss,
-            expectile: settings.expectile,
             actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
             encoder,
         }
@@ -168,12 +166,13 @@ impl Shapes {
         }
     }
 
-    /// Adds a critic's gradient towards `targets` to `gradient`; `share` is 1 / batch. Returns the part's loss.
+    /// Adds a critic's gradient towards `targets` to `gradient`; errors where a target lies below D count `expectile`,
+    /// others 1 minus it; `share` is 1 / batch. Returns the part's loss.
     pub fn critic_gradient(
         &self,
         critic: Weights,
         pairs: Pairs,
-        targets: &[f32],
+        (targets, expectile): (&[f32], f32),
         share: f32,
         gradient: &mut Gradient,
         ws: &mut Workspace,
@@ -187,7 +186,7 @@ impl Shapes {
         for (z, target) in z.iter_mut().zip(targets) {
             let distance = self.distance_scale * softplus(*z);
             let (error, slope) = self.loss.error(distance, *target);
-            let weight = if error > 0.0 { self.expectile } else { 1.0 - self.expectile };
+            let weight = if error > 0.0 { expectile } else { 1.0 - expectile };
             loss += weight * error * error * share;
             *z = 2.0 * weight * error * slope * share * self.distance_scale * sigmoid(*z);
         }

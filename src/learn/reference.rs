@@ -111,11 +111,18 @@ impl<'a> Reference<'a> {
         states + (change * f64::from(encoder.spec().goal_radius))?
     }
 
-    /// The loss of critic `k` towards `targets` `(rows)`.
+    /// The loss of critic `k` towards `targets` `(rows)`; errors where a target lies below D count `expectile`, others
+    /// 1 minus it.
     ///
     /// # Errors
     /// What candle reports.
-    pub fn critic_loss(&self, k: usize, states: &Tensor, goals: &Tensor, targets: &Tensor) -> Result<Tensor> {
+    pub fn critic_loss(
+        &self,
+        k: usize,
+        (states, goals): (&Tensor, &Tensor),
+        targets: &Tensor,
+        expectile: f32,
+    ) -> Result<Tensor> {
         let distance = self.distances(k, states, goals)?;
         let scale = |d: &Tensor| match self.shapes().loss {
             LossScale::Squared => Ok(d.clone()),
@@ -124,7 +131,7 @@ impl<'a> Reference<'a> {
         };
         let error = (scale(&distance)? - scale(targets)?)?;
         let above = error.gt(0.0)?.to_dtype(error.dtype())?;
-        let expectile = f64::from(self.shapes().expectile);
+        let expectile = f64::from(expectile);
         let weight = ((above * (2.0 * expectile - 1.0))? + (1.0 - expectile))?;
         (weight * error.sqr()?)?.mean_all()
     }

@@ -45,6 +45,9 @@ pub struct LearnSettings {
     pub n_step: usize,
     /// Weight of a critic's error where the target lies below D; 1 minus it where above. 0.5 is the plain square.
     pub expectile: f32,
+    /// Updates after walls went up during which errors count alike in both directions, as distances then grow; where
+    /// the expectile is not 0.5 they are learned more slowly than those that shrink.
+    pub relearn_updates: u64,
     /// Whether a goal known to have been reached j steps later bounds the target by j.
     pub hindsight_bound: bool,
     /// Share of a batch whose goals are states reached later in the same episode.
@@ -93,6 +96,7 @@ impl Default for LearnSettings {
             critics: 2,
             n_step: 3,
             expectile: 0.95,
+            relearn_updates: 5_000,
             hindsight_bound: true,
             goal_hindsight: 0.5,
             goal_geometric: 0.5,
@@ -120,6 +124,7 @@ impl LearnSettings {
             critics: 1,
             n_step: 1,
             expectile: 0.5,
+            relearn_updates: 0,
             hindsight_bound: false,
             goal_hindsight: 0.0,
             goal_random: 0.0,

@@ -10,11 +10,12 @@ use std::sync::Arc;
 use std::time::SystemTime;
 
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+use serde::Deserialize;
 use serde::de::DeserializeOwned;
-use serde::{Deserialize, Serialize};
 
 use super::graphs::StoredGraph;
 use super::run::Run;
+use super::score::Success;
 use super::trainer::{Trainer, TrainerState};
 use crate::bridge::{ExperienceState, GraphState};
 use crate::learn::ReplayState;
@@ -65,17 +66,6 @@ impl Tensors {
     fn u64(&mut self, name: &str, values: &[u64]) {
         self.0.push((name.to_owned(), Dtype::U64, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
     }
-}
-
-/// How a run did in its latest evaluation: what lists of checkpoints show.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Success {
-    /// The update at which it was evaluated.
-    pub updates: u64,
-    /// Success of the actor alone.
-    pub greedy: f64,
-    /// Success with planning, where the method plans.
-    pub planned: Option<f64>,
 }
 
 /// What a checkpoint is of, without its contents.

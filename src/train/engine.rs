@@ -17,8 +17,8 @@ use super::trainer::Trainer;
 use crate::env::Environment;
 use crate::learn::Scratch;
 use crate::map::Diameter;
-pub use command::{Command, Step};
-pub use snapshot::{Followed, Phase, Snapshot};
+pub use command::Command;
+pub use snapshot::{Followed, Phase, Snapshot, Step};
 
 /// How often snapshots are published while training.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);

@@ -6,10 +6,9 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::Serialize;
 
-use super::checkpoint::Success;
 use super::method::Method;
 use super::run::Run;
-use super::score::{Score, spearman};
+use super::score::{Score, Success, spearman};
 use super::tasks::{Task, TaskSet};
 use crate::bridge::{BridgeGraph, Experience, LINKS, Walker};
 use crate::env::{Environment, PointMaze};

@@ -1,8 +1,19 @@
 //! Success rate, SPL and rank correlation.
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::tasks::TaskSet;
+
+/// How a run did in its latest evaluation: what lists of checkpoints show.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Success {
+    /// The update at which it was evaluated.
+    pub updates: u64,
+    /// Success of the actor alone.
+    pub greedy: f64,
+    /// Success with planning, where the method plans.
+    pub planned: Option<f64>,
+}
 
 /// How well a set of tasks was done.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]

@@ -149,7 +149,7 @@ pub fn bindings() -> impl Iterator<Item = &'static Binding> {
     SECTIONS.iter().flat_map(|section| section.bindings)
 }
 
-const fn always(
+const fn bind(
     action: Action,
     name: &'static str,
     keys: &'static [&'static str],
@@ -159,24 +159,16 @@ const fn always(
     Binding { action, name, when: When::Always, keys, short, long }
 }
 
-const fn editing(
-    action: Action,
-    name: &'static str,
-    keys: &'static [&'static str],
-    short: &'static str,
-    long: &'static str,
-) -> Binding {
-    Binding { when: When::Editing, ..always(action, name, keys, short, long) }
-}
+impl Binding {
+    /// The same as long as the editor is open.
+    const fn editing(self) -> Self {
+        Self { when: When::Editing, ..self }
+    }
 
-const fn watching(
-    action: Action,
-    name: &'static str,
-    keys: &'static [&'static str],
-    short: &'static str,
-    long: &'static str,
-) -> Binding {
-    Binding { when: When::Watching, ..always(action, name, keys, short, long) }
+    /// The same as long as it is not.
+    const fn watching(self) -> Self {
+        Self { when: When::Watching, ..self }
+    }
 }
 
 /// Every action.
@@ -184,127 +176,121 @@ pub const SECTIONS: &[Section] = &[
     Section {
         title: "training",
         bindings: &[
-            always(Action::TogglePause, "pause", &["space"], "pause", "pause training, or go on"),
-            always(Action::StepUpdate, "step-update", &["."], "", "do one update and pause"),
-            always(Action::StepEpisode, "step-episode", &[","], "", "train to the end of an episode and pause"),
-            always(Action::Slower, "slower", &["<"], "", "fewer updates a second"),
-            always(Action::Faster, "faster", &[">"], "", "more updates a second"),
-            watching(Action::NewSeed, "new-seed", &["shift-r"], "", "begin anew with another seed"),
-            watching(Action::Settings, "settings", &["o"], "", "change a setting while it trains"),
-            always(Action::Method, "method", &[], "", "go on with another method"),
-            always(Action::Preset, "preset", &[], "", "go on with the settings of a preset"),
+            bind(Action::TogglePause, "pause", &["space"], "pause", "pause training, or go on"),
+            bind(Action::StepUpdate, "step-update", &["."], "", "do one update and pause"),
+            bind(Action::StepEpisode, "step-episode", &[","], "", "train to the end of an episode and pause"),
+            bind(Action::Slower, "slower", &["<"], "", "fewer updates a second"),
+            bind(Action::Faster, "faster", &[">"], "", "more updates a second"),
+            bind(Action::NewSeed, "new-seed", &["shift-r"], "", "begin anew with another seed").watching(),
+            bind(Action::Settings, "settings", &["o"], "", "change a setting while it trains").watching(),
+            bind(Action::Method, "method", &[], "", "go on with another method"),
+            bind(Action::Preset, "preset", &[], "", "go on with the settings of a preset"),
         ],
     },
     Section {
         title: "try it",
         bindings: &[
-            watching(Action::NewGoal, "new-goal", &["n"], "goal", "a random new goal (or click on the map)"),
-            always(Action::Move(-1, 0), "left", &["left", "h"], "", "move the goal, or the cursor, to the left"),
-            always(Action::Move(0, 1), "down", &["down", "j"], "", "... down"),
-            always(Action::Move(0, -1), "up", &["up", "k"], "", "... up"),
-            always(Action::Move(1, 0), "right", &["right", "l"], "", "... to the right"),
-            watching(
-                Action::NewStart,
-                "new-start",
-                &["w"],
-                "",
-                "put the walking agent @ somewhere else (or right-click)",
-            ),
-            watching(Action::StartHere, "start-here", &["shift-s"], "", "put @ where the cursor is, or the goal"),
-            watching(Action::GoalHere, "goal-here", &["enter"], "", "put the goal where the cursor is"),
-            watching(Action::Tour, "tour", &["t"], "", "@ at the goal: set out again, visit others, or stay"),
-            watching(Action::Follow, "follow", &["f"], "", "follow the next agent that explores"),
+            bind(Action::NewGoal, "new-goal", &["n"], "goal", "a random new goal (or click on the map)").watching(),
+            bind(Action::Move(-1, 0), "left", &["left", "h"], "", "move the goal, or the cursor, to the left"),
+            bind(Action::Move(0, 1), "down", &["down", "j"], "", "... down"),
+            bind(Action::Move(0, -1), "up", &["up", "k"], "", "... up"),
+            bind(Action::Move(1, 0), "right", &["right", "l"], "", "... to the right"),
+            bind(Action::NewStart, "new-start", &["w"], "", "put the walking agent @ somewhere else (or right-click)")
+                .watching(),
+            bind(Action::StartHere, "start-here", &["shift-s"], "", "put @ where the cursor is, or the goal")
+                .watching(),
+            bind(Action::GoalHere, "goal-here", &["enter"], "", "put the goal where the cursor is").watching(),
+            bind(Action::Tour, "tour", &["t"], "", "@ at the goal: set out again, visit others, or stay").watching(),
+            bind(Action::Follow, "follow", &["f"], "", "follow the next agent that explores").watching(),
         ],
     },
     Section {
         title: "view",
         bindings: &[
-            watching(Action::Field(true), "next-field", &["v"], "view", "colour the map by another distance"),
-            watching(Action::Field(false), "previous-field", &["shift-v"], "", "... by the one before"),
-            watching(Action::Toggle(Overlay::Contours), "contours", &["c"], "", "contour lines, on or off"),
-            watching(
+            bind(Action::Field(true), "next-field", &["v"], "view", "colour the map by another distance").watching(),
+            bind(Action::Field(false), "previous-field", &["shift-v"], "", "... by the one before").watching(),
+            bind(Action::Toggle(Overlay::Contours), "contours", &["c"], "", "contour lines, on or off").watching(),
+            bind(
                 Action::Toggle(Overlay::Directions),
                 "directions",
                 &["r"],
                 "",
                 "where the actor would go from everywhere",
-            ),
-            watching(Action::Toggle(Overlay::Agents), "agents", &["a"], "", "agents that explore, and their trails"),
-            watching(Action::Toggle(Overlay::Candidates), "candidates", &["b"], "", "bridge candidates"),
-            watching(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph"),
-            watching(
-                Action::Toggle(Overlay::Search),
-                "search",
-                &["shift-b"],
-                "",
-                "the latest search for a bridge point",
-            ),
-            watching(Action::Toggle(Overlay::Path), "path", &["p"], "", "the path that @ plans"),
-            watching(Action::Inspect, "inspect", &["i"], "", "a cursor that tells about its cell"),
-            always(Action::ZoomIn, "zoom-in", &["+", "="], "", "closer (or the mouse wheel)"),
-            always(Action::ZoomOut, "zoom-out", &["-"], "", "farther"),
-            watching(Action::ZoomOff, "whole-map", &["0"], "", "the whole map"),
-            always(Action::Pan(-1, 0), "pan-left", &["shift-left", "alt-left"], "", "move the part that is shown"),
-            always(Action::Pan(1, 0), "pan-right", &["shift-right", "alt-right"], "", ""),
-            always(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", ""),
-            always(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", ""),
-            watching(Action::Marker, "marker", &["m"], "", "half blocks, quadrants or braille"),
-            watching(Action::Theme, "theme", &["shift-t"], "", "dark, light, colour-blind-safe, or no colours"),
+            )
+            .watching(),
+            bind(Action::Toggle(Overlay::Agents), "agents", &["a"], "", "agents that explore, and their trails")
+                .watching(),
+            bind(Action::Toggle(Overlay::Candidates), "candidates", &["b"], "", "bridge candidates").watching(),
+            bind(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph").watching(),
+            bind(Action::Toggle(Overlay::Search), "search", &["shift-b"], "", "the latest search for a bridge point")
+                .watching(),
+            bind(Action::Toggle(Overlay::Path), "path", &["p"], "", "the path that @ plans").watching(),
+            bind(Action::Inspect, "inspect", &["i"], "", "a cursor that tells about its cell").watching(),
+            bind(Action::ZoomIn, "zoom-in", &["+", "="], "", "closer (or the mouse wheel)"),
+            bind(Action::ZoomOut, "zoom-out", &["-"], "", "farther"),
+            bind(Action::ZoomOff, "whole-map", &["0"], "", "the whole map").watching(),
+            bind(Action::Pan(-1, 0), "pan-left", &["shift-left", "alt-left"], "", "move the part that is shown"),
+            bind(Action::Pan(1, 0), "pan-right", &["shift-right", "alt-right"], "", ""),
+            bind(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", ""),
+            bind(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", ""),
+            bind(Action::Marker, "marker", &["m"], "", "half blocks, quadrants or braille").watching(),
+            bind(Action::Theme, "theme", &["shift-t"], "", "dark, light, colour-blind-safe, or no colours").watching(),
         ],
     },
     Section {
         title: "panes",
         bindings: &[
-            watching(Action::Show(Pane::Training), "training", &["1"], "", "training and success"),
-            watching(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, losses and errors"),
-            watching(Action::Show(Pane::Walk), "walk", &["3"], "", "the agent that is followed"),
-            watching(Action::Show(Pane::Legend), "legend", &["4"], "", "what the map shows"),
-            watching(Action::Show(Pane::Log), "log", &["5"], "", "what happened"),
-            always(Action::NextPane, "next-pane", &["tab"], "panes", "the next pane"),
-            watching(Action::Maximise, "maximise", &["z"], "", "give the pane all the room, or take it back"),
-            always(Action::Scroll(-1), "scroll-back", &["pageup"], "", "back in curves and log"),
-            always(Action::Scroll(1), "scroll-on", &["pagedown"], "", "forth again"),
-            watching(Action::LogScale, "log-scale", &["g"], "", "curves on a logarithmic scale, or not"),
+            bind(Action::Show(Pane::Training), "training", &["1"], "", "training and success").watching(),
+            bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, losses and errors").watching(),
+            bind(Action::Show(Pane::Walk), "walk", &["3"], "", "the agent that is followed").watching(),
+            bind(Action::Show(Pane::Legend), "legend", &["4"], "", "what the map shows").watching(),
+            bind(Action::Show(Pane::Log), "log", &["5"], "", "what happened").watching(),
+            bind(Action::NextPane, "next-pane", &["tab"], "panes", "the next pane"),
+            bind(Action::Maximise, "maximise", &["z"], "", "give the pane all the room, or take it back").watching(),
+            bind(Action::Scroll(-1), "scroll-back", &["pageup"], "", "back in curves and log"),
+            bind(Action::Scroll(1), "scroll-on", &["pagedown"], "", "forth again"),
+            bind(Action::LogScale, "log-scale", &["g"], "", "curves on a logarithmic scale, or not").watching(),
         ],
     },
     Section {
         title: "map editor",
         bindings: &[
-            always(Action::ToggleEdit, "edit", &["e"], "edit", "open or close the editor"),
-            editing(Action::Tool(Tool::Pencil), "pencil", &["1"], "", "draw walls (drag; right-drag: floor)"),
-            editing(Action::Tool(Tool::Eraser), "eraser", &["2"], "", "draw floor"),
-            editing(Action::Tool(Tool::Line), "line", &["3"], "", "a straight wall"),
-            editing(Action::Tool(Tool::Rectangle), "rectangle", &["4"], "", "walls around a rectangle"),
-            editing(Action::Tool(Tool::Fill), "fill", &["5"], "", "fill an area with wall, or a wall with floor"),
-            editing(Action::Tool(Tool::Start), "start", &["6"], "", "put a start S there, or take it away"),
-            editing(Action::Tool(Tool::Goal), "goal", &["7"], "", "put a goal G there, or take it away"),
-            editing(Action::Apply, "apply", &["x", "enter"], "", "use the tool at the cursor; twice for a line"),
-            always(Action::Undo, "undo", &["u"], "", "take an edit back"),
-            always(Action::Redo, "redo", &["ctrl-r"], "", "make it again"),
-            always(Action::NewMap, "new-map", &[], "", "an empty map"),
-            always(Action::ResizeMap, "resize-map", &[], "", "make the map larger or smaller"),
-            always(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file"),
-            always(Action::OpenMap, "open-map", &["shift-o"], "", "open another map"),
+            bind(Action::ToggleEdit, "edit", &["e"], "edit", "open or close the editor"),
+            bind(Action::Tool(Tool::Pencil), "pencil", &["1"], "", "draw walls (drag; right-drag: floor)").editing(),
+            bind(Action::Tool(Tool::Eraser), "eraser", &["2"], "", "draw floor").editing(),
+            bind(Action::Tool(Tool::Line), "line", &["3"], "", "a straight wall").editing(),
+            bind(Action::Tool(Tool::Rectangle), "rectangle", &["4"], "", "walls around a rectangle").editing(),
+            bind(Action::Tool(Tool::Fill), "fill", &["5"], "", "fill an area with wall, or a wall with floor")
+                .editing(),
+            bind(Action::Tool(Tool::Start), "start", &["6"], "", "put a start S there, or take it away").editing(),
+            bind(Action::Tool(Tool::Goal), "goal", &["7"], "", "put a goal G there, or take it away").editing(),
+            bind(Action::Apply, "apply", &["x", "enter"], "", "use the tool at the cursor; twice for a line").editing(),
+            bind(Action::Undo, "undo", &["u"], "", "take an edit back"),
+            bind(Action::Redo, "redo", &["ctrl-r"], "", "make it again"),
+            bind(Action::NewMap, "new-map", &[], "", "an empty map"),
+            bind(Action::ResizeMap, "resize-map", &[], "", "make the map larger or smaller"),
+            bind(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file"),
+            bind(Action::OpenMap, "open-map", &["shift-o"], "", "open another map"),
         ],
     },
     Section {
         title: "files",
         bindings: &[
-            always(Action::Save, "save", &["s"], "save", "save a checkpoint"),
-            always(Action::SaveAs, "save-as", &[], "", "save a checkpoint under a name"),
-            watching(Action::Load, "load", &["shift-l"], "", "load a checkpoint"),
-            always(Action::Autosave, "autosave", &[], "", "save every so many minutes"),
-            watching(Action::Export, "export", &["shift-e"], "", "write map, curves or screen to a file"),
+            bind(Action::Save, "save", &["s"], "save", "save a checkpoint"),
+            bind(Action::SaveAs, "save-as", &[], "", "save a checkpoint under a name"),
+            bind(Action::Load, "load", &["shift-l"], "", "load a checkpoint").watching(),
+            bind(Action::Autosave, "autosave", &[], "", "save every so many minutes"),
+            bind(Action::Export, "export", &["shift-e"], "", "write map, curves or screen to a file").watching(),
         ],
     },
     Section {
         title: "program",
         bindings: &[
-            always(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find anything by its name"),
-            always(Action::Help, "help", &["?", "f1"], "help", "show or hide this help"),
-            always(Action::Close, "close", &["esc"], "", "close what is open on top"),
-            always(Action::Suspend, "suspend", &["ctrl-z"], "", "back to the shell; its fg goes on here"),
-            always(Action::Quit, "quit", &["q", "ctrl-c"], "quit", "quit"),
+            bind(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find anything by its name"),
+            bind(Action::Help, "help", &["?", "f1"], "help", "show or hide this help"),
+            bind(Action::Close, "close", &["esc"], "", "close what is open on top"),
+            bind(Action::Suspend, "suspend", &["ctrl-z"], "", "back to the shell; its fg goes on here"),
+            bind(Action::Quit, "quit", &["q", "ctrl-c"], "quit", "quit"),
         ],
     },
 ];

@@ -97,7 +97,10 @@ pub fn contents(what: What, app: &mut App) -> Result<Vec<u8>, String> {
 fn draw(app: &mut App) -> std::io::Result<Buffer> {
     let Rect { width, height, .. } = app.places.screen;
     let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1))).map_err(std::io::Error::other)?;
-    terminal.draw(|frame| render::draw(frame, app)).map_err(std::io::Error::other)?;
+    let on_top = std::mem::take(&mut app.dialogs);
+    let drawn = terminal.draw(|frame| render::draw(frame, app)).map(|_| ());
+    app.dialogs = on_top;
+    drawn.map_err(std::io::Error::other)?;
     Ok(terminal.backend().buffer().clone())
 }
 

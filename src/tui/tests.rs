@@ -4,6 +4,7 @@ mod actions;
 mod screens;
 
 use std::collections::BTreeMap;
+use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -34,6 +35,10 @@ const ROOMS: &str = "\
 ";
 
 fn app_with(map: Grid, method: Method, limits: Limits) -> App {
+    app_saving_to(map, method, limits, None)
+}
+
+fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.replay_capacity = 20_000;
@@ -43,7 +48,7 @@ fn app_with(map: Grid, method: Method, limits: Limits) -> App {
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
-    let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), None);
+    let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), save);
     app.theme = Theme::new(ThemeName::Dark, Depth::True);
     app
 }
@@ -391,4 +396,40 @@ fn the_walking_agent_visits_one_goal_after_the_other_if_asked() {
     press(&mut app, KeyCode::Char('S'));
     let first = app.goal;
     wait_until(&mut app, |app| app.view.walk.journeys.0 >= 1 && app.goal != first);
+}
+
+#[test]
+fn it_saves_by_itself_if_asked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("kept.safetensors");
+    let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path.clone()));
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+    app.on_tick();
+    assert!(app.snapshot.saved.is_none(), "nobody has asked");
+    app.autosave_minutes = 1e-6;
+    app.on_tick();
+    wait_until(&mut app, |app| app.snapshot.saved.is_some());
+    assert!(path.is_file());
+}
+
+#[test]
+fn method_and_preset_are_changed_while_it_trains_and_the_data_is_kept() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 50);
+    let stored = app.snapshot.replay.0;
+    for (name, pick) in [("another method", "sorb"), ("of a preset", "paper")] {
+        press(&mut app, KeyCode::Char(':'));
+        type_text(&mut app, name);
+        press(&mut app, KeyCode::Enter);
+        type_text(&mut app, pick);
+        press(&mut app, KeyCode::Enter);
+        wait_until(&mut app, |app| {
+            app.run().method.name() == "sorb" && (name != "of a preset" || app.run().preset == Preset::Paper)
+        });
+        let updates = app.snapshot.counters.updates;
+        assert!(app.snapshot.replay.0 > stored / 2, "the data is kept");
+        wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
+        draw(&mut app, 80, 24);
+    }
 }

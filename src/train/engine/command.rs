@@ -4,10 +4,11 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Worker;
-use super::snapshot::{Phase, Snapshot};
+use super::snapshot::{Phase, Snapshot, Step};
 use crate::map::{Grid, StepSearch};
-use crate::train::checkpoint::{self, Success};
+use crate::train::checkpoint;
 use crate::train::run::{Limits, Run};
+use crate::train::score::Success;
 use crate::train::trainer::Trainer;
 
 /// What a front end can ask for.
@@ -33,15 +34,6 @@ pub enum Command {
     Begin(Box<Run>, Arc<Grid>),
     /// Go on with a checkpoint's run.
     Load(PathBuf),
-}
-
-/// How far to go before pausing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Step {
-    /// One update.
-    Update,
-    /// Until an episode ends.
-    Episode,
 }
 
 impl Worker {

@@ -3,7 +3,6 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use super::command::Step;
 use crate::bridge::{Experience, SearchOutcome};
 use crate::env::Environment;
 use crate::learn::{Losses, Policy, Profile};
@@ -11,6 +10,15 @@ use crate::map::Grid;
 use crate::train::evaluate::Evaluation;
 use crate::train::run::{Counters, Limits, Run};
 use crate::train::trainer::Trainer;
+
+/// How far to go before pausing.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Step {
+    /// One update.
+    Update,
+    /// Until an episode ends.
+    Episode,
+}
 
 /// What the trainer is doing.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -51,6 +51,9 @@ impl Trainer {
         self.rollout.enter(world.clone(), &mut self.replay);
         let transitions_removed = self.replay.keep_possible(|s, a, next| world.possible(s, a, next));
         self.learn_experience_anew();
+        if walled > 0 {
+            self.counters.relearns_until = self.counters.updates + self.run.settings.learn.relearn_updates;
+        }
         self.graphs = Graphs::default();
         self.visited.fill(0);
         self.world = world;

@@ -7,6 +7,8 @@ use std::fmt::Write as _;
 use super::*;
 use crate::bridge::{BridgePoint, SearchOutcome, Standing};
 use crate::train::{Counters, DistanceError, DistanceScore, Evaluation, Followed, Score, Snapshot};
+use crate::tui::action::Action;
+use crate::tui::export::{What, contents};
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::viewer::{Candidate, View, Walk};
@@ -213,4 +215,46 @@ fn the_editor() {
     (0..4).for_each(|_| press(&mut app, KeyCode::Left));
     (0..2).for_each(|_| press(&mut app, KeyCode::Up));
     check("editor-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn what_would_be_missed_is_asked_about_and_saved_at_a_hang_up() {
+    let mut app = stage(80, 24);
+    app.act(Action::Quit);
+    assert!(!app.is_done() && app.dialogs.len() == 1, "twelve seconds are asked about");
+    press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
+    assert!(app.is_done() && app.save_at_end().is_none(), "twice leaves without saving");
+    app.on_signal();
+    assert!(app.save_at_end().is_some_and(|path| path.starts_with("saves")));
+}
+
+#[test]
+fn everything_can_be_exported() {
+    let mut app = stage(80, 24);
+    press(&mut app, KeyCode::Char('?'));
+    for what in What::ALL {
+        let bytes = contents(what, &mut app).expect("a file");
+        match what.file_type() {
+            "png" => {
+                let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
+                let (width, height) = if what == What::MapPng { (50 * 8, 22 * 16) } else { (80 * 8, 24 * 16) };
+                assert_eq!((reader.info().width, reader.info().height), (width, height), "{what:?}");
+            }
+            "svg" => {
+                let text = String::from_utf8(bytes).expect("text");
+                assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{what:?}");
+                let part = if what == What::CurvesSvg { "relative error of D" } else { "\nG\n" };
+                assert!(text.contains(part), "{what:?} shows {part:?}");
+                assert!(!text.contains("nobody told"), "what lies on top is left out");
+            }
+            _ => {
+                let text = String::from_utf8(bytes).expect("text");
+                let lines: Vec<&str> = text.lines().collect();
+                assert!(lines[0].starts_with("updates,critic_loss") && lines[0].contains("planned_at_30_steps"));
+                let last: Vec<&str> = lines.last().expect("lines").split(',').collect();
+                assert_eq!((last[0], last.len()), ("10000", lines[0].split(',').count()));
+            }
+        }
+    }
+    assert_eq!(app.dialogs.len(), 1, "the help is still open");
 }
