@@ -21,6 +21,7 @@ mod keymap;
 mod layers;
 mod log;
 mod measure;
+mod output;
 mod panes;
 mod raster;
 mod record;
@@ -105,6 +106,7 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
     let mut views = app.views();
     let mut pace = Pace { asked: true, ..Pace::default() };
     let mut stops = Stops::listen()?;
+    let mut cache = render::Cache::default();
     while !app.is_done() && signal.load(Ordering::Relaxed) == 0 {
         tokio::select! {
             event = events.next() => match event {
@@ -130,10 +132,14 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
             terminal.suspend()?;
             pace.asked = true;
         }
+        if let Some(what) = app.takes_export() {
+            let told = export::write(what, app);
+            app.notify(told);
+        }
         pace.changed |= app.on_tick();
         pace.waits = !app.snapshot.phase.trains();
         if pace.is_due() {
-            terminal.draw(|frame| render::draw(frame, app))?;
+            terminal.draw(|frame| render::draw(frame, app, &mut cache))?;
         }
     }
     Ok(())

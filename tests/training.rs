@@ -365,6 +365,28 @@ fn a_door_that_moves_is_learned_by_the_same_networks() {
 }
 
 #[test]
+fn distances_that_new_walls_made_longer_are_learned_soon() {
+    let through_the_door = |run: &Trainer| {
+        let policy = run.policy().unwrap();
+        policy.nets().distance(&[8.5, 7.9], &[12.5, 7.9], &mut Scratch::default())
+    };
+    let after = |relearn_updates: u64| {
+        let mut settings = settings();
+        settings.learn.relearn_updates = relearn_updates;
+        let mut run = trainer(settings, 13, 2);
+        train_to(&mut run, 3_000);
+        let before = through_the_door(&run);
+        assert!(before < 6.0, "4 steps through the open door, learned as {before}");
+        run.change_map(door_above()).unwrap();
+        train_to(&mut run, 4_000);
+        through_the_door(&run)
+    };
+    let (soon, late) = (after(1_000), after(0));
+    // By the new door it is 18 steps.
+    assert!(soon > 9.0 && soon > 1.3 * late, "{soon} after a thousand updates, {late} without relearning");
+}
+
+#[test]
 fn a_run_on_an_edited_map_is_resumed_on_it() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("edited.safetensors");

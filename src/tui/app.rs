@@ -22,9 +22,9 @@ use super::history::History;
 use super::keymap::Keymap;
 use super::layers::{Field, Overlays};
 use super::log::Log;
+use super::output::What;
 use super::panes::Pane;
 use super::raster::{MapFrame, Marker, Viewport};
-use super::render::Base;
 use super::theme::{Depth, Theme};
 use super::viewer::{Request, Tour, View, Viewer};
 use crate::map::{Cell, Grid};
@@ -72,8 +72,6 @@ pub struct App {
     pub following: Option<usize>,
     /// Where things were drawn last: clicks are understood by it.
     pub places: Places,
-    /// What of the map pane did not change since then.
-    pub base: Option<Base>,
     /// Minutes between checkpoints that are saved without being asked for; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
@@ -85,6 +83,8 @@ pub struct App {
     save_at_end: bool,
     /// The program is to be stopped until the shell lets it go on.
     suspending: bool,
+    /// What is to be written to a file.
+    export: Option<What>,
 }
 
 /// Where things were drawn.
@@ -132,7 +132,6 @@ impl App {
             pausing: false,
             following: None,
             places: Places::default(),
-            base: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
             save_to: (save.unwrap_or_default(), given),
@@ -140,6 +139,7 @@ impl App {
             done: false,
             save_at_end: given,
             suspending: false,
+            export: None,
             snapshot,
             view,
             engine,
@@ -206,6 +206,11 @@ impl App {
     /// Whether the program is to be stopped for now; asked once for each time.
     pub fn takes_suspension(&mut self) -> bool {
         std::mem::take(&mut self.suspending)
+    }
+
+    /// What is to be written to a file; asked once for each time.
+    pub fn takes_export(&mut self) -> Option<What> {
+        self.export.take()
     }
 
     /// The file to save to before leaving, if that is wanted.

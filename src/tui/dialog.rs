@@ -10,7 +10,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::action::Action;
-use super::export::What;
+use super::output::What;
 use super::theme::ThemeName;
 use crate::map::Grid;
 use crate::train::{Method, Preset};

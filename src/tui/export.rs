@@ -4,66 +4,31 @@ mod curves;
 mod picture;
 mod vector;
 
+use std::path::Path;
+
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::app::App;
+use super::output::What;
 use super::render;
 use super::theme::{Rgb, Theme, ThemeName};
+use crate::train::write_whole;
 pub use picture::png_of;
 
-/// What can be written.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum What {
-    /// The map pane as a picture of pixels.
-    MapPng,
-    /// The map pane as a drawing.
-    MapSvg,
-    /// The whole screen as a picture.
-    ScreenPng,
-    /// The whole screen as a drawing.
-    ScreenSvg,
-    /// The curves as a drawing.
-    CurvesSvg,
-    /// The curves as a table of numbers.
-    CurvesCsv,
-}
+/// Where exports go.
+const FOLDER: &str = "exports";
 
-impl What {
-    /// All of it.
-    pub const ALL: [Self; 6] =
-        [Self::MapPng, Self::MapSvg, Self::ScreenPng, Self::ScreenSvg, Self::CurvesSvg, Self::CurvesCsv];
-
-    /// What it is called on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::MapPng => "the map as a picture",
-            Self::MapSvg => "the map as a drawing",
-            Self::ScreenPng => "the screen as a picture",
-            Self::ScreenSvg => "the screen as a drawing",
-            Self::CurvesSvg => "the curves as a drawing",
-            Self::CurvesCsv => "the curves as numbers",
-        }
-    }
-
-    /// The file's name without map and update.
-    pub fn stem(self) -> &'static str {
-        match self {
-            Self::MapPng | Self::MapSvg => "map",
-            Self::ScreenPng | Self::ScreenSvg => "screen",
-            Self::CurvesSvg | Self::CurvesCsv => "curves",
-        }
-    }
-
-    /// The file's extension.
-    pub fn file_type(self) -> &'static str {
-        match self {
-            Self::MapPng | Self::ScreenPng => "png",
-            Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "svg",
-            Self::CurvesCsv => "csv",
-        }
+/// Writes what was asked for to a file of its own; what is to be said of it.
+pub fn write(what: What, app: &mut App) -> String {
+    let (map, updates) = (app.map().name(), app.snapshot.counters.updates);
+    let path = Path::new(FOLDER).join(format!("{map}-{updates}-{}.{}", what.stem(), what.file_type()));
+    let written = contents(what, app).and_then(|bytes| write_whole(&path, &bytes).map_err(|e| e.to_string()));
+    match written {
+        Ok(()) => format!("wrote {}", path.display()),
+        Err(error) => format!("{} cannot be written: {error}", path.display()),
     }
 }
 
@@ -98,7 +63,7 @@ fn draw(app: &mut App) -> std::io::Result<Buffer> {
     let Rect { width, height, .. } = app.places.screen;
     let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1))).map_err(std::io::Error::other)?;
     let on_top = std::mem::take(&mut app.dialogs);
-    let drawn = terminal.draw(|frame| render::draw(frame, app)).map(|_| ());
+    let drawn = terminal.draw(|frame| render::draw(frame, app, &mut render::Cache::default())).map(|_| ());
     app.dialogs = on_top;
     drawn.map_err(std::io::Error::other)?;
     Ok(terminal.backend().buffer().clone())

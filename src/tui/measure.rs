@@ -21,6 +21,7 @@ use crate::train::{Command, Engine, Limits, Phase, Snapshot, Trainer};
 /// A run with the interface open on a screen that nobody sees.
 pub struct Watched {
     app: App,
+    cache: render::Cache,
     screen: Terminal<CrosstermBackend<Sink>>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     views: watch::Receiver<Arc<View>>,
@@ -47,7 +48,8 @@ impl Watched {
         app.theme = Theme::new(ThemeName::Dark, Depth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let screen = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
-        let mut watched = Self { snapshots: app.snapshots(), views: app.views(), app, screen };
+        let mut watched =
+            Self { snapshots: app.snapshots(), views: app.views(), app, cache: render::Cache::default(), screen };
         watched.command(Command::Pause, &Phase::Paused);
         Ok(watched)
     }
@@ -73,7 +75,7 @@ impl Watched {
             }
             if pace.is_due() {
                 let drawing = Instant::now();
-                self.screen.draw(|frame| render::draw(frame, &mut self.app))?;
+                self.screen.draw(|frame| render::draw(frame, &mut self.app, &mut self.cache))?;
                 frames_us.push(drawing.elapsed().as_secs_f64() * 1e6);
             }
         }

@@ -35,7 +35,7 @@ use super::action::{Action, bindings};
 use super::app::App;
 use super::dialog::Dialog;
 use super::editor::Tool;
-pub use map::Base;
+pub use map::Cache;
 
 /// Columns of the panel beside the map: of one column of panes, and of two; and the least that must remain for the map.
 const SIDE: u16 = 30;
@@ -50,8 +50,8 @@ pub(super) const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
 pub(super) const DIM: Style = Style::new().add_modifier(Modifier::DIM);
 pub(super) const REVERSED: Style = Style::new().add_modifier(Modifier::REVERSED);
 
-/// Draws everything.
-pub fn draw(frame: &mut Frame, app: &mut App) {
+/// Draws everything; `cache` keeps what need not be drawn anew the next time.
+pub fn draw(frame: &mut Frame, app: &mut App, cache: &mut Cache) {
     app.places.screen = frame.area();
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)]).areas(frame.area());
@@ -69,7 +69,7 @@ pub fn draw(frame: &mut Frame, app: &mut App) {
         let [left, right] = Layout::horizontal([Constraint::Min(0), Constraint::Length(side)]).areas(body);
         app.places.map_pane = left;
         let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(left);
-        map::draw(frame, map, app);
+        map::draw(frame, map, app, cache);
         minimap::draw(frame, map, app);
         info::draw(frame, info, app);
         if side > 0 {

@@ -81,7 +81,7 @@ fn character_of(app: &App, cell: Cell) -> Position {
 
 fn draw(app: &mut App, width: u16, height: u16) -> Terminal<TestBackend> {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
-    terminal.draw(|frame| render::draw(frame, app)).expect("a frame");
+    terminal.draw(|frame| render::draw(frame, app, &mut render::Cache::default())).expect("a frame");
     terminal
 }
 

@@ -83,6 +83,8 @@ pub struct View {
     pub kind: Field,
     /// The value of each pixel, row by row; NaN at walls.
     pub field: Arc<Vec<f32>>,
+    /// The largest of them, at least 1.
+    pub farthest: f32,
     /// The pixels of the field.
     pub raster: Option<Raster>,
     /// The actor's actions at some places.

@@ -54,7 +54,6 @@ impl App {
                 if overlay == Overlay::Directions {
                     self.viewer.ask(Request::Directions(shown));
                 }
-                self.base = None;
                 self.notify(format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }
             Action::Marker => {
@@ -249,7 +248,6 @@ impl App {
     /// Takes other colours.
     pub fn set_theme(&mut self, name: ThemeName) {
         self.theme = Theme::new(name, crate::tui::theme::Depth::detect());
-        self.base = None;
     }
 
     fn pick_method(&mut self) {

@@ -53,7 +53,7 @@ impl App {
                 self.notify(format!("loading {} ...", path.display()));
                 self.command(Command::Load(path));
             }
-            Choice::Export(what) => self.export(what),
+            Choice::Export(what) => self.export = Some(what),
             Choice::Quit { save } => {
                 self.save_at_end = save;
                 self.done = true;

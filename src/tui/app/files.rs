@@ -9,14 +9,13 @@ use crate::map::{BUILTIN, load_map, print_ascii, print_movingai};
 use crate::train::{Command, Description, describe, write_whole};
 use crate::tui::config::recent_path;
 use crate::tui::dialog::{Choice, Item, Picker, Prompt, Question};
-use crate::tui::export::{self, What};
+use crate::tui::output::What;
 
 /// Maps that are remembered.
 const RECENT: usize = 8;
 
-/// Where checkpoints and exports go.
+/// Where checkpoints go.
 const SAVES: &str = "saves";
-const EXPORTS: &str = "exports";
 
 impl App {
     pub(super) fn save(&mut self) {
@@ -120,19 +119,7 @@ impl App {
 
     pub(super) fn pick_export(&mut self) {
         let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what))).to_vec();
-        self.pick(Picker::new(format!("write to a file in {EXPORTS}/"), items));
-    }
-
-    pub(super) fn export(&mut self, what: What) {
-        let name =
-            format!("{}-{}-{}.{}", self.map.name(), self.snapshot.counters.updates, what.stem(), what.file_type());
-        let path = Path::new(EXPORTS).join(name);
-        let written =
-            export::contents(what, self).and_then(|bytes| write_whole(&path, &bytes).map_err(|e| e.to_string()));
-        self.notify(match written {
-            Ok(()) => format!("wrote {}", path.display()),
-            Err(error) => format!("{} cannot be written: {error}", path.display()),
-        });
+        self.pick(Picker::new("write to a file", items));
     }
 }
 

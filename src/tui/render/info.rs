@@ -44,7 +44,7 @@ fn cell_facts(app: &App) -> Line<'static> {
 
 /// What the colours mean, from one end to the other, with a bar of `bar` characters.
 pub fn scale(app: &App, bar: usize) -> Line<'static> {
-    let farthest = app.base.as_ref().map_or(1.0, |base| base.farthest);
+    let farthest = app.view.farthest.max(1.0);
     let name = Span::raw(format!(" {} ", app.field.name()));
     let (low, high) = match app.field {
         Field::Plain => return Line::from(name),

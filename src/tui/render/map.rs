@@ -11,7 +11,7 @@ use crate::bridge::Standing;
 use crate::map::Grid;
 use crate::tui::app::App;
 use crate::tui::canvas::{Canvas, WALL_MARK};
-use crate::tui::layers::{Field, Overlay};
+use crate::tui::layers::{Field, Overlay, Overlays};
 use crate::tui::raster::{Ground, MapFrame, Raster};
 use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink};
 use crate::tui::viewer::ShownEdge;
@@ -31,10 +31,10 @@ const UNTRIED_SPACINGS: f32 = 1.5;
 pub const STRONGEST_ERROR: f32 = 0.5;
 
 /// Draws the map and everything on it.
-pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
+pub fn draw(frame: &mut Frame, area: Rect, app: &mut App, cache: &mut Cache) {
     let Some(place) = MapFrame::fit(area, &app.map().clone(), app.marker, app.viewport) else { return };
     app.set_frame(place.clone());
-    let base = app.base.take().filter(|base| base.shows(&place, app));
+    let base = cache.0.take().filter(|base| base.shows(&place, app));
     let base = base.unwrap_or_else(|| Base::new(&place, app));
     let mut canvas = base.canvas.clone();
     draw_what_moves(&mut canvas, &place, app);
@@ -44,7 +44,7 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
     canvas.paint_changes(frame.buffer_mut(), &place, &app.theme);
     let mut glyphs = Glyphs { place: &place, theme: &app.theme, buffer: frame.buffer_mut() };
     draw_signs(&mut glyphs, &base, app);
-    app.base = Some(base);
+    cache.0 = Some(base);
 }
 
 /// How far apart contours are on a field whose farthest value is `farthest`, in steps.
@@ -52,19 +52,22 @@ pub fn contour_interval(farthest: f32) -> f32 {
     (farthest / MOST_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS
 }
 
+/// What of the map can be shown again as it was drawn last.
+#[derive(Default)]
+pub struct Cache(Option<Base>);
+
 /// Map, field and edges alone: they change far more rarely than what moves on them.
 #[derive(Clone)]
-pub struct Base {
+struct Base {
     place: MapFrame,
     theme: ThemeName,
+    overlays: Overlays,
     map: Arc<Grid>,
     field: Option<Arc<Vec<f32>>>,
     edges: Arc<Vec<ShownEdge>>,
     canvas: Canvas,
     /// The same as characters.
     painted: Buffer,
-    /// The largest value of the field.
-    pub farthest: f32,
     /// A place on each contour and its distance.
     labels: Vec<([f32; 2], f32)>,
 }
@@ -74,10 +77,9 @@ impl Base {
         let mut canvas = Canvas::new(place);
         terrain(&mut canvas, &place.raster, app);
         let field = Self::field_on(&place.raster, app).cloned();
-        let (mut farthest, mut labels) = (1.0, Vec::new());
+        let mut labels = Vec::new();
         if let Some(field) = &field {
-            farthest = field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
-            labels = colour(&mut canvas, place, field, farthest, app);
+            labels = colour(&mut canvas, place, field, app);
         }
         if app.overlays.has(Overlay::Edges) {
             // The more telling over the others, and each only once over the ground.
@@ -103,11 +105,11 @@ impl Base {
             painted,
             place: place.clone(),
             theme: app.theme.name,
+            overlays: app.overlays,
             map: app.map().clone(),
             field,
             edges,
             canvas,
-            farthest,
             labels,
         }
     }
@@ -124,8 +126,9 @@ impl Base {
             (own, now) => own.is_none() && now.is_none(),
         };
         let same_edges = !app.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &app.view.edges);
-        let same_map = Arc::ptr_eq(&self.map, app.map()) && self.theme == app.theme.name;
-        self.place == *place && same_field && same_edges && same_map
+        let same_map = Arc::ptr_eq(&self.map, app.map());
+        let same_look = self.theme == app.theme.name && self.overlays == app.overlays;
+        self.place == *place && same_field && same_edges && same_map && same_look
     }
 }
 
@@ -142,8 +145,8 @@ fn terrain(canvas: &mut Canvas, raster: &Raster, app: &App) {
 }
 
 /// The field as colours, with contour lines; a place for the label of each line.
-fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], farthest: f32, app: &App) -> Vec<([f32; 2], f32)> {
-    let theme = &app.theme;
+fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], app: &App) -> Vec<([f32; 2], f32)> {
+    let (theme, farthest) = (&app.theme, app.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
     let band = |i: usize| (field[i] / apart).floor();
     let lines = app.field.is_distance() && app.overlays.has(Overlay::Contours);

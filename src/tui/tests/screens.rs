@@ -8,8 +8,9 @@ use super::*;
 use crate::bridge::{BridgePoint, SearchOutcome, Standing};
 use crate::train::{Counters, DistanceError, DistanceScore, Evaluation, Followed, Score, Snapshot};
 use crate::tui::action::Action;
-use crate::tui::export::{What, contents};
+use crate::tui::export::contents;
 use crate::tui::layers::Overlay;
+use crate::tui::output::What;
 use crate::tui::panes::Pane;
 use crate::tui::viewer::{Candidate, View, Walk};
 
@@ -90,10 +91,12 @@ fn stage(width: u16, height: u16) -> App {
     let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
     let standings = [Standing::Confirmed, Standing::Demoted, Standing::Confirmed, Standing::Confirmed];
     let edges = candidates.windows(2).zip(standings).map(|(ends, standing)| ([ends[0], ends[1]], standing));
+    let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     let view = View {
         goal: (Some(app.goal), 1),
         kind: Field::Learned,
-        field: Arc::new((0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect()),
+        farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
+        field: Arc::new(values),
         raster: Some(frame.raster),
         directions: Arc::new(vec![([5.5, 2.5], [1.0, 0.0]), ([12.5, 1.5], [0.7, 0.7]), ([16.5, 1.5], [0.0, 1.0])]),
         candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),

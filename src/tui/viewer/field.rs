@@ -25,6 +25,7 @@ impl Worker {
             let shown = self.shown.clone();
             let nets = shown.0.nets();
             self.view.field = Arc::new(self.field(frame.raster, goal.centre(), &nets, snapshot));
+            self.view.farthest = self.view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
             self.view.raster = Some(frame.raster);
             let places = || {
                 let (across, down) = ARROWS_APART;
