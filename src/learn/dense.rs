@@ -7,7 +7,7 @@ use super::adam::{Moments, adam_rate, adam_step, modify, slice};
 use super::gradient::StepRates;
 use super::kernel;
 use super::mlp::{Mlp, Packed};
-use super::network::{Fill, NetworkState};
+use super::state::{Fill, NetworkState};
 
 /// Flat parameters as a candle variable, and what goes with them.
 #[derive(Debug)]

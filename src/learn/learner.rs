@@ -11,11 +11,12 @@ use super::batch::Batch;
 use super::encoder::Encoder;
 use super::gradient::{Gradient, StepRates};
 use super::kernel;
-use super::losses::{ActorPath, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Workspace};
-use super::network::{Network, NetworkState, Weights};
+use super::losses::{ActorPath, Losses, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Workspace};
+use super::network::{Network, Weights};
 use super::policy::{Nets, Policy};
 use super::profile::{Phase, Profile};
 use super::settings::{Backend, LearnSettings};
+use super::state::NetworkState;
 use super::tape::Tape;
 use super::team::Team;
 use super::touched::Touched;
@@ -29,17 +30,6 @@ const LEAST_PART_ROWS: usize = 32;
 /// Rows of each part of a batch, the last one perhaps fewer.
 fn part_rows(batch: usize) -> usize {
     batch.div_ceil(PARTS).max(LEAST_PART_ROWS)
-}
-
-/// Losses of one update, each a mean over the batch.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Losses {
-    /// Weighted squared error on the chosen scale, mean of the critics.
-    pub critic: f32,
-    /// |f(s, a) - s'|^2 in squared goal radii.
-    pub model: f32,
-    /// D(f(s, mu(s, g)), g) in steps.
-    pub actor: f32,
 }
 
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.

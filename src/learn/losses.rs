@@ -7,6 +7,17 @@ use super::mlp::{Activations, Mlp, Wanted};
 use super::network::Weights;
 use super::settings::{LearnSettings, LossScale};
 
+/// Losses of one update, each a mean over the batch.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Losses {
+    /// Weighted squared error on the chosen scale, mean of the critics.
+    pub critic: f32,
+    /// |f(s, a) - s'|^2 in squared goal radii.
+    pub model: f32,
+    /// D(f(s, mu(s, g)), g) in steps.
+    pub actor: f32,
+}
+
 /// Sizes of the three networks and what their outputs mean.
 #[derive(Clone, Debug)]
 pub struct Shapes {

@@ -6,6 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use super::dense::{Dense, DenseGuard};
 use super::grid::{GridShape, TableView};
 use super::mlp::{Mlp, Packed};
+use super::state::NetworkState;
 use super::table::{Table, TableGuard};
 
 /// A network's weights as slices: what the kernels read.
@@ -43,12 +44,6 @@ pub struct Network {
     dense: Dense,
     table: Option<Table>,
 }
-
-/// A network's trainable state as plain numbers, for checkpoints: name and values.
-pub type NetworkState = Vec<(&'static str, Vec<f32>)>;
-
-/// Fills a slice with the numbers saved under a name.
-pub type Fill<'a> = &'a mut dyn FnMut(&str, &mut [f32]) -> Result<()>;
 
 impl Network {
     /// A fresh network; `tau` for a running average, none without it.

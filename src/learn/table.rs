@@ -7,7 +7,7 @@ use super::adam::{adam_rate, modify, slice};
 use super::gradient::StepRates;
 use super::grid::{LazyView, TableView};
 use super::kernel;
-use super::network::{Fill, NetworkState};
+use super::state::{Fill, NetworkState};
 use super::touched::Touched;
 
 /// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels that is one cache

@@ -9,11 +9,11 @@ use super::adam::adam_rate;
 use super::batch::Batch;
 use super::gradient::StepRates;
 use super::kernel::{AdamRate, BETA};
-use super::learner::Losses;
-use super::losses::Shapes;
-use super::network::{Network, NetworkState};
+use super::losses::{Losses, Shapes};
+use super::network::Network;
 use super::reference::{Layers, Parameters, Reference};
 use super::settings::Backend;
+use super::state::NetworkState;
 
 /// Copies of all networks on a device, trained there.
 pub struct Tape {

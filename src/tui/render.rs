@@ -22,6 +22,7 @@ mod log;
 mod map;
 mod minimap;
 mod side;
+mod text;
 mod training;
 mod walk;
 
@@ -145,21 +146,6 @@ fn editor_keys(app: &App, width: u16) -> Line<'static> {
         }
     }
     line
-}
-
-/// A number in at most five characters: 950, 12.3k, 4.56M.
-fn short(value: f64) -> String {
-    match value {
-        v if v < 1e4 => format!("{v:.0}"),
-        v if v < 1e6 => format!("{:.1}k", v / 1e3),
-        v => format!("{:.2}M", v / 1e6),
-    }
-}
-
-/// Hours, minutes and seconds.
-fn clock(seconds: f64) -> String {
-    let whole = seconds as u64;
-    format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
 }
 
 /// The middle of `area`, at most so large.

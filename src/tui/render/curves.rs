@@ -7,7 +7,8 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition, Paragraph};
 
-use super::{BOLD, DIM, short};
+use super::text::short;
+use super::{BOLD, DIM};
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::app::App;
 use crate::tui::theme::Depth;

@@ -6,8 +6,9 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
+use super::DIM;
 use super::map::{STRONGEST_ERROR, contour_interval};
-use super::{DIM, short};
+use super::text::short;
 use crate::tui::app::App;
 use crate::tui::layers::{Field, Overlay};
 use crate::tui::theme::Depth;

@@ -3,7 +3,7 @@
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::side::heading;
+use super::text::heading;
 use super::{DIM, info};
 use crate::bridge::Standing;
 use crate::tui::action::{Action, bindings};

@@ -5,7 +5,8 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::{DIM, clock, short};
+use super::DIM;
+use super::text::{clock, short};
 use crate::tui::app::App;
 
 /// Draws as many entries as have room, wrapped; scrolled back by pages of half the height.

@@ -102,13 +102,3 @@ fn tabs(frame: &mut Frame, area: Rect, app: &mut App) {
         at += width;
     }
 }
-
-/// A name and a value.
-pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
-    Line::from(vec![Span::styled(format!(" {name:<10}"), DIM), Span::raw(value.to_string())])
-}
-
-/// A heading within a pane.
-pub fn heading(text: &str) -> Line<'static> {
-    Line::styled(format!(" {text}"), BOLD)
-}

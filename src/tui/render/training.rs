@@ -2,8 +2,7 @@
 
 use ratatui::text::Line;
 
-use super::side::{fact, heading};
-use super::{clock, short};
+use super::text::{clock, fact, heading, short};
 use crate::learn;
 use crate::train::{DistanceScore, Score};
 use crate::tui::app::App;

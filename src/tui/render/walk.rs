@@ -2,7 +2,7 @@
 
 use ratatui::text::Line;
 
-use super::side::{fact, heading};
+use super::text::{fact, heading};
 use crate::tui::app::App;
 
 /// The pane's lines.
