@@ -290,8 +290,10 @@ impl Worker {
         let distances = trainer.learner().with_nets(false, |nets| {
             (nets.distance(&state, &own.goal, scratch), nets.distance(&state, goal, scratch))
         })?;
-        let (aim, goal) = (own.goal.clone(), goal.to_vec());
-        Ok(Some(Followed { agent, state, steps: own.steps, aim, goal, distances, planned: !waypoints.is_empty() }))
+        // Before its first step of an episode the replay knows of none.
+        let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
+        let (aim, goal, planned) = (own.goal.clone(), goal.to_vec(), !waypoints.is_empty());
+        Ok(Some(Followed { agent, start, state, steps: own.steps, aim, goal, distances, planned }))
     }
 
     fn notify(&mut self, text: String) {

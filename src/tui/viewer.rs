@@ -101,6 +101,8 @@ pub struct View {
     pub walk: Walk,
     /// What is known of the cell under the cursor.
     pub inspected: Option<Inspected>,
+    /// True steps from the exploring agent that is followed to its goal, if there is a way.
+    pub followed_steps: Option<u32>,
 }
 
 /// The thread that computes views.
@@ -290,6 +292,11 @@ impl Worker {
         }
         if !Arc::ptr_eq(&snapshot.map, self.world.map()) {
             self.enter(snapshot.map.clone());
+        }
+        if let Some(followed) = &snapshot.followed {
+            let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
+            self.view.followed_steps = self.true_steps(at(&followed.state), at(&followed.goal));
+            self.changed = true;
         }
         let latest = snapshot.networks.clone();
         let times = if snapshot.phase.trains() { REST_WHILE_TRAINING } else { REST_OTHERWISE };

@@ -94,6 +94,8 @@ pub struct Snapshot {
 pub struct Followed {
     /// Which agent.
     pub agent: usize,
+    /// Where its episode began, as far back as the replay knows, `(state_dim)`.
+    pub start: Vec<f32>,
     /// Where it is, `(state_dim)`.
     pub state: Vec<f32>,
     /// Steps of its episode.

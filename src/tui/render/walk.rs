@@ -50,9 +50,11 @@ fn explorer(app: &App) -> Vec<Line<'static>> {
     let aim = if followed.aim == followed.goal { "the goal itself".to_owned() } else { place(&followed.aim) };
     vec![
         fact("agent", format!("{} of {}", followed.agent, app.snapshot.agents.len() / 2)),
+        fact("from", place(&followed.start)),
         fact("at A", place(&followed.state)),
-        fact("goal", place(&followed.goal)),
+        fact("goal \u{2691}", place(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps, app.run().settings.train.episode_steps)),
+        fact("true steps", app.view.followed_steps.map_or("no way".to_owned(), |steps| format!("{steps} to the goal"))),
         fact("D to goal", steps(followed.distances.1)),
         fact("heads for", aim),
         fact("D to it", steps(followed.distances.0)),

@@ -49,6 +49,7 @@ fn stage(width: u16, height: u16) -> App {
     };
     let followed = Followed {
         agent: 2,
+        start: vec![2.5, 4.5],
         state: vec![7.5, 1.5],
         steps: 17,
         aim: vec![10.5, 2.5],
@@ -113,6 +114,7 @@ fn stage(width: u16, height: u16) -> App {
             journeys: (3, 4),
         },
         inspected: None,
+        followed_steps: Some(11),
     };
     app.on_view(Arc::new(view));
     app
