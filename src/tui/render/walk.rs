@@ -54,7 +54,7 @@ fn explorer(app: &App) -> Vec<Line<'static>> {
         fact("at A", place(&followed.state)),
         fact("goal \u{2691}", place(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps, app.run().settings.train.episode_steps)),
-        fact("true steps", app.view.followed_steps.map_or("no way".to_owned(), |steps| format!("{steps} to the goal"))),
+        fact("truly", app.view.followed_steps.map_or("no way".to_owned(), |steps| format!("{steps} to the goal"))),
         fact("D to goal", steps(followed.distances.1)),
         fact("heads for", aim),
         fact("D to it", steps(followed.distances.0)),
