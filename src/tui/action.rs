@@ -17,6 +17,8 @@ pub enum Action {
     Slower,
     /// More updates a second.
     Faster,
+    /// Keep the screen as it is while training goes on, or let it go on too.
+    Freeze,
     /// Begin anew with another seed.
     NewSeed,
     /// Change a setting.
@@ -181,6 +183,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::StepEpisode, "step-episode", &[","], "", "train to the end of an episode and pause"),
             bind(Action::Slower, "slower", &["<"], "", "fewer updates a second"),
             bind(Action::Faster, "faster", &[">"], "", "more updates a second"),
+            bind(Action::Freeze, "freeze", &["shift-f"], "", "keep the screen as it is; training goes on").watching(),
             bind(Action::NewSeed, "new-seed", &["shift-r"], "", "begin anew with another seed").watching(),
             bind(Action::Settings, "settings", &["o"], "", "change a setting while it trains").watching(),
             bind(Action::Method, "method", &[], "", "go on with another method"),

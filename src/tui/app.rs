@@ -68,6 +68,8 @@ pub struct App {
     pub dialogs: Vec<Dialog>,
     /// Pausing has been asked for.
     pub pausing: bool,
+    /// The screen stays as it is.
+    pub frozen: bool,
     /// The agent that is followed instead of the walking one.
     pub following: Option<usize>,
     /// Where things were drawn last: clicks are understood by it.
@@ -130,6 +132,7 @@ impl App {
             tour: Tour::default(),
             dialogs: Vec::new(),
             pausing: false,
+            frozen: false,
             following: None,
             places: Places::default(),
             autosave_minutes: config.autosave_minutes,
@@ -265,6 +268,10 @@ impl App {
 
     /// Takes a new snapshot.
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
+        // Another run is not hidden.
+        if self.frozen && snapshot.generation == self.snapshot.generation {
+            return;
+        }
         let before = std::mem::replace(&mut self.snapshot, snapshot);
         if self.snapshot.generation != before.generation {
             self.begin();
@@ -290,8 +297,21 @@ impl App {
         self.log.note(text, *updates);
     }
 
+    /// Keeps the screen as it is, or goes on with what there is by now.
+    fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+        if !frozen {
+            let (snapshot, view) = (self.snapshots().borrow().clone(), self.views().borrow().clone());
+            self.on_snapshot(snapshot);
+            self.on_view(view);
+        }
+    }
+
     /// Takes a new view.
     pub fn on_view(&mut self, view: Arc<View>) {
+        if self.frozen {
+            return;
+        }
         // Goals that were chosen by the walking agent itself, not those before the latest that was asked for.
         if let ((Some(goal), number), Tour::Visit) = (view.goal, self.tour)
             && number == self.goals_asked

@@ -433,3 +433,17 @@ fn method_and_preset_are_changed_while_it_trains_and_the_data_is_kept() {
         draw(&mut app, 80, 24);
     }
 }
+
+#[test]
+fn a_frozen_screen_stays_as_it_is_while_training_goes_on() {
+    let mut app = app();
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+    press(&mut app, KeyCode::Char('F'));
+    let updates = app.snapshot.counters.updates;
+    let snapshots = app.snapshots();
+    wait_until(&mut app, |_| snapshots.borrow().counters.updates > updates + 50);
+    assert_eq!(app.snapshot.counters.updates, updates);
+    assert!(text(&draw(&mut app, 80, 24)).contains("frozen"));
+    press(&mut app, KeyCode::Char('F'));
+    assert!(app.snapshot.counters.updates > updates + 50, "it goes on with what there is by now");
+}

@@ -153,6 +153,7 @@ struct Worker {
     frame: Option<MapFrame>,
     directions: bool,
     inspect: Option<Cell>,
+    inspects_anew: bool,
     tour: Tour,
     view: View,
     /// Whether the view has changed since it was published.
@@ -201,6 +202,7 @@ impl Worker {
             frame: None,
             directions: false,
             inspect: None,
+            inspects_anew: false,
             tour: Tour::default(),
             view: View::default(),
             changed: true,
@@ -277,7 +279,7 @@ impl Worker {
             }
             Request::Inspect(cell) => {
                 self.inspect = cell;
-                self.inspect_cell();
+                self.inspects_anew = true;
             }
         }
     }
@@ -309,6 +311,10 @@ impl Worker {
         if self.field.0.is_none() || !shown && self.field.is_due(times) {
             self.shown = latest;
             self.renew_field(&snapshot);
+            self.inspects_anew = true;
+        }
+        // Once for all that the mouse has passed over meanwhile.
+        if std::mem::take(&mut self.inspects_anew) {
             self.inspect_cell();
         }
     }

@@ -27,6 +27,7 @@ impl App {
             Action::StepEpisode => self.step(Step::Episode),
             Action::Slower => self.change_speed(false),
             Action::Faster => self.change_speed(true),
+            Action::Freeze => self.freeze(!self.frozen),
             Action::NewSeed => self.ask_seed(),
             Action::Settings => self.pick_setting(),
             Action::Method => self.pick_method(),
@@ -111,7 +112,8 @@ impl App {
     }
 
     fn toggle_pause(&mut self) {
-        let trains = self.snapshot.phase.trains();
+        // What is shown may be frozen.
+        let trains = self.snapshots().borrow().phase.trains();
         if self.command(if trains { Command::Pause } else { Command::Resume }) {
             self.pausing = trains;
         }
@@ -300,6 +302,7 @@ impl App {
     /// What the phase is called.
     pub fn phase(&self) -> String {
         match &self.snapshot.phase {
+            _ if self.frozen => "screen frozen".to_owned(),
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
             Phase::Running => "training".to_owned(),
             Phase::Stepping(_) => "stepping".to_owned(),

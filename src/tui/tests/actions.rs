@@ -48,7 +48,7 @@ fn state(app: &App) -> String {
         app.goal,
         app.inspecting,
         app.tour,
-        (app.following, app.pausing, app.is_done(), app.suspends()),
+        (app.frozen, app.following, app.pausing, app.is_done(), app.suspends()),
         app.log.entries().len(),
         app.map().free_count(),
     )
