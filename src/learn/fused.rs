@@ -6,7 +6,7 @@ use parking_lot::Mutex;
 use super::adam::slice;
 use super::mlp::{Activations, Mlp, Packed, Wanted};
 
-/// `mlp(x)` with `x` `(rows, inputs)` and flat `parameters` (see [`Mlp`] for their order), both f32 on the CPU:
+/// `mlp(x)` with `x` `(rows, inputs)` and flat `parameters` (see `mlp::Mlp` for their order), both f32 on the CPU:
 /// `(rows, outputs)`. The same kernels as in [`super::Learner::update`], which calls them without a tape.
 ///
 /// # Errors

@@ -56,7 +56,7 @@ impl Network {
         Ok(Self { dense, table })
     }
 
-    /// The flat parameters as a candle variable, see [`Mlp`] for their order.
+    /// The flat parameters as a candle variable, see `mlp::Mlp` for their order.
     pub fn dense(&self) -> &Var {
         self.dense.var()
     }
