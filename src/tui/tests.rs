@@ -447,3 +447,23 @@ fn a_frozen_screen_stays_as_it_is_while_training_goes_on() {
     press(&mut app, KeyCode::Char('F'));
     assert!(app.snapshot.counters.updates > updates + 50, "it goes on with what there is by now");
 }
+
+#[test]
+fn a_map_is_written_and_no_file_is_replaced_unasked() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("kept.txt");
+    std::fs::write(&file, "something else").expect("a file");
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    press_with(&mut app, KeyCode::Char('w'), KeyModifiers::CONTROL);
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, &file.to_string_lossy());
+    press(&mut app, KeyCode::Enter);
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("there is such a file"), "{shown}");
+    assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
+    press(&mut app, KeyCode::Enter);
+    assert!(app.dialogs.is_empty());
+    let written = crate::map::load_map(&file).expect("a map");
+    assert_eq!((written.free(), written.goals()), (rooms().free(), rooms().goals()));
+}

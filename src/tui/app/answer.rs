@@ -1,8 +1,10 @@
 //! What answers to dialogs do.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use super::App;
+use super::files::checkpoint_file;
 use crate::map::{Grid, MAX_CELLS};
 use crate::train::{Command, Effect, Run, effect_of, list_settings, with_setting};
 use crate::tui::dialog::{Choice, Dialog, Item, Picker, Prompt, Question};
@@ -19,7 +21,9 @@ impl App {
             Some(Dialog::Ask(mut prompt)) => {
                 let (typed, _) = prompt.typed();
                 let typed = typed.trim().to_owned();
-                if let Err(error) = self.take_answer(&prompt.question.clone(), &typed) {
+                let warned = prompt.error.as_deref() == Some(THERE);
+                let safe = if warned { Ok(()) } else { replaces_nothing(&prompt.question, &typed) };
+                if let Err(error) = safe.and_then(|()| self.take_answer(&prompt.question.clone(), &typed)) {
                     prompt.error = Some(error);
                     self.dialogs.push(Dialog::Ask(prompt));
                 }
@@ -175,6 +179,19 @@ impl App {
         }
         Ok(())
     }
+}
+
+/// Said before a file is replaced.
+const THERE: &str = "there is such a file: Enter again replaces it";
+
+/// Whether an answer names no file that is there already.
+fn replaces_nothing(question: &Question, typed: &str) -> Result<(), String> {
+    let file = match question {
+        Question::SaveMap => Path::new(typed).to_owned(),
+        Question::SaveAs => checkpoint_file(typed),
+        _ => return Ok(()),
+    };
+    if file.is_file() { Err(THERE.to_owned()) } else { Ok(()) }
 }
 
 /// Columns and rows of a map.

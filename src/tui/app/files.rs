@@ -31,9 +31,7 @@ impl App {
     }
 
     pub(super) fn save_under(&mut self, name: &str) {
-        let path = Path::new(name).with_extension("safetensors");
-        let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
-        self.save_to.0 = if plain { Path::new(SAVES).join(path) } else { path };
+        self.save_to.0 = checkpoint_file(name);
         self.save();
     }
 
@@ -121,6 +119,14 @@ impl App {
         let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what))).to_vec();
         self.pick(Picker::new("write to a file", items));
     }
+}
+
+/// The file of a checkpoint that is given a name, or a path.
+pub(super) fn checkpoint_file(name: &str) -> PathBuf {
+    // A dot within a name does not begin an extension.
+    let path = PathBuf::from(format!("{}.safetensors", name.trim_end_matches(".safetensors")));
+    let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
+    if plain { Path::new(SAVES).join(path) } else { path }
 }
 
 /// Files and folders in `folder`, by name; none where it cannot be read.
