@@ -40,7 +40,9 @@ impl Session {
         command.cwd(folder);
         command.env("TERM", "xterm-256color");
         // Neither the configuration nor the recent maps of whoever runs the tests.
-        ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME"].map(|name| command.env(name, folder));
+        for name in ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME"] {
+            command.env(name, folder);
+        }
         let child = pty.slave.spawn_command(command).unwrap();
         let screen = Arc::new(Mutex::new(vt100::Parser::new(some(24), some(80), 0)));
         let raw = Arc::new(Mutex::new(Vec::new()));
