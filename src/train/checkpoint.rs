@@ -113,7 +113,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
             file: path.to_owned(),
             map: texts.get("map_name")?.to_owned(),
             run: json("run", texts.get("run")?)?,
-            updates: texts.updates()?,
+            updates: json::<TrainerState>("trainer", texts.get("trainer")?)?.counters.updates,
             success: json("success", texts.get("success")?)?,
             bytes: facts.len(),
             written: facts.modified().ok(),
@@ -148,10 +148,6 @@ impl Texts {
 
     fn get(&self, name: &str) -> Result<&str, String> {
         self.0.get(name).map(String::as_str).ok_or_else(|| format!("holds no {name}: it is not a checkpoint"))
-    }
-
-    fn updates(&self) -> Result<u64, String> {
-        self.get("learner_updates")?.parse().map_err(|_| "its number of updates is no number".to_owned())
     }
 }
 
@@ -254,7 +250,8 @@ fn from_bytes(bytes: &[u8], threads: usize) -> Result<Trainer, String> {
     let name = texts.get("map_name")?;
     let map = parse_map(name, texts.get("map")?.as_bytes()).map_err(|e| e.to_string())?.named(name);
     let state: TrainerState = json("trainer", texts.get("trainer")?)?;
-    let updates = texts.updates()?;
+    let updates = texts.get("learner_updates")?.parse();
+    let updates = updates.map_err(|_| "its number of updates is no number".to_owned())?;
     let mut trainer = Trainer::new(run, Arc::new(map), threads).map_err(|e| e.to_string())?;
     let read = Reader(&tensors);
     let network = |network: &str, part: &str| read.f32(&format!("{network}.{part}")).ok();
