@@ -263,3 +263,14 @@ fn everything_can_be_exported() {
     }
     assert_eq!(app.dialogs.len(), 1, "the help is still open");
 }
+
+#[test]
+fn fields() {
+    for field in [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain] {
+        let mut app = stage(80, 24);
+        app.field = field;
+        app.on_view(Arc::new(View { kind: field, ..(*app.view).clone() }));
+        let name = field.name().replace(' ', "-").to_lowercase();
+        check(&format!("field-{name}-80x24"), &mut app, 80, 24);
+    }
+}
