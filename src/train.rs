@@ -15,7 +15,9 @@ mod tasks;
 mod trainer;
 
 pub use checkpoint::{CheckpointError, Description, describe, load, save, write_whole};
-pub use config::{ConfigError, Effect, Overrides, effect_of, list_settings, settings_from, with_setting};
+pub use config::{
+    ConfigError, Effect, Overrides, effect_of, line_and_column, list_settings, settings_from, with_setting,
+};
 pub use engine::{Command, Engine, Followed, Phase, Snapshot, Step};
 pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, Journey, MarkedTask};
 pub use method::{Method, Preset};

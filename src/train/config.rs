@@ -53,9 +53,7 @@ impl ConfigError {
 
     /// The same error at a place of a file.
     fn within(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
-        let before = &text[..offset];
-        let line = before.matches('\n').count() + 1;
-        let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+        let (line, column) = line_and_column(text, offset);
         self.source_code = Some(NamedSource::new(file, text.to_owned()));
         self.span = Some((offset, length).into());
         self.of(format!("{file}:{line}:{column}: "))
@@ -222,6 +220,13 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
             .map_err(|e| e.within(&file, &text, place(if known { raw.get() } else { name })))?;
     }
     Ok(())
+}
+
+/// Line and column (from 1) of a byte of `text`.
+pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = &text[..offset.min(text.len())];
+    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+    (before.matches('\n').count() + 1, column)
 }
 
 /// Byte offset of a line and column (from 1) as serde_json counts them.

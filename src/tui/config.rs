@@ -14,6 +14,7 @@ use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::raster::Marker;
 use super::theme::ThemeName;
+use crate::train::line_and_column;
 
 /// The file's contents.
 #[derive(Clone, Debug, Deserialize)]
@@ -104,9 +105,7 @@ fn error(name: &str, text: &str, span: Option<Range<usize>>, what: String, right
     let place = span.as_ref().map_or_else(
         || format!("{name}: "),
         |span| {
-            let before = &text[..span.start.min(text.len())];
-            let line = before.matches('\n').count() + 1;
-            let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+            let (line, column) = line_and_column(text, span.start);
             format!("{name}:{line}:{column}: ")
         },
     );

@@ -150,8 +150,7 @@ impl Editor {
     /// The cursor moves by a cell; a line that was begun follows it.
     pub fn move_cursor(&mut self, (dx, dy): (isize, isize), map: &Grid) {
         let Some(at) = self.cursor else { return };
-        let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
-        let to = Cell::new(to.x.min(map.width() - 1), to.y.min(map.height() - 1));
+        let to = beside(at, (dx, dy), map);
         self.cursor = Some(to);
         if let Some(stroke) = &mut self.stroke {
             stroke.to = to;
@@ -192,6 +191,12 @@ impl Editor {
         self.done.push(map.clone());
         Some(after)
     }
+}
+
+/// The cell so many columns and rows from `at`, or the last one before the map's edge.
+pub fn beside(at: Cell, (dx, dy): (isize, isize), map: &Grid) -> Cell {
+    let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
+    Cell::new(to.x.min(map.width() - 1), to.y.min(map.height() - 1))
 }
 
 /// Marks after a press at `from` that was let go at `to`: moved, taken away or put.

@@ -7,6 +7,7 @@ use crate::map::Cell;
 use crate::train::{Command, Method, Phase, Preset, Step};
 use crate::tui::action::{Action, bindings};
 use crate::tui::dialog::{Choice, Dialog, Item, Picker, Prompt, Question};
+use crate::tui::editor::beside;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::theme::{Theme, ThemeName};
@@ -172,9 +173,7 @@ impl App {
         if self.editor.is_open() {
             self.editor.move_cursor((dx, dy), &self.map.clone());
         } else if let Some(at) = self.inspecting {
-            let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
-            let within = Cell::new(to.x.min(self.map.width() - 1), to.y.min(self.map.height() - 1));
-            self.inspect(Some(within));
+            self.inspect(Some(beside(at, (dx, dy), &self.map)));
         } else {
             self.move_goal(dx, dy);
         }

@@ -135,12 +135,18 @@ impl Base {
 /// Walls and floor.
 fn terrain(canvas: &mut Canvas, raster: &Raster, app: &App) {
     for i in 0..canvas.len() {
-        let (rgb, mark) = match raster.ground(app.map(), i % canvas.columns(), i / canvas.columns()) {
-            Ground::Outside => (None, ' '),
-            Ground::Wall => (Some(app.theme.wall), WALL_MARK),
-            Ground::Free(_) => (Some(app.theme.unknown), ' '),
-        };
+        let ground = raster.ground(app.map(), i % canvas.columns(), i / canvas.columns());
+        let (rgb, mark) = look_of(ground, &app.theme);
         canvas.set(i, rgb, mark);
+    }
+}
+
+/// How ground looks of which nothing else is known, with colours and without.
+pub fn look_of(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
+    match ground {
+        Ground::Outside => (None, ' '),
+        Ground::Wall => (Some(theme.wall), WALL_MARK),
+        Ground::Free(_) => (Some(theme.unknown), ' '),
     }
 }
 

@@ -5,9 +5,10 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
+use super::map::look_of;
 use crate::tui::app::App;
-use crate::tui::canvas::{Canvas, WALL_MARK};
-use crate::tui::raster::{Ground, MapFrame, Marker, Viewport};
+use crate::tui::canvas::Canvas;
+use crate::tui::raster::{MapFrame, Marker, Viewport};
 use crate::tui::theme::blend;
 
 /// The most columns and rows of it, and the share of the pane that it may take.
@@ -31,11 +32,7 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
         let x = (column as f32 + 0.5) / place.raster.pixels.0 as f32 * width;
         let y = (row as f32 + 0.5) / place.raster.pixels.1 as f32 * height;
         let inside = x >= left && x < left + columns && y >= top && y < top + rows;
-        let (rgb, mark) = match place.raster.ground(app.map(), column, row) {
-            Ground::Outside => (None, ' '),
-            Ground::Wall => (Some(app.theme.wall), WALL_MARK),
-            Ground::Free(_) => (Some(app.theme.unknown), ' '),
-        };
+        let (rgb, mark) = look_of(place.raster.ground(app.map(), column, row), &app.theme);
         let lit = rgb.map(|rgb| if inside { blend(rgb, app.theme.walker, 0.5) } else { rgb });
         canvas.set(i, lit, if inside && mark == ' ' { '.' } else { mark });
     }
