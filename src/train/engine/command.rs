@@ -68,7 +68,7 @@ impl Worker {
     fn adopt(&mut self, trainer: Trainer) -> candle_core::Result<()> {
         self.diameter = Arc::default();
         self.trainer = trainer;
-        (self.evaluation, self.rested, self.next_update) = (None, None, None);
+        (self.evaluation, self.rested, self.next_update, self.follow) = (None, None, None, None);
         self.current = Snapshot {
             generation: self.current.generation + 1,
             speed: self.current.speed,
