@@ -23,6 +23,7 @@ mod log;
 mod measure;
 mod output;
 mod panes;
+mod places;
 mod raster;
 mod record;
 mod render;

@@ -32,9 +32,12 @@ const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 #[error("{}: {what}", file.display())]
 #[diagnostic(help("{right}"))]
 pub struct CheckpointError {
-    file: PathBuf,
-    what: String,
-    right: String,
+    /// The file.
+    pub file: PathBuf,
+    /// What is wrong with it.
+    pub what: String,
+    /// What would be right.
+    pub right: String,
 }
 
 /// Tensors on their way to or from a file: name, type and bytes.

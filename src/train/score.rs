@@ -1,5 +1,7 @@
 //! Success rate, SPL and rank correlation.
 
+use std::fmt;
+
 use serde::{Deserialize, Serialize};
 
 use super::tasks::TaskSet;
@@ -13,6 +15,16 @@ pub struct Success {
     pub greedy: f64,
     /// Success with planning, where the method plans.
     pub planned: Option<f64>,
+}
+
+impl fmt::Display for Success {
+    /// As `planned 0.98, greedy 0.91`.
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        if let Some(planned) = self.planned {
+            write!(f, "planned {planned:.2}, ")?;
+        }
+        write!(f, "greedy {:.2}", self.greedy)
+    }
 }
 
 /// How well a set of tasks was done.

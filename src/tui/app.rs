@@ -12,9 +12,10 @@ use std::time::Instant;
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use ratatui::layout::Rect;
+use ratatui::layout::Position;
 use tokio::sync::watch;
 
+use super::action::Action;
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::editor::Editor;
@@ -24,6 +25,7 @@ use super::layers::{Field, Overlays};
 use super::log::Log;
 use super::output::What;
 use super::panes::Pane;
+use super::places::Places;
 use super::raster::{MapFrame, Marker, Viewport};
 use super::theme::{Depth, Theme};
 use super::viewer::{Request, Tour, View, Viewer};
@@ -72,8 +74,10 @@ pub struct App {
     pub frozen: bool,
     /// The agent that is followed instead of the walking one.
     pub following: Option<usize>,
-    /// Where things were drawn last: clicks are understood by it.
+    /// Where things were drawn last.
     pub places: Places,
+    /// Where the map was taken hold of to be moved.
+    dragged_from: Option<Position>,
     /// Minutes between checkpoints that are saved without being asked for; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
@@ -87,21 +91,6 @@ pub struct App {
     suspending: bool,
     /// What is to be written to a file.
     export: Option<What>,
-}
-
-/// Where things were drawn.
-#[derive(Clone, Debug, Default)]
-pub struct Places {
-    /// Everything.
-    pub screen: Rect,
-    /// The map.
-    pub map: Option<MapFrame>,
-    /// The pane with the map and the line below it.
-    pub map_pane: Rect,
-    /// The names of the panes.
-    pub tabs: Vec<(Rect, Pane)>,
-    /// The rows of the list on top, and the number of the first of them.
-    pub rows: (Rect, usize),
 }
 
 impl App {
@@ -135,6 +124,7 @@ impl App {
             frozen: false,
             following: None,
             places: Places::default(),
+            dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
             save_to: (save.unwrap_or_default(), given),
@@ -261,9 +251,10 @@ impl App {
             self.snapshot.seconds,
             counters.episodes
         );
-        let Some((updates, e)) = self.snapshot.evaluations.last() else { return text };
-        let planned = e.planned.as_ref().map_or(String::new(), |p| format!("planned {:.2}, ", p.success));
-        format!("{text}; at update {updates} success {planned}greedy {:.2}", e.greedy.success)
+        match self.success() {
+            Some(success) => format!("{text}; at update {} success {success}", success.updates),
+            None => text,
+        }
     }
 
     /// Takes a new snapshot.
@@ -285,15 +276,17 @@ impl App {
             self.notify(self.snapshot.notice.1.clone());
         }
         if before.phase.trains() && self.snapshot.phase == Phase::Done {
-            self.notify("done: a limit is reached; Space goes on without it".to_owned());
+            self.notify(format!(
+                "done: a limit is reached; {} goes on without it",
+                self.keymap.key_of(Action::TogglePause)
+            ));
         }
     }
 
     fn note_evaluation(&mut self) {
         let Some((updates, e)) = self.snapshot.evaluations.last() else { return };
-        let planned = e.planned.as_ref().map_or(String::new(), |p| format!("planned {:.2}, ", p.success));
         let error = 100.0 * e.distance_error.mape;
-        let text = format!("evaluated: {planned}greedy {:.2}, error of D {error:.0} %", e.greedy.success);
+        let text = format!("evaluated: {}, error of D {error:.0} %", e.success(*updates));
         self.log.note(text, *updates);
     }
 

@@ -1,5 +1,6 @@
 //! What can lie on top of the screen: the help, a list to pick from, a question to answer.
 
+pub mod lists;
 mod picker;
 mod prompt;
 

@@ -4,7 +4,7 @@ mod curves;
 mod picture;
 mod vector;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use ratatui::Terminal;
 use ratatui::backend::TestBackend;
@@ -24,12 +24,20 @@ const FOLDER: &str = "exports";
 /// Writes what was asked for to a file of its own; what is to be said of it.
 pub fn write(what: What, app: &mut App) -> String {
     let (map, updates) = (app.map().name(), app.snapshot.counters.updates);
-    let path = Path::new(FOLDER).join(format!("{map}-{updates}-{}.{}", what.stem(), what.file_type()));
+    let name = format!("{map}-{updates}-{}", what.stem());
+    let path = unused(Path::new(FOLDER), &name, what.file_type());
     let written = contents(what, app).and_then(|bytes| write_whole(&path, &bytes).map_err(|e| e.to_string()));
     match written {
         Ok(()) => format!("wrote {}", path.display()),
         Err(error) => format!("{} cannot be written: {error}", path.display()),
     }
+}
+
+/// A file that is not there yet: of a paused run there may be several pictures.
+fn unused(folder: &Path, name: &str, file_type: &str) -> PathBuf {
+    let numbered = (2..).map(|i| folder.join(format!("{name}-{i}.{file_type}")));
+    let mut paths = std::iter::once(folder.join(format!("{name}.{file_type}"))).chain(numbered);
+    paths.find(|path| !path.exists()).unwrap_or_default()
 }
 
 /// The file's contents.
@@ -91,5 +99,22 @@ impl Paper {
 impl Default for Paper {
     fn default() -> Self {
         Self { ink: (222, 222, 226), ground: (16, 16, 20) }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_export_replaces_another() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let mut names = Vec::new();
+        for _ in 0..3 {
+            let path = unused(folder.path(), "rooms-5-map", "png");
+            std::fs::write(&path, b"").expect("written");
+            names.push(path.file_name().expect("a name").to_owned());
+        }
+        assert_eq!(names, ["rooms-5-map.png", "rooms-5-map-2.png", "rooms-5-map-3.png"]);
     }
 }

@@ -64,6 +64,13 @@ impl Keymap {
         self.binding(normal(KeyCombination::from(key)), when).map(|b| b.action)
     }
 
+    /// The first key of `action` as people read it; what to type into the list of everything where it has none.
+    pub fn key_of(&self, action: Action) -> String {
+        let first = |action| bindings().filter(|b| b.action == action).find_map(|b| self.shown(b).into_iter().next());
+        let unbound = || first(Action::Palette).map_or("-".to_owned(), |key| format!("{key} ..."));
+        first(action).unwrap_or_else(unbound)
+    }
+
     /// The keys of `binding` as people read them.
     pub fn shown(&self, binding: &Binding) -> Vec<String> {
         let format = KeyCombinationFormat::default().with_implicit_shift();

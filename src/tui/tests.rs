@@ -1,6 +1,7 @@
 //! The screen on a buffer instead of a terminal.
 
 mod actions;
+mod mouse;
 mod screens;
 
 use std::collections::BTreeMap;

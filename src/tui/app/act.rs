@@ -4,9 +4,9 @@ use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
 use crate::map::Cell;
-use crate::train::{Command, Method, Phase, Preset, Step};
-use crate::tui::action::{Action, bindings};
-use crate::tui::dialog::{Choice, Dialog, Item, Picker, Prompt, Question};
+use crate::train::{Command, Phase, Step};
+use crate::tui::action::Action;
+use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
 use crate::tui::editor::beside;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
@@ -30,9 +30,9 @@ impl App {
             Action::Faster => self.change_speed(true),
             Action::Freeze => self.freeze(!self.frozen),
             Action::NewSeed => self.ask_seed(),
-            Action::Settings => self.pick_setting(),
-            Action::Method => self.pick_method(),
-            Action::Preset => self.pick_preset(),
+            Action::Settings => self.pick(lists::settings(&self.run().settings)),
+            Action::Method => self.pick(lists::methods(self.run().method)),
+            Action::Preset => self.pick(lists::presets(self.run().preset)),
             Action::NewGoal => {
                 let cell = self.random_cell();
                 self.set_goal(cell);
@@ -72,7 +72,7 @@ impl App {
                 let at = self.inspecting.is_none().then_some(self.goal);
                 self.inspect(at);
             }
-            Action::Theme => self.pick_theme(),
+            Action::Theme => self.pick(lists::themes(self.theme.name)),
             Action::Show(pane) => self.show(pane),
             Action::NextPane => self.show(self.pane.next()),
             Action::Maximise => self.maximised = !self.maximised,
@@ -103,8 +103,8 @@ impl App {
                 let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 for never");
                 self.ask(Prompt::new(Question::Autosave, "save by itself every ... minutes", hint, now));
             }
-            Action::Export => self.pick_export(),
-            Action::Palette => self.pick_action(),
+            Action::Export => self.pick(lists::exports()),
+            Action::Palette => self.pick(lists::actions(&self.keymap)),
             Action::Help => self.dialogs.push(Dialog::Help(0)),
             Action::Close => self.close_top(),
             Action::Suspend => self.suspending = true,
@@ -129,7 +129,9 @@ impl App {
     }
 
     fn change_speed(&mut self, faster: bool) {
-        let now = self.snapshot.speed.unwrap_or(f64::INFINITY);
+        // From no limit on, the first slower one is slower than it goes by itself.
+        let rate = Some(self.snapshot.rates.0).filter(|rate| !faster && *rate > 0.0);
+        let now = self.snapshot.speed.or(rate).unwrap_or(f64::INFINITY);
         let speed = if faster {
             SPEEDS.into_iter().find(|speed| *speed > now)
         } else {
@@ -211,14 +213,7 @@ impl App {
             self.done = true;
             return;
         }
-        let detail = format!("to {}", self.save_to.0.display());
-        let unsaved = format!("{} updates are not saved", self.unsaved_updates());
-        let items = vec![
-            Item::new("save and quit", detail, Choice::Quit { save: true }),
-            Item::new("quit without saving", unsaved, Choice::Quit { save: false }),
-            Item::new("stay", "", Choice::Nothing),
-        ];
-        self.pick(Picker::new("quit?", items));
+        self.pick(lists::ways_to_quit(self.unsaved_updates(), &self.save_to.0));
     }
 
     pub(super) fn pick(&mut self, picker: Picker) {
@@ -229,50 +224,9 @@ impl App {
         self.dialogs.push(Dialog::Ask(prompt));
     }
 
-    fn pick_action(&mut self) {
-        let wanted =
-            bindings().filter(|b| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("..."));
-        let item = |b: &crate::tui::action::Binding| {
-            let keys = self.keymap.shown(b).join(" ");
-            Item::new(b.long, keys, Choice::Act(b.action))
-        };
-        let items = wanted.map(item).collect();
-        self.pick(Picker::new("find anything", items));
-    }
-
-    fn pick_theme(&mut self) {
-        let now = self.theme.name;
-        let items = ThemeName::ALL.map(|name| Item::new(name.name(), "", Choice::Theme(name))).to_vec();
-        self.pick(Picker::new("colours", items).selecting(|choice| *choice == Choice::Theme(now)));
-    }
-
     /// Takes other colours.
     pub fn set_theme(&mut self, name: ThemeName) {
         self.theme = Theme::new(name, crate::tui::theme::Depth::detect());
-    }
-
-    fn pick_method(&mut self) {
-        let now = self.run().method;
-        let about = |method: Method| match method {
-            Method::Gdg => "the actor alone",
-            Method::GdgBridge => "explores and plans through bridge points",
-            Method::Sorb => "unverified edges, waypoints planned once",
-            Method::Random => "random actions, nothing learned",
-        };
-        let items = [Method::GdgBridge, Method::Gdg, Method::Sorb, Method::Random];
-        let items = items.map(|m| Item::new(m.name(), about(m), Choice::Method(m))).to_vec();
-        let title = "go on with method (data and networks are kept)";
-        self.pick(Picker::new(title, items).selecting(|choice| *choice == Choice::Method(now)));
-    }
-
-    fn pick_preset(&mut self) {
-        let now = self.run().preset;
-        let items = vec![
-            Item::new("default", "everything that measurement has shown to help", Choice::Preset(Preset::Default)),
-            Item::new("paper", "the published algorithms to the letter", Choice::Preset(Preset::Paper)),
-        ];
-        let title = "go on with preset (data is kept, networks begin anew)";
-        self.pick(Picker::new(title, items).selecting(|choice| *choice == Choice::Preset(now)));
     }
 
     fn ask_seed(&mut self) {

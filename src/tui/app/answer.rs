@@ -7,7 +7,7 @@ use super::App;
 use super::files::checkpoint_file;
 use crate::map::{Grid, MAX_CELLS};
 use crate::train::{Command, Effect, Run, effect_of, list_settings, with_setting};
-use crate::tui::dialog::{Choice, Dialog, Item, Picker, Prompt, Question};
+use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 
 impl App {
     /// The dialog on top is answered.
@@ -83,46 +83,13 @@ impl App {
     /// Turns to another map: at once where it has the size of this one, else the user is asked what to do.
     pub(super) fn go_to(&mut self, map: &Arc<Grid>) {
         let (width, height) = (self.map.width(), self.map.height());
-        let mut items = vec![Item::new(
-            "begin a new run on it",
-            "fresh networks; what was learned here is lost unless it is saved",
-            Choice::BeginOn(map.clone()),
-        )];
-        let same = (map.width(), map.height()) == (width, height);
         // Cells that the map does not have are walls here: agents have no business there.
         let fitted = map.resized(width, height).and_then(|fitted| {
             let beyond = |c: &crate::map::Cell| c.x >= map.width() || c.y >= map.height();
             let walls: Vec<_> = fitted.free_cells().filter(beyond).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        if same {
-            items.insert(
-                0,
-                Item::new("go on with these networks", "they learn the new walls", Choice::GoOnWith(map.clone())),
-            );
-        } else if let Some(fitted) = fitted {
-            let label = format!("go on with these networks, cut or filled up to {width} x {height}");
-            items.push(Item::new(
-                label,
-                "they know positions on a map of this size",
-                Choice::GoOnWith(Arc::new(fitted)),
-            ));
-        }
-        items.push(Item::new("stay here", "", Choice::Nothing));
-        self.pick(Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items));
-    }
-
-    pub(super) fn pick_setting(&mut self) {
-        let items = list_settings(&self.run().settings).into_iter().map(|(name, value)| {
-            let effect = match effect_of(&name) {
-                Effect::AtOnce => "",
-                Effect::NewAgents => "   (agents begin anew)",
-                Effect::NewNetworks => "   (networks begin anew)",
-            };
-            Item::new(name.clone(), format!("{value}{effect}"), Choice::Setting(name))
-        });
-        let items = items.collect();
-        self.pick(Picker::new("change a setting: at once, but where it says otherwise", items));
+        self.pick(lists::ways_to_turn_to(map, &self.map, fitted));
     }
 
     fn ask_setting(&mut self, name: String) {

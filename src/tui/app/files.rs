@@ -2,14 +2,15 @@
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::time::SystemTime;
+
+use jiff::tz::TimeZone;
 
 use super::App;
-use crate::map::{BUILTIN, load_map, print_ascii, print_movingai};
-use crate::train::{Command, Description, describe, write_whole};
+use crate::map::{load_map, print_ascii, print_movingai};
+use crate::train::{Command, describe, write_whole};
+use crate::tui::action::Action;
 use crate::tui::config::recent_path;
-use crate::tui::dialog::{Choice, Item, Picker, Prompt, Question};
-use crate::tui::output::What;
+use crate::tui::dialog::{Prompt, Question, lists};
 
 /// Maps that are remembered.
 const RECENT: usize = 8;
@@ -41,17 +42,14 @@ impl App {
         if own != Path::new(SAVES) {
             files.extend(files_in(Path::new(SAVES)));
         }
-        let mut found: Vec<Description> = files.iter().filter_map(|path| describe(path).ok()).collect();
-        found.sort_by_key(|d| std::cmp::Reverse(d.written));
-        if found.is_empty() {
-            self.notify(format!("there is no checkpoint in {}: s saves one", own.display()));
+        files.retain(|path| path.extension().is_some_and(|e| e == "safetensors"));
+        if files.is_empty() {
+            let key = self.keymap.key_of(Action::Save);
+            self.notify(format!("there is no checkpoint in {}: {key} saves one", own.display()));
             return;
         }
-        let item = |d: &Description| {
-            let name = d.file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-            Item::new(name, about(d), Choice::Load(d.file.clone()))
-        };
-        self.pick(Picker::new("load a checkpoint", found.iter().map(item).collect()));
+        let found = files.iter().map(|path| describe(path)).collect();
+        self.pick(lists::checkpoints(found, &TimeZone::system()));
     }
 
     pub(super) fn ask_map_file(&mut self) {
@@ -77,29 +75,12 @@ impl App {
 
     /// Recent maps, those built in, and what lies in `folder`.
     pub(super) fn pick_map(&mut self, folder: Option<&Path>) {
-        let mut items = Vec::new();
         let here = folder.unwrap_or(Path::new(".")).to_owned();
-        if folder.is_none() {
-            let recent = recent_maps();
-            items.extend(
-                recent
-                    .iter()
-                    .map(|path| Item::new(path.display().to_string(), "recent", Choice::OpenMap(path.clone()))),
-            );
-            items.extend(BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))));
-        }
-        items.push(Item::new("..", "folder", Choice::Folder(here.join(".."))));
-        for path in files_in(&here) {
-            let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            let is_map = path.extension().is_some_and(|e| e == "map" || e == "txt");
-            if path.is_dir() && !name.starts_with('.') {
-                items.push(Item::new(format!("{name}/"), "folder", Choice::Folder(path)));
-            } else if is_map {
-                items.push(Item::new(name, "map", Choice::OpenMap(path)));
-            }
-        }
-        let place = here.canonicalize().unwrap_or(here);
-        self.pick(Picker::new(format!("open a map: {}", place.display()), items));
+        let here = here.canonicalize().unwrap_or(here);
+        let entries: Vec<(PathBuf, bool)> =
+            files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir())).collect();
+        let recent = folder.is_none().then(recent_maps);
+        self.pick(lists::maps(&here, &entries, recent.as_deref()));
     }
 
     pub(super) fn open_map(&mut self, path: &Path) {
@@ -113,11 +94,6 @@ impl App {
                 self.notify(format!("{error}{help}"));
             }
         }
-    }
-
-    pub(super) fn pick_export(&mut self) {
-        let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what))).to_vec();
-        self.pick(Picker::new("write to a file", items));
     }
 }
 
@@ -141,23 +117,6 @@ fn recent_maps() -> Vec<PathBuf> {
     let text = recent_path().and_then(|file| std::fs::read_to_string(file).ok());
     let recent: Vec<PathBuf> = text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
     recent.into_iter().filter(|path| path.exists()).collect()
-}
-
-/// What a list says of a checkpoint.
-fn about(d: &Description) -> String {
-    let success = d.success.map_or("not evaluated".to_owned(), |s| match s.planned {
-        Some(planned) => format!("success {planned:.2}/{:.2}", s.greedy),
-        None => format!("success {:.2}", s.greedy),
-    });
-    let age = d.written.and_then(|at| SystemTime::now().duration_since(at).ok()).map_or(String::new(), |age| match age
-        .as_secs()
-    {
-        s @ 0..120 => format!("{s} s ago"),
-        s @ 120..7_200 => format!("{} min ago", s / 60),
-        s @ 7_200..172_800 => format!("{} h ago", s / 3_600),
-        s => format!("{} days ago", s / 86_400),
-    });
-    format!("{} {} {} updates, {success}, {} MB, {age}", d.map, d.run.method.name(), d.updates, d.bytes / 1_000_000)
 }
 
 /// Puts a map in front of those that are remembered; where that cannot be, nothing is lost.

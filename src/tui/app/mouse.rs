@@ -5,8 +5,10 @@ use ratatui::layout::Position;
 
 use super::App;
 use crate::map::Cell;
+use crate::tui::action::Action;
 use crate::tui::dialog::Dialog;
-use crate::tui::raster::Viewport;
+use crate::tui::places::Click;
+use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::viewer::Request;
 
 /// One turn of the wheel.
@@ -24,43 +26,98 @@ impl App {
         if !self.dialogs.is_empty() {
             return self.on_mouse_in_dialog(mouse.kind, at);
         }
-        let Some(frame) = self.places.map.clone() else { return };
+        if mouse.kind == MouseEventKind::Down(MouseButton::Left)
+            && let Some(Click::Act(action)) = self.places.click(at)
+        {
+            return self.act(action);
+        }
+        match self.places.map.clone() {
+            Some(frame) if !self.maximised => self.on_mouse_beside_map(mouse.kind, at, &frame),
+            _ => self.on_wheel(mouse.kind),
+        }
+    }
+
+    /// The mouse on the map, or where nothing is that can be clicked on.
+    fn on_mouse_beside_map(&mut self, kind: MouseEventKind, at: Position, frame: &MapFrame) {
         let cell = frame.cell_at(at, &self.map);
-        match mouse.kind {
+        let dragged_from = self.dragged_from.take();
+        if self.is_on_minimap(kind, at) {
+            return;
+        }
+        match kind {
             MouseEventKind::Moved => self.hover(cell),
             MouseEventKind::ScrollUp if cell.is_some() => self.zoom(WHEEL, Some(at)),
             MouseEventKind::ScrollDown if cell.is_some() => self.zoom(1.0 / WHEEL, Some(at)),
-            MouseEventKind::ScrollUp => self.scrolled += 1,
-            MouseEventKind::ScrollDown => self.scrolled = self.scrolled.saturating_sub(1),
+            MouseEventKind::Down(MouseButton::Middle) => self.dragged_from = Some(at),
+            MouseEventKind::Drag(MouseButton::Middle) => {
+                let moved = |from: u16, to: u16| f32::from(from) - f32::from(to);
+                let from = dragged_from.unwrap_or(at);
+                self.pan_by([moved(from.x, at.x) / frame.scale(), 2.0 * moved(from.y, at.y) / frame.scale()]);
+                self.dragged_from = Some(at);
+            }
             MouseEventKind::Down(button) | MouseEventKind::Drag(button)
                 if self.editor.is_open() && cell.is_some() && button != MouseButton::Middle =>
             {
-                self.editor.draw(at, button == MouseButton::Right, &frame, &self.map);
+                self.editor.draw(at, button == MouseButton::Right, frame, &self.map);
             }
             MouseEventKind::Up(_) if self.editor.is_open() => {
                 let new = self.editor.finish(&self.map.clone());
                 self.change_map(new);
             }
-            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => match cell {
-                Some(cell) => {
+            MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
+                if let Some(cell) = cell {
                     self.hovered = None;
                     if self.goal != cell {
                         self.set_goal(cell);
                     }
                 }
-                None => self.click_tab(at),
-            },
+            }
             MouseEventKind::Down(MouseButton::Right) => {
                 if let Some(cell) = cell {
                     self.viewer.ask(Request::Start(Some(cell)));
                 }
             }
+            _ => self.on_wheel(kind),
+        }
+    }
+
+    /// Back and forth in curves and log.
+    fn on_wheel(&mut self, kind: MouseEventKind) {
+        match kind {
+            MouseEventKind::ScrollUp => self.act(Action::Scroll(-1)),
+            MouseEventKind::ScrollDown => self.act(Action::Scroll(1)),
             _ => {}
         }
     }
 
+    /// Whether the mouse is on the small map in the corner: a click there shows that part.
+    fn is_on_minimap(&mut self, kind: MouseEventKind, at: Position) -> bool {
+        let Some(minimap) = self.places.minimap.as_ref().filter(|minimap| minimap.area.contains(at)) else {
+            return false;
+        };
+        if matches!(kind, MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)) {
+            self.viewport.centre = minimap.middle_of(at);
+            self.clamp_viewport();
+            return true;
+        }
+        false
+    }
+
     fn on_mouse_in_dialog(&mut self, kind: MouseEventKind, at: Position) {
         let (rows, first) = self.places.rows;
+        if let (Some(Dialog::Pick(_) | Dialog::Ask(_)), MouseEventKind::Down(MouseButton::Left)) =
+            (self.dialogs.last(), kind)
+        {
+            match self.places.click(at) {
+                Some(Click::Answer) => return self.answer(),
+                Some(Click::Act(_)) => return,
+                None if self.places.dialog.contains(at) => {}
+                Some(Click::Close) | None => {
+                    self.dialogs.pop();
+                    return;
+                }
+            }
+        }
         match (self.dialogs.last_mut(), kind) {
             (Some(Dialog::Help(line)), MouseEventKind::ScrollUp) => *line = line.saturating_sub(3),
             (Some(Dialog::Help(line)), MouseEventKind::ScrollDown) => *line += 3,
@@ -86,13 +143,6 @@ impl App {
             if self.inspecting.is_none() {
                 self.viewer.ask(Request::Inspect(cell));
             }
-        }
-    }
-
-    fn click_tab(&mut self, at: Position) {
-        let tab = self.places.tabs.iter().find(|(area, _)| area.contains(at)).map(|(_, pane)| *pane);
-        if let Some(pane) = tab {
-            (self.pane, self.scrolled) = (pane, 0);
         }
     }
 
@@ -125,8 +175,13 @@ impl App {
     pub(super) fn pan(&mut self, dx: isize, dy: isize) {
         let Some(frame) = &self.places.map else { return };
         let [_, _, width, height] = frame.raster.window;
-        self.viewport.centre[0] += PAN * width * dx as f32;
-        self.viewport.centre[1] += PAN * height * dy as f32;
+        self.pan_by([PAN * width * dx as f32, PAN * height * dy as f32]);
+    }
+
+    /// Moves the part of the map that is shown by so many cells.
+    fn pan_by(&mut self, [across, down]: [f32; 2]) {
+        self.viewport.centre[0] += across;
+        self.viewport.centre[1] += down;
         self.clamp_viewport();
     }
 

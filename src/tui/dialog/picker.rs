@@ -65,9 +65,9 @@ impl Picker {
         (self.shown.iter().map(|i| &self.items[*i]), self.selected)
     }
 
-    /// Items in all.
-    pub fn len(&self) -> usize {
-        self.items.len()
+    /// All items, shown or not.
+    pub fn items(&self) -> impl Iterator<Item = &Item> {
+        self.items.iter()
     }
 
     /// What the selected item does.

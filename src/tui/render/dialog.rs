@@ -4,26 +4,36 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Position, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Clear, Paragraph, Wrap};
+use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 
 use super::{BOLD, DIM, REVERSED, middle};
-use crate::tui::dialog::{Picker, Prompt};
+use crate::tui::dialog::{Item, Picker, Prompt};
+use crate::tui::places::{Bar, Click, Places};
 
 /// Size of a list at most, and of a question.
 const LIST: (u16, u16) = (96, 24);
 const QUESTION: (u16, u16) = (72, 7);
 
-/// Draws a list; the place of its rows, and the number of the first that is shown.
-pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker) -> (Rect, usize) {
+/// Rows below a list for all of the selected item: a line and two rows of text.
+const ROWS_BELOW: u16 = 3;
+
+/// Draws a list. Where something is too long for its row, all of the selected item stands below the list.
+pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, places: &mut Places) {
     let (items, selected) = picker.shown();
     let items: Vec<_> = items.collect();
     let (width, height) = (LIST.0.min(area.width.saturating_sub(2)), LIST.1.min(area.height.saturating_sub(2)));
-    let place = middle(area, width, height.min(picker.len() as u16 + 3));
-    let block = Block::bordered().title(format!(" {} ", picker.title)).title_bottom(" Enter: take   Esc: close ");
-    let inner = block.inner(place);
-    frame.render_widget(Clear, place);
-    frame.render_widget(block, place);
-    let [line, rows] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(inner);
+    let columns = usize::from(width).saturating_sub(2);
+    let widest = picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0).min(columns * 2 / 3);
+    let in_a_row = |item: &Item| {
+        let label = format!(" {:<widest$}  ", item.label);
+        let rest = columns.saturating_sub(label.chars().count());
+        (item.detail.chars().count() <= rest, label, format!("{:<rest$}", item.detail))
+    };
+    let below = if picker.items().all(|item| in_a_row(item).0) { 0 } else { ROWS_BELOW };
+    let place = middle(area, width, height.min(picker.items().count() as u16 + 3 + below));
+    let inner = draw_box(frame, place, &picker.title, places);
+    let [line, rows, below] =
+        Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(below)]).areas(inner);
     let (typed, cursor) = picker.typed();
     let hint = if typed.is_empty() { "type to search" } else { "" };
     frame.render_widget(
@@ -37,31 +47,28 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker) -> (Rect, usi
     set_cursor(frame, line, 2 + cursor);
     let height = usize::from(rows.height);
     let first = (selected + 1).saturating_sub(height);
-    let width = usize::from(rows.width);
-    let widest = items.iter().map(|item| item.label.chars().count()).max().unwrap_or(0).min(width * 2 / 3);
     let lines = items.iter().enumerate().skip(first).take(height).map(|(i, item)| {
-        let crate::tui::dialog::Item { label, detail, .. } = item;
-        let label = format!(" {label:<widest$}  ");
-        let rest = width.saturating_sub(label.chars().count());
-        let text = Line::from(vec![Span::raw(label), Span::styled(format!("{detail:<rest$}"), DIM)]);
-        let style = if i == selected { REVERSED } else { Style::new() };
-        text.style(style)
+        let (_, label, detail) = in_a_row(item);
+        let text = Line::from(vec![Span::raw(label), Span::styled(detail, DIM)]);
+        text.style(if i == selected { REVERSED } else { Style::new() })
     });
     let mut lines: Vec<Line> = lines.collect();
     if lines.is_empty() {
         lines.push(Line::styled(" nothing fits", DIM));
     }
     frame.render_widget(Paragraph::new(lines), rows);
-    (rows, first)
+    if let (Some(item), false) = (items.get(selected), below.is_empty()) {
+        let all = format!("{}: {}", item.label, item.detail);
+        let block = Block::new().borders(Borders::TOP);
+        frame.render_widget(Paragraph::new(all).wrap(Wrap { trim: true }).block(block), below);
+    }
+    places.rows = (rows, first);
 }
 
 /// Draws a question.
-pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt) {
+pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, places: &mut Places) {
     let place = middle(area, QUESTION.0.min(area.width.saturating_sub(2)), QUESTION.1);
-    let block = Block::bordered().title(format!(" {} ", prompt.title)).title_bottom(" Enter: take   Esc: close ");
-    let inner = block.inner(place);
-    frame.render_widget(Clear, place);
-    frame.render_widget(block, place);
+    let inner = draw_box(frame, place, &prompt.title, places);
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)]).areas(inner);
     let (typed, cursor) = prompt.typed();
@@ -69,13 +76,29 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt) {
     let room = usize::from(line.width).saturating_sub(3);
     let hidden = cursor.saturating_sub(room);
     let seen: String = typed.chars().skip(hidden).take(room).collect();
-    frame.render_widget(Paragraph::new(Line::from(vec![Span::styled("> ", BOLD), Span::raw(seen)])), line);
+    let style = if prompt.is_untouched() { REVERSED } else { Style::new() };
+    frame.render_widget(Paragraph::new(Line::from(vec![Span::styled("> ", BOLD), Span::styled(seen, style)])), line);
     set_cursor(frame, line, 2 + cursor - hidden);
     let (text, style) = match &prompt.error {
         Some(error) => (error.as_str(), BOLD),
         None => (prompt.hint.as_str(), DIM),
     };
     frame.render_widget(Paragraph::new(text).style(style).wrap(Wrap { trim: true }), below);
+}
+
+/// Draws the box around a dialog, with what can be done at its bottom; what is inside.
+fn draw_box(frame: &mut Frame, place: Rect, title: &str, places: &mut Places) -> Rect {
+    let block = Block::bordered().title(format!(" {title} "));
+    let inner = block.inner(place);
+    frame.render_widget(Clear, place);
+    frame.render_widget(block, place);
+    let mut bar = Bar::default();
+    bar.push(Span::raw(" Enter: take "), Click::Answer);
+    bar.push(Span::raw("  Esc: close "), Click::Close);
+    let width = (bar.width() as u16).min(inner.width);
+    bar.draw(frame, Rect { y: place.bottom().saturating_sub(1), width, height: 1, ..inner }, places);
+    places.dialog = place;
+    inner
 }
 
 fn set_cursor(frame: &mut Frame, line: Rect, column: usize) {

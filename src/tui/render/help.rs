@@ -44,7 +44,7 @@ fn lines(app: &App) -> Vec<Line<'static>> {
         lines.push(Line::styled(format!(" {}", section.title), BOLD));
         for binding in section.bindings.iter().filter(|b| !b.long.is_empty()) {
             let keys = app.keymap.shown(binding).join(" ");
-            let keys = if keys.is_empty() { format!("{} ...", palette_key(app)) } else { keys };
+            let keys = if keys.is_empty() { app.keymap.key_of(binding.action) } else { keys };
             let when = if binding.when == When::Editing { " (in the editor)" } else { "" };
             lines.push(Line::from(vec![
                 Span::styled(format!(" {keys:>15}  "), BOLD),
@@ -56,10 +56,4 @@ fn lines(app: &App) -> Vec<Line<'static>> {
     lines.push(Line::default());
     lines.extend(legend::lines(app));
     lines
-}
-
-/// The key of the list in which actions without a key of their own are found.
-fn palette_key(app: &App) -> String {
-    let palette = SECTIONS.iter().flat_map(|s| s.bindings).find(|b| b.action == crate::tui::action::Action::Palette);
-    palette.and_then(|b| app.keymap.shown(b).first().cloned()).unwrap_or_default()
 }

@@ -6,17 +6,19 @@ use ratatui::text::{Line, Span};
 use super::text::heading;
 use super::{DIM, info};
 use crate::bridge::Standing;
-use crate::tui::action::{Action, bindings};
+use crate::tui::action::Action;
 use crate::tui::app::App;
 use crate::tui::layers::Overlay;
 use crate::tui::theme::{Depth, Rgb};
 
+/// The line of the first of those that can be switched.
+pub const FIRST_OVERLAY: usize = 2;
+
 /// The pane's lines.
 pub fn lines(app: &App) -> Vec<Line<'static>> {
-    let mut lines = vec![info::scale(app, 5), heading("switched by key")];
+    let mut lines = vec![info::scale(app, 5), heading("switched by key or click")];
     for overlay in Overlay::ALL {
-        let binding = bindings().find(|b| b.action == Action::Toggle(overlay));
-        let key = binding.and_then(|b| app.keymap.shown(b).first().cloned()).unwrap_or_default();
+        let key = app.keymap.key_of(Action::Toggle(overlay));
         let shown = app.overlays.has(overlay);
         let mut line =
             Line::from(vec![Span::raw(format!(" {key:<2}")), Span::raw(if shown { "[x] " } else { "[ ] " })]);
@@ -59,11 +61,11 @@ fn sign_of(overlay: Overlay, app: &App) -> Vec<Span<'static>> {
     let (sign, rgb) = match overlay {
         Overlay::Contours => return Vec::new(),
         Overlay::Directions => ('\u{2192}', theme.cursor),
-        Overlay::Agents => (if mono { 'o' } else { '\u{2580}' }, theme.agent),
+        Overlay::Agents => (if mono { 'o' } else { '\u{25a0}' }, theme.agent),
         Overlay::Candidates => (if mono { ':' } else { '\u{2022}' }, theme.cursor),
         Overlay::Edges => ('\u{2500}', theme.edges[0]),
         Overlay::Search => ('B', theme.search[0]),
-        Overlay::Path => (if mono { '+' } else { '\u{2580}' }, theme.path),
+        Overlay::Path => (if mono { '+' } else { '\u{25a0}' }, theme.path),
     };
     vec![Span::raw(" "), sample(app, sign, rgb)]
 }

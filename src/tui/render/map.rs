@@ -202,7 +202,7 @@ fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, app: &App) {
     if shows(Overlay::Candidates) && (LEAST_SCALE_FOR_BRIDGES..SCALE_FOR_SIZES).contains(&scale) {
         for candidate in app.view.candidates.iter() {
             // The better joined, the darker.
-            canvas.faint_dot(place, candidate.at, theme.candidate, 0.45 + 0.55 * candidate.degree);
+            canvas.faint_dot(place, candidate.at, theme.candidate, 0.25 + 0.5 * candidate.degree);
             if theme.depth == Depth::Mono {
                 canvas.ground_dot(place, candidate.at, theme.candidate, ':');
             }
@@ -247,12 +247,6 @@ fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, app: &App) {
 fn draw_signs(glyphs: &mut Glyphs, base: &Base, app: &App) {
     let (theme, scale) = (&app.theme, glyphs.place.scale());
     let shows = |overlay| app.overlays.has(overlay);
-    if scale >= LEAST_SCALE_FOR_BRIDGES {
-        let mut taken: Vec<Rect> = Vec::new();
-        for (at, level) in &base.labels {
-            glyphs.write(*at, &format!("{level:.0}"), &mut taken);
-        }
-    }
     if shows(Overlay::Candidates) && scale >= SCALE_FOR_SIZES {
         for candidate in app.view.candidates.iter() {
             let sign = match candidate.degree {
@@ -266,6 +260,12 @@ fn draw_signs(glyphs: &mut Glyphs, base: &Base, app: &App) {
     if shows(Overlay::Directions) {
         for (at, action) in app.view.directions.iter() {
             glyphs.sign(*at, arrow(*action), None);
+        }
+    }
+    if scale >= LEAST_SCALE_FOR_BRIDGES {
+        let mut taken: Vec<Rect> = Vec::new();
+        for (at, level) in &base.labels {
+            glyphs.write(*at, &format!("{level:.0}"), &mut taken);
         }
     }
     if let (true, Some(search)) = (shows(Overlay::Search), &app.snapshot.search) {

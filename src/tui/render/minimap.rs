@@ -16,7 +16,8 @@ const MOST: (u16, u16) = (24, 10);
 const SHARE: u16 = 3;
 
 /// Draws it in the upper right corner of `area`.
-pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
+pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
+    app.places.minimap = None;
     let Some(shown) = app.places.map.as_ref().filter(|_| app.viewport.zoom > 1.0) else { return };
     let room = Rect { width: MOST.0.min(area.width / SHARE), height: MOST.1.min(area.height / SHARE), ..area };
     let inner = Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
@@ -39,4 +40,5 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
     frame.render_widget(Clear, outer);
     frame.render_widget(Block::bordered().style(Style::new()), outer);
     canvas.paint(frame.buffer_mut(), &place, &app.theme);
+    app.places.minimap = Some(place);
 }

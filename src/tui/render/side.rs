@@ -7,8 +7,11 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{BOLD, DIM, REVERSED, curves, legend, log, training, walk};
+use crate::tui::action::Action;
 use crate::tui::app::App;
+use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
+use crate::tui::places::{Bar, Click};
 
 /// Rows from which on a second pane has room below the first, and a third.
 const TWO_PANES: u16 = 30;
@@ -51,7 +54,7 @@ fn stack(area: Rect, panes: &[Pane], app: &App) -> Vec<Rect> {
 }
 
 /// A pane's lines, if it is made of lines.
-fn lines(pane: Pane, app: &App) -> Option<Vec<Line<'static>>> {
+pub fn lines(pane: Pane, app: &App) -> Option<Vec<Line<'static>>> {
     match pane {
         Pane::Training => Some(training::lines(app)),
         Pane::Walk => Some(walk::lines(app)),
@@ -68,7 +71,7 @@ pub fn draw_maximised(frame: &mut Frame, area: Rect, app: &mut App) {
     draw_pane(frame, body, app, pane);
 }
 
-fn draw_pane(frame: &mut Frame, area: Rect, app: &App, pane: Pane) {
+fn draw_pane(frame: &mut Frame, area: Rect, app: &mut App, pane: Pane) {
     let title = match pane {
         Pane::Training => "training",
         Pane::Curves => "curves",
@@ -86,19 +89,22 @@ fn draw_pane(frame: &mut Frame, area: Rect, app: &App, pane: Pane) {
         Pane::Log => log::draw(frame, inner, app),
         _ => frame.render_widget(Paragraph::new(lines(pane, app).unwrap_or_default()), inner),
     }
+    if pane == Pane::Legend {
+        for (row, overlay) in inner.rows().skip(legend::FIRST_OVERLAY).zip(Overlay::ALL) {
+            app.places.add(row, Click::Act(Action::Toggle(overlay)));
+        }
+    }
+    app.places.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
 }
 
 /// The names of the panes, the chosen one reversed.
 fn tabs(frame: &mut Frame, area: Rect, app: &mut App) {
-    let mut at = area.x;
-    for (i, pane) in Pane::ALL.into_iter().enumerate() {
-        let number = if area.width >= 34 { format!("{} ", i + 1) } else { String::new() };
-        let text = format!(" {number}{} ", pane.name());
-        let width = (text.len() as u16).min(area.right().saturating_sub(at));
-        let place = Rect { x: at, width, ..area };
+    let mut bar = Bar::default();
+    for pane in Pane::ALL {
+        let show = Action::Show(pane);
+        let number = if area.width >= 34 { format!("{} ", app.keymap.key_of(show)) } else { String::new() };
         let style = if pane == app.pane { REVERSED } else { DIM };
-        frame.render_widget(Paragraph::new(Span::styled(text, style)), place);
-        app.places.tabs.push((place, pane));
-        at += width;
+        bar.push(Span::styled(format!(" {number}{} ", pane.name()), style), Click::Act(show));
     }
+    bar.draw(frame, area, &mut app.places);
 }

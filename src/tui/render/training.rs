@@ -58,11 +58,10 @@ fn success(app: &App) -> Vec<Line<'static>> {
     lines
 }
 
-/// One bar for each distance, near to far.
+/// One bar for each distance, near to far. The tallest stay apart from those in the line above.
 fn bars(by_distance: &[DistanceScore]) -> String {
-    const BARS: [char; 9] =
-        [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}', '\u{2588}'];
-    by_distance.iter().map(|d| BARS[(d.success * 8.0).round() as usize]).collect()
+    const BARS: [char; 8] = [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
+    by_distance.iter().map(|d| BARS[(d.success * 7.0).round() as usize]).collect()
 }
 
 fn bridges(app: &App) -> Vec<Line<'static>> {

@@ -3,6 +3,7 @@
 use ratatui::text::Line;
 
 use super::text::{fact, heading};
+use crate::tui::action::Action;
 use crate::tui::app::App;
 
 /// The pane's lines.
@@ -39,9 +40,10 @@ fn walker(app: &App) -> Vec<Line<'static>> {
         fact("then", app.tour.name()),
     ];
     lines.push(Line::default());
-    lines.push(Line::from(" n or click: a goal"));
-    lines.push(Line::from(" w or right-click: a start"));
-    lines.push(Line::from(" f: follow who explores"));
+    let key = |action| app.keymap.key_of(action);
+    lines.push(Line::from(format!(" {} or click: a goal", key(Action::NewGoal))));
+    lines.push(Line::from(format!(" {} or right-click: a start", key(Action::NewStart))));
+    lines.push(Line::from(format!(" {}: follow who explores", key(Action::Follow))));
     lines
 }
 
@@ -60,6 +62,6 @@ fn explorer(app: &App) -> Vec<Line<'static>> {
         fact("D to it", steps(followed.distances.0)),
         fact("way", if followed.planned { "through bridges" } else { "by the actor" }),
         Line::default(),
-        Line::from(" f: the next one"),
+        Line::from(format!(" {}: the next one", app.keymap.key_of(Action::Follow))),
     ]
 }

@@ -4,14 +4,24 @@
 
 use std::fmt::Write as _;
 
+use std::path::Path;
+use std::time::SystemTime;
+
+use jiff::tz::TimeZone;
+
 use super::*;
 use crate::bridge::{BridgePoint, SearchOutcome, Standing};
-use crate::train::{Counters, DistanceError, DistanceScore, Evaluation, Followed, Score, Snapshot};
+use crate::train::{
+    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, Followed, Score, Snapshot,
+    Success,
+};
 use crate::tui::action::Action;
+use crate::tui::dialog::lists;
 use crate::tui::export::contents;
 use crate::tui::layers::Overlay;
 use crate::tui::output::What;
 use crate::tui::panes::Pane;
+use crate::tui::render::pane_lines;
 use crate::tui::viewer::{Candidate, View, Walk};
 
 fn score(success: f64) -> Score {
@@ -175,6 +185,15 @@ fn without_colours() {
 }
 
 #[test]
+fn without_colours_on_larger_screens() {
+    for (width, height) in [(120, 40), (200, 60)] {
+        let mut app = stage(width, height);
+        app.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+        check(&format!("mono-{width}x{height}"), &mut app, width, height);
+    }
+}
+
+#[test]
 fn panes() {
     for pane in Pane::ALL {
         let mut app = stage(80, 24);
@@ -211,6 +230,86 @@ fn dialogs() {
     let mut app = stage(80, 24);
     press(&mut app, KeyCode::Char('q'));
     check("dialog-quit-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn dialogs_without_a_key_of_their_own() {
+    let actions = [Action::Method, Action::Preset, Action::NewMap, Action::ResizeMap, Action::SaveAs, Action::SaveMap];
+    for action in actions.into_iter().chain([Action::Autosave]) {
+        let mut app = stage(80, 24);
+        app.act(action);
+        let name = bindings().find(|b| b.action == action).expect("it has a name").name;
+        check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
+    }
+}
+
+#[test]
+fn lists_of_files() {
+    let folder = Path::new("/home/ada/maps");
+    let entries = [("cellar.map", false), ("old", true), ("notes.pdf", false), ("rooms.txt", false)];
+    let entries = entries.map(|(name, is_folder)| (folder.join(name), is_folder));
+    let recent = [PathBuf::from("/home/ada/rooms-edited.txt")];
+    let description = |name: &str, days: u64, planned| Description {
+        file: PathBuf::from(format!("saves/{name}.safetensors")),
+        map: "rooms".to_owned(),
+        run: stage(80, 24).run().clone(),
+        updates: 20_000,
+        success: Some(Success { updates: 20_000, greedy: 0.91, planned }),
+        bytes: 2_345_678,
+        written: Some(SystemTime::UNIX_EPOCH + Duration::from_secs(86_400 * days)),
+    };
+    let broken = CheckpointError {
+        file: PathBuf::from("saves/old.safetensors"),
+        what: "is not a safetensors file".to_owned(),
+        right: String::new(),
+    };
+    let found = vec![
+        Err(broken),
+        Ok(description("rooms-gdg-seed1", 20_000, None)),
+        Ok(description("rooms-at-95-percent", 20_400, Some(0.98))),
+    ];
+    let other = Arc::new(Grid::empty("hall", 30, 8));
+    let lists = [
+        ("maps", lists::maps(folder, &entries, Some(&recent))),
+        ("checkpoints", lists::checkpoints(found, &TimeZone::UTC)),
+        ("other-map", lists::ways_to_turn_to(&other, &rooms(), rooms().resized(20, 5))),
+    ];
+    for (name, list) in lists {
+        let mut app = stage(80, 24);
+        app.dialogs.push(Dialog::Pick(list));
+        check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
+    }
+}
+
+#[test]
+fn nothing_is_cut_off_on_the_smallest_screen() {
+    let longest = stage(80, 24);
+    for method in [Method::GdgBridge, Method::Gdg] {
+        for following in [None, Some(2)] {
+            let mut app = stage(80, 24);
+            app.following = following;
+            let mut snapshot = (*app.snapshot).clone();
+            // Numbers as long as they become in a day of training.
+            Arc::make_mut(&mut snapshot.run).method = method;
+            snapshot.seconds = 90_000.0;
+            snapshot.rates = (1_234.0, 19_744.0);
+            snapshot.counters.updates = 99_900_000;
+            snapshot.counters.env_steps = 16 * snapshot.counters.updates;
+            snapshot.limits.updates = Some(500_000_000);
+            snapshot.replay = (999_999, 1_000_000);
+            snapshot.losses.actor = 1_234.5;
+            snapshot.evaluations = longest.snapshot.evaluations.clone();
+            app.on_snapshot(Arc::new(snapshot));
+            for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
+                let lines = pane_lines(pane, &app).expect("lines");
+                // Header, names and title above, footer below; a line at the left.
+                assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
+                for line in lines {
+                    assert!(line.width() <= 29, "{} in {} is cut off", line, pane.name());
+                }
+            }
+        }
+    }
 }
 
 #[test]

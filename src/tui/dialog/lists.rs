@@ -1,0 +1,150 @@
+//! What there is to pick from.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use jiff::Timestamp;
+use jiff::tz::TimeZone;
+
+use super::{Choice, Item, Picker};
+use crate::map::{BUILTIN, Grid};
+use crate::train::{CheckpointError, Description, Effect, Method, Preset, Settings, effect_of, list_settings};
+use crate::tui::action::{Action, Binding, bindings};
+use crate::tui::keymap::Keymap;
+use crate::tui::output::What;
+use crate::tui::theme::ThemeName;
+
+/// Everything that can be done, by its name.
+pub fn actions(keymap: &Keymap) -> Picker {
+    let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
+    let item = |b: &Binding| Item::new(b.long, keymap.shown(b).join(" "), Choice::Act(b.action));
+    Picker::new("find anything", bindings().filter(named).map(item).collect())
+}
+
+/// Colours.
+pub fn themes(now: ThemeName) -> Picker {
+    let items = ThemeName::ALL.map(|name| Item::new(name.name(), "", Choice::Theme(name))).to_vec();
+    Picker::new("colours", items).selecting(|choice| *choice == Choice::Theme(now))
+}
+
+/// Methods.
+pub fn methods(now: Method) -> Picker {
+    let about = |method: Method| match method {
+        Method::Gdg => "the actor alone",
+        Method::GdgBridge => "explores and plans through bridge points",
+        Method::Sorb => "unverified edges, waypoints planned once",
+        Method::Random => "random actions, nothing learned",
+    };
+    let items = [Method::GdgBridge, Method::Gdg, Method::Sorb, Method::Random];
+    let items = items.map(|m| Item::new(m.name(), about(m), Choice::Method(m))).to_vec();
+    let title = "go on with method (data and networks are kept)";
+    Picker::new(title, items).selecting(|choice| *choice == Choice::Method(now))
+}
+
+/// Presets.
+pub fn presets(now: Preset) -> Picker {
+    let items = vec![
+        Item::new("default", "everything that measurement has shown to help", Choice::Preset(Preset::Default)),
+        Item::new("paper", "the published algorithms to the letter", Choice::Preset(Preset::Paper)),
+    ];
+    let title = "go on with preset (data is kept, networks begin anew)";
+    Picker::new(title, items).selecting(|choice| *choice == Choice::Preset(now))
+}
+
+/// Settings, their values, and what a change of them costs.
+pub fn settings(settings: &Settings) -> Picker {
+    let items = list_settings(settings).into_iter().map(|(name, value)| {
+        let effect = match effect_of(&name) {
+            Effect::AtOnce => "",
+            Effect::NewAgents => "   (agents begin anew)",
+            Effect::NewNetworks => "   (networks begin anew)",
+        };
+        Item::new(name.clone(), format!("{value}{effect}"), Choice::Setting(name))
+    });
+    Picker::new("change a setting: at once, but where it says otherwise", items.collect())
+}
+
+/// What can be written to a file.
+pub fn exports() -> Picker {
+    let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what)));
+    Picker::new("write to a file", items.to_vec())
+}
+
+/// Whether to save before leaving.
+pub fn ways_to_quit(unsaved_updates: u64, file: &Path) -> Picker {
+    let items = vec![
+        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
+        Item::new(
+            "quit without saving",
+            format!("{unsaved_updates} updates are not saved"),
+            Choice::Quit { save: false },
+        ),
+        Item::new("stay", "", Choice::Nothing),
+    ];
+    Picker::new("quit?", items)
+}
+
+/// What to do with the networks on another map than `now`; `fitted` is the new one at the size of `now`.
+pub fn ways_to_turn_to(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
+    let mut items = vec![Item::new(
+        "begin a new run on it",
+        "fresh networks; what was learned here is lost unless it is saved",
+        Choice::BeginOn(map.clone()),
+    )];
+    let (width, height) = (now.width(), now.height());
+    if (map.width(), map.height()) == (width, height) {
+        let same = Choice::GoOnWith(map.clone());
+        items.insert(0, Item::new("go on with these networks", "they learn the new walls", same));
+    } else if let Some(fitted) = fitted {
+        let label = format!("go on with these networks, cut or filled up to {width} x {height}");
+        let fitted = Choice::GoOnWith(Arc::new(fitted));
+        items.push(Item::new(label, "they know positions on a map of this size", fitted));
+    }
+    items.push(Item::new("stay here", "", Choice::Nothing));
+    Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
+}
+
+/// Maps in `folder`, of which these are the `entries` (and whether each is a folder). The recent and built-in ones come
+/// first where there are `recent` ones to be told of.
+pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf]>) -> Picker {
+    let mut items = Vec::new();
+    if let Some(recent) = recent {
+        let item = |path: &PathBuf| Item::new(path.display().to_string(), "recent", Choice::OpenMap(path.clone()));
+        items.extend(recent.iter().map(item));
+        items.extend(BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))));
+    }
+    items.push(Item::new("..", "folder", Choice::Folder(folder.join(".."))));
+    for (path, is_folder) in entries {
+        let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        let is_map = path.extension().is_some_and(|e| e == "map" || e == "txt");
+        if *is_folder && !name.starts_with('.') {
+            items.push(Item::new(format!("{name}/"), "folder", Choice::Folder(path.clone())));
+        } else if is_map {
+            items.push(Item::new(name, "map", Choice::OpenMap(path.clone())));
+        }
+    }
+    Picker::new(format!("open a map: {}", folder.display()), items)
+}
+
+/// Checkpoints, the latest first, with dates as they are in `zone`; those that cannot be loaded last, and why.
+pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &TimeZone) -> Picker {
+    found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
+    let name = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+    let item = |found: &Result<Description, CheckpointError>| match found {
+        Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
+        Err(e) => Item::new(name(&e.file), format!("cannot be loaded: {}", e.what), Choice::Nothing),
+    };
+    Picker::new("load a checkpoint", found.iter().map(item).collect())
+}
+
+/// What the list says of a checkpoint.
+fn about(d: &Description, zone: &TimeZone) -> String {
+    let success = d.success.map_or("not evaluated".to_owned(), |s| match s.planned {
+        Some(planned) => format!("success {planned:.2}/{:.2}", s.greedy),
+        None => format!("success {:.2}", s.greedy),
+    });
+    let written = d.written.and_then(|at| Timestamp::try_from(at).ok());
+    let date = written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());
+    let (method, megabytes) = (d.run.method.name(), d.bytes as f64 / 1e6);
+    format!("{date}, {success}, {} updates, {} {method}, {megabytes:.1} MB", d.updates, d.map)
+}

@@ -1,0 +1,59 @@
+//! The line at the bottom: a notice, or what can be done now and by which keys.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::{BOLD, DIM, REVERSED};
+use crate::tui::action::{Action, bindings};
+use crate::tui::app::App;
+use crate::tui::editor::Tool;
+use crate::tui::places::{Bar, Click};
+
+/// Draws the line.
+pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
+    if let Some((notice, fades)) = app.log.notice() {
+        let line = Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD });
+        return frame.render_widget(line, area);
+    }
+    let bar = if app.editor.is_open() { editing(app, area.width) } else { watching(app) };
+    bar.draw(frame, area, &mut app.places);
+}
+
+fn watching(app: &App) -> Bar {
+    let mut bar = Bar::default();
+    for binding in bindings().filter(|b| !b.short.is_empty()) {
+        let waits = binding.action == Action::TogglePause && !app.snapshot.phase.trains();
+        let short = if waits { "go on" } else { binding.short };
+        key(&mut bar, app, binding.action, &format!(" {short} "), Style::new());
+    }
+    bar
+}
+
+/// As much as there is room for, the tools first.
+fn editing(app: &App, width: u16) -> Bar {
+    let mut bar = Bar::default();
+    bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
+    for tool in Tool::ALL {
+        let style = if tool == app.editor.tool { REVERSED } else { Style::new() };
+        key(&mut bar, app, Action::Tool(tool), tool.name(), style);
+    }
+    bar.push(Span::raw(" "), None);
+    for (action, what) in [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")] {
+        if bar.width() + app.keymap.key_of(action).len() + what.len() + 3 <= usize::from(width) {
+            key(&mut bar, app, action, &format!(" {what} "), Style::new());
+        }
+    }
+    let mouse = " drag: walls  right drag: floor";
+    if bar.width() + mouse.len() <= usize::from(width) {
+        bar.push(Span::styled(mouse, DIM), None);
+    }
+    bar
+}
+
+/// Adds an action's key and what it does, both of which can be clicked on.
+fn key(bar: &mut Bar, app: &App, action: Action, what: &str, style: Style) {
+    bar.push(Span::styled(format!(" {}", app.keymap.key_of(action)), BOLD), Click::Act(action));
+    bar.push(Span::styled(what.to_owned(), style), Click::Act(action));
+}

@@ -1,0 +1,148 @@
+//! What the mouse does beside the map: keys in the footer, names, lists, the small map.
+
+use super::*;
+use crate::tui::action::Action;
+use crate::tui::layers::Overlay;
+use crate::tui::panes::Pane;
+use crate::tui::render::LEAST_SCREEN;
+
+/// Clicks on the first place that shows `text`.
+fn click(app: &mut App, (width, height): (u16, u16), text: &str) {
+    let at = place_of(app, (width, height), text).unwrap_or_else(|| panic!("{text:?} is not shown"));
+    mouse(app, MouseEventKind::Down(MouseButton::Left), at);
+    mouse(app, MouseEventKind::Up(MouseButton::Left), at);
+}
+
+fn place_of(app: &mut App, (width, height): (u16, u16), text: &str) -> Option<Position> {
+    let terminal = draw(app, width, height);
+    let rows = terminal.backend().buffer().content.chunks(usize::from(width));
+    rows.enumerate().find_map(|(y, row)| {
+        let symbols: Vec<&str> = row.iter().map(ratatui::buffer::Cell::symbol).collect();
+        let x = (0..symbols.len()).find(|x| symbols[*x..].concat().starts_with(text))?;
+        Some(Position::new(x as u16, y as u16))
+    })
+}
+
+const SMALL: (u16, u16) = LEAST_SCREEN;
+
+#[test]
+fn every_key_of_the_footer_can_be_clicked_on() {
+    for (short, done) in [
+        ("Space pause", (|app: &App| app.pausing) as fn(&App) -> bool),
+        ("pause", |app| app.pausing),
+        ("n goal", |app| app.goal != Cell::new(19, 4)),
+        ("v view", |app| app.field != Field::default()),
+        ("Tab panes", |app| app.pane != Pane::default()),
+        ("e edit", |app| app.editor.is_open()),
+        (": all", |app| matches!(app.dialogs[..], [Dialog::Pick(_)])),
+        ("? help", |app| matches!(app.dialogs[..], [Dialog::Help(_)])),
+        ("q quit", |app| app.is_done()),
+    ] {
+        let mut app = app();
+        click(&mut app, SMALL, short);
+        assert!(done(&app), "{short} does nothing");
+    }
+}
+
+#[test]
+fn the_header_tells_what_is_run_and_a_click_changes_it() {
+    for (text, title) in
+        [("gdg-bridge", "go on with method"), ("default", "go on with preset"), ("seed", "begin anew with seed")]
+    {
+        let mut app = app();
+        click(&mut app, SMALL, text);
+        let shown = match app.dialogs.last() {
+            Some(Dialog::Pick(picker)) => picker.title.clone(),
+            Some(Dialog::Ask(prompt)) => prompt.title.clone(),
+            _ => String::new(),
+        };
+        assert!(shown.starts_with(title), "{text} opens {shown:?}");
+    }
+}
+
+#[test]
+fn panes_and_what_the_map_shows_are_switched_by_clicks() {
+    let mut app = app();
+    click(&mut app, SMALL, "map  log");
+    assert_eq!(app.pane, Pane::Legend);
+    click(&mut app, SMALL, "bridge edges");
+    assert!(app.overlays.has(Overlay::Edges));
+    click(&mut app, SMALL, "contours");
+    assert!(!app.overlays.has(Overlay::Contours));
+    // Where a second pane stands below, its name brings it up.
+    click(&mut app, (120, 40), "\u{250c} training");
+    assert_eq!(app.pane, Pane::Training);
+}
+
+#[test]
+fn a_pane_with_all_the_room_has_no_map_under_it() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    let goal = app.goal;
+    press(&mut app, KeyCode::Char('z'));
+    draw(&mut app, 80, 24);
+    for kind in [MouseEventKind::Down(MouseButton::Left), MouseEventKind::Down(MouseButton::Right)] {
+        mouse(&mut app, kind, Position::new(20, 12));
+    }
+    assert_eq!(app.goal, goal);
+}
+
+#[test]
+fn the_tools_of_the_editor_are_picked_by_clicks() {
+    let mut app = app();
+    click(&mut app, SMALL, "e edit");
+    click(&mut app, SMALL, "box");
+    assert_eq!(app.editor.tool, crate::tui::editor::Tool::Rectangle);
+    click(&mut app, SMALL, "done");
+    assert!(!app.editor.is_open());
+}
+
+#[test]
+fn dialogs_are_answered_and_closed_by_clicks() {
+    let mut app = app();
+    app.act(Action::Method);
+    click(&mut app, SMALL, "Esc: close");
+    assert!(app.dialogs.is_empty());
+    app.act(Action::Method);
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(1, 20));
+    assert!(app.dialogs.is_empty(), "a click beside it closes it");
+    assert!(!app.editor.is_open(), "and does nothing else");
+    app.act(Action::Autosave);
+    type_text(&mut app, "7");
+    click(&mut app, SMALL, "Enter: take");
+    assert!(app.dialogs.is_empty());
+    assert_eq!(app.autosave_minutes, 7.0);
+    app.act(Action::Theme);
+    click(&mut app, SMALL, "light");
+    assert_eq!(app.theme.name, ThemeName::Light);
+}
+
+#[test]
+fn the_map_is_moved_by_the_middle_button_and_the_small_map() {
+    let map = parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
+    let mut app = app_on(map, Method::Gdg);
+    draw(&mut app, 80, 24);
+    let middle = Position::new(20, 12);
+    for _ in 0..6 {
+        mouse(&mut app, MouseEventKind::ScrollUp, middle);
+        draw(&mut app, 80, 24);
+    }
+    let window = |app: &mut App| {
+        draw(app, 80, 24);
+        app.places.map.clone().expect("a map").raster.window
+    };
+    let cell = app.places.map.clone().expect("a map").cell_at(middle, app.map());
+    let before = window(&mut app);
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Middle), middle);
+    let to = Position::new(30, 15);
+    mouse(&mut app, MouseEventKind::Drag(MouseButton::Middle), to);
+    assert!(window(&mut app)[0] < before[0], "the map goes to the right with the mouse");
+    let now = app.places.map.clone().expect("a map").cell_at(to, app.map());
+    let (cell, now) = (cell.expect("a cell"), now.expect("a cell"));
+    assert!(now.x.abs_diff(cell.x) <= 1 && now.y.abs_diff(cell.y) <= 1, "{now:?} is not {cell:?}");
+    let goal = app.goal;
+    let small = app.places.minimap.clone().expect("a small map").area;
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(small.x, small.y));
+    assert_eq!(window(&mut app)[..2], [0.0, 0.0], "the upper left corner");
+    assert_eq!(app.goal, goal, "no goal is set below the small map");
+}
