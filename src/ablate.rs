@@ -16,6 +16,7 @@ use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Run, Trainer, 
 struct Variant {
     name: &'static str,
     method: Method,
+    /// Settings as `--set` takes them, with spaces between.
     set: &'static str,
 }
 
@@ -23,10 +24,11 @@ const fn without(name: &'static str, set: &'static str) -> Variant {
     Variant { name, method: Method::GdgBridge, set }
 }
 
-const VARIANTS: [Variant; 20] = [
+const VARIANTS: [Variant; 21] = [
     without("default", ""),
     without("1-step targets", "n_step=1"),
-    without("plain squares instead of expectile", "expectile=0.5"),
+    without("targets by behaviour alone", "greedy_targets=false"),
+    without("... and an expectile of 0.95", "greedy_targets=false expectile=0.95"),
     without("no hindsight bound", "hindsight_bound=false"),
     without("one critic", "critics=1"),
     without("squared error of D", "loss=squared"),
@@ -108,7 +110,7 @@ fn train(
     diameter: u32,
     args: &AblateArgs,
 ) -> Result<Evaluation, Report> {
-    let set: Vec<String> = (!variant.set.is_empty()).then(|| variant.set.to_owned()).into_iter().collect();
+    let set: Vec<String> = variant.set.split_whitespace().map(str::to_owned).collect();
     let settings =
         settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(|e| Report::new(*e))?;
     let run = Run { method: variant.method, preset: Preset::Default, seed, settings };

@@ -26,15 +26,15 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
         numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
     };
-    let mut batch = Batch { expectile: 0.9, ..Batch::default() };
+    let mut batch = Batch::default();
     for i in 0..rows {
         batch.states.extend(state(rng));
         let goal = state(rng);
         batch.goals.extend(spec.achieved(&goal));
         batch.ahead.extend(state(rng));
         batch.steps.push(i as f32 % 7.0 * 9.0);
-        batch.bootstrap.push(0.0);
-        batch.bound.push(f32::INFINITY);
+        batch.bootstrap.push((i % 2) as f32);
+        batch.bound.push(if i % 5 == 1 { 30.0 } else { f32::INFINITY });
         batch.from.extend(state(rng));
         batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
         batch.next.extend(state(rng));
@@ -59,15 +59,17 @@ fn check(spec: &Spec, settings: &LearnSettings) {
 fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Learner::new(spec, settings, 2, &mut rng).unwrap();
-    let batch = batch(spec, settings.batch, &mut rng);
+    let mut batch = batch(spec, settings.batch, &mut rng);
+    batch.greedy_targets = settings.greedy_targets;
     let tensor = |numbers: &[f32], width: usize| {
         Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
     };
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
-    let targets = Tensor::from_slice(&batch.steps, batch.len(), &Device::Cpu).unwrap();
     let reference = Reference::new(&learner, layers).unwrap();
-    let critic = reference.critic_loss(0, (&states, &goals), &targets, batch.expectile).unwrap();
+    // Averages over time begin as what they are averages of.
+    let targets = reference.targets(&batch, &Device::Cpu).unwrap();
+    let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
     let (actor, excess) = reference.actor_loss(&states, &goals).unwrap();
@@ -107,6 +109,12 @@ fn settings(batch: usize, hidden: usize, layers: usize) -> LearnSettings {
 #[test]
 fn of_the_default_preset_agree() {
     check(&spec(2, 2, true), &LearnSettings::default());
+}
+
+#[test]
+fn with_targets_by_behaviour_alone_agree() {
+    let settings = LearnSettings { greedy_targets: false, expectile: 0.9, ..LearnSettings::default() };
+    check(&spec(2, 2, true), &settings);
 }
 
 #[test]

@@ -370,9 +370,9 @@ fn distances_that_new_walls_made_longer_are_learned_soon() {
         let policy = run.policy().unwrap();
         policy.nets().distance(&[8.5, 7.9], &[12.5, 7.9], &mut Scratch::default())
     };
-    let after = |relearn_updates: u64| {
+    let after = |greedy_targets: bool, expectile: f32| {
         let mut settings = settings();
-        settings.learn.relearn_updates = relearn_updates;
+        (settings.learn.greedy_targets, settings.learn.expectile) = (greedy_targets, expectile);
         let mut run = trainer(settings, 13, 2);
         train_to(&mut run, 3_000);
         let before = through_the_door(&run);
@@ -381,9 +381,9 @@ fn distances_that_new_walls_made_longer_are_learned_soon() {
         train_to(&mut run, 4_000);
         through_the_door(&run)
     };
-    let (soon, late) = (after(1_000), after(0));
+    let (soon, late) = (after(true, 0.5), after(false, 0.95));
     // By the new door it is 18 steps.
-    assert!(soon > 9.0 && soon > 1.3 * late, "{soon} after a thousand updates, {late} without relearning");
+    assert!(soon > 9.0 && soon > 1.3 * late, "{soon} after a thousand updates, {late} by behaviour and an expectile");
 }
 
 #[test]

@@ -47,7 +47,7 @@ fn batch(rows: usize) -> Batch {
         steps: vec![1.0; rows],
         bootstrap: vec![1.0; rows],
         bound: vec![f32::INFINITY; rows],
-        expectile: 0.95,
+        greedy_targets: false,
         from,
         actions,
         next,

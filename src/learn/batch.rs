@@ -7,6 +7,10 @@ use super::replay::{Moment, Replay};
 use super::settings::LearnSettings;
 use crate::env::Spec;
 
+/// Steps after which targets bootstrap while distances are learned that have grown: with each update they grow by as much
+/// at most.
+const GROWN_N_STEP: usize = 20;
+
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
@@ -22,8 +26,8 @@ pub struct Batch {
     pub bootstrap: Vec<f32>,
     /// What the target may not exceed, `(batch)`; infinite where nothing is known.
     pub bound: Vec<f32>,
-    /// Weight of a critic's error where its target lies below D; 1 minus it where above.
-    pub expectile: f32,
+    /// Whether targets are no longer than a step of the actor and what follows.
+    pub greedy_targets: bool,
     /// Transitions for the dynamics model: states `(batch, state_dim)`,
     pub from: Vec<f32>,
     /// actions `(batch, action_dim)`,
@@ -76,16 +80,17 @@ impl BatchSampler {
         Self { spec: spec.clone(), settings: settings.clone() }
     }
 
-    /// Fills `batch` anew.
-    pub fn sample(&self, replay: &Replay, rng: &mut ChaCha8Rng, batch: &mut Batch) {
+    /// Fills `batch` anew; while distances are learned that have `grown`, targets go by behaviour, many steps at a time.
+    pub fn sample(&self, replay: &Replay, grown: bool, rng: &mut ChaCha8Rng, batch: &mut Batch) {
         batch.clear();
-        batch.expectile = self.settings.expectile;
+        batch.greedy_targets = self.settings.greedy_targets && !grown;
+        let n_step = if grown { GROWN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
         for _ in 0..self.settings.batch {
             let (moment, left) = replay.sample(rng);
             let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
             let state = replay.state(moment);
             let goal = &batch.goals[batch.goals.len() - self.spec.goal_dim()..];
-            let (steps, reached) = self.look_ahead(replay, moment, left, goal);
+            let (steps, reached) = self.look_ahead(replay, moment, n_step.min(left), goal);
             batch.states.extend(state);
             batch.ahead.extend(replay.state(later(moment, steps)));
             batch.steps.push(steps as f32);
@@ -131,10 +136,9 @@ impl BatchSampler {
         if geometric { 1 } else { rng.random_range(1..=left) }
     }
 
-    /// Steps from `moment` to the state ahead and whether the goal is reached there: the n-step return is cut at the
-    /// goal and at the episode's end. d = 0 where the state is at the goal already (Algorithm 1).
-    fn look_ahead(&self, replay: &Replay, moment: Moment, left: usize, goal: &[f32]) -> (usize, bool) {
-        let last = self.settings.n_step.min(left);
+    /// Steps from `moment` to the state ahead, `last` at most, and whether the goal is reached there: the n-step return is
+    /// cut at the goal and at the episode's end. d = 0 where the state is at the goal already (Algorithm 1).
+    fn look_ahead(&self, replay: &Replay, moment: Moment, last: usize, goal: &[f32]) -> (usize, bool) {
         let reached = (0..=last).find(|k| self.spec.reached(replay.state(later(moment, *k)), goal));
         reached.map_or((last, false), |steps| (steps, true))
     }

@@ -74,7 +74,7 @@ struct Part {
     plain: PlainPairs,
     plain_ahead: PlainPairs,
     targets: Vec<f32>,
-    ahead: Vec<f32>,
+    after_actor: Vec<f32>,
     critics: Vec<Gradient>,
     model: Gradient,
     actor: Gradient,
@@ -317,10 +317,11 @@ impl Shared {
         let critics: Vec<_> = self.critics.iter().map(Network::lock).collect();
         let current = critics.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
         let targets = critics.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
-        let model = self.model.lock();
+        let (model, actor) = (self.model.lock(), self.actor.lock());
         let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
         let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
-        part.critic_gradients(&self.shapes, &rows, &current, &targets);
+        part.targets(&self.shapes, &rows, (actor.weights(true)?, model.weights(false)?, &targets));
+        part.critic_gradients(&self.shapes, &rows, &current);
         part.model.prepare(self.shapes.model.parameters());
         let transitions = (rows.from, rows.actions, rows.next);
         let (gradient, ws) = (&mut part.model, &mut part.step);
@@ -400,27 +401,35 @@ fn critic_name(k: usize) -> String {
 }
 
 impl Part {
-    /// Targets x = d + D'(s', g) of the part's rows, then each critic's gradient towards them.
-    fn critic_gradients(&mut self, shapes: &Shapes, rows: &Rows, critics: &[Weights], targets: &[Weights]) {
+    /// Targets of the part's rows: d + D'(s', g), where the goal was not reached no longer than 1 + D'(f(s, mu'(s, g)), g)
+    /// (see [`LearnSettings::greedy_targets`]), and within what hindsight knows. D' and mu' are averages over time.
+    fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
         shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
         shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
-        self.targets.clear();
         self.targets.resize(rows.steps.len(), 0.0);
-        self.ahead.resize(rows.steps.len(), 0.0);
-        for target in targets {
-            let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
-            shapes.distances(*target, ahead, &mut self.ahead, &mut self.judge);
-            self.targets.iter_mut().zip(&self.ahead).for_each(|(x, d)| *x = x.max(*d));
+        let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
+        shapes.farthest(critics, ahead, &mut self.targets, &mut self.judge);
+        self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
+        if rows.greedy_targets {
+            self.after_actor.resize(rows.steps.len(), 0.0);
+            let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
+            let buffers = (&mut self.act, &mut self.step, &mut self.judge);
+            shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
+            self.targets.iter_mut().zip(&self.after_actor).for_each(|(x, d)| *x = x.min(1.0 + d));
         }
         for (i, x) in self.targets.iter_mut().enumerate() {
-            *x = (rows.steps[i] + rows.bootstrap[i] * *x).min(rows.bound[i]);
+            let known = rows.bootstrap[i] == 0.0;
+            *x = if known { rows.steps[i] } else { *x }.min(rows.bound[i]);
         }
+    }
+
+    /// Each critic's gradient towards the targets.
+    fn critic_gradients(&mut self, shapes: &Shapes, rows: &Rows, critics: &[Weights]) {
         self.losses.critic = 0.0;
         for (critic, gradient) in critics.iter().zip(&mut self.critics) {
             gradient.prepare(shapes.critic.parameters());
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let (targets, ws) = ((&self.targets[..], rows.expectile), &mut self.judge);
-            let loss = shapes.critic_gradient(*critic, pairs, targets, rows.share, gradient, ws);
+            let loss = shapes.critic_gradient(*critic, pairs, &self.targets, rows.share, gradient, &mut self.judge);
             self.losses.critic += loss / critics.len() as f32;
         }
     }
@@ -437,7 +446,7 @@ struct Rows<'a> {
     from: &'a [f32],
     actions: &'a [f32],
     next: &'a [f32],
-    expectile: f32,
+    greedy_targets: bool,
     /// 1 / batch.
     share: f32,
 }
@@ -459,7 +468,7 @@ impl<'a> Rows<'a> {
             from: cut(&batch.from, s),
             actions: cut(&batch.actions, spec.action_dim),
             next: cut(&batch.next, s),
-            expectile: batch.expectile,
+            greedy_targets: batch.greedy_targets,
             share: 1.0 / batch.len() as f32,
         }
     }

@@ -28,6 +28,8 @@ pub struct Shapes {
     /// D = scale * softplus(z).
     pub distance_scale: f32,
     pub loss: LossScale,
+    /// Weight of errors where the target lies below D; others count 1 minus it.
+    pub expectile: f32,
     /// Bound of the actor's outputs before tanh; infinite for none.
     pub actor_bound: f32,
 }
@@ -46,6 +48,7 @@ impl Shapes {
             model: mlp(encoder.state_width() + spec.action_dim, spec.state_dim()),
             distance_scale: settings.distance_scale_steps,
             loss: settings.loss,
+            expectile: settings.expectile,
             actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
             encoder,
         }
@@ -177,13 +180,59 @@ impl Shapes {
         }
     }
 
-    /// Adds a critic's gradient towards `targets` to `gradient`; errors where a target lies below D count `expectile`,
-    /// others 1 minus it; `share` is 1 / batch. Returns the part's loss.
+    /// D(f(s, mu(s, g)), g) of each pair by the farthest-seeing of `critics`: what remains after a step of the actor.
+    pub fn distances_after_actor(
+        &self,
+        (actor, model, critics): (Weights, Weights, &[Weights]),
+        pairs: Pairs,
+        out: &mut [f32],
+        (act, step, judge): (&mut Workspace, &mut Workspace, &mut Workspace),
+    ) {
+        let mut next = std::mem::take(&mut step.y);
+        let states = self.step_of_actor((actor, model), pairs, &mut next, (act, step));
+        let mut plain = std::mem::take(&mut judge.plain);
+        self.plain_pairs(states, pairs.goals, &mut plain);
+        self.farthest(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, judge);
+        judge.plain = plain;
+        step.y = next;
+    }
+
+    /// D(s, g) of each pair by the critic that thinks it farthest, `(rows)`.
+    pub fn farthest(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+        let mut own = std::mem::take(&mut ws.y);
+        for (k, critic) in critics.iter().enumerate() {
+            let own = sized(&mut own, out.len());
+            self.distances(*critic, pairs, own, ws);
+            out.iter_mut().zip(own).for_each(|(most, d)| *most = if k == 0 { *d } else { most.max(*d) });
+        }
+        ws.y = own;
+    }
+
+    /// s' = f(s, mu(s, g)) of each pair, `(rows, state_dim)`, in `next`; keeps the passes for their backward halves.
+    fn step_of_actor<'a>(
+        &self,
+        (actor, model): (Weights, Weights),
+        pairs: Pairs,
+        next: &'a mut Vec<f32>,
+        (act, step): (&mut Workspace, &mut Workspace),
+    ) -> &'a [f32] {
+        let Pairs { plain, states, .. } = pairs;
+        let rows = states.len() / self.encoder.spec().state_dim();
+        let mut action = std::mem::take(&mut act.y);
+        self.actions(actor, pairs, sized(&mut action, rows * self.actor.outputs), act);
+        let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
+        let next = sized(next, states.len());
+        self.predict(model, (states, &action[..rows * self.actor.outputs]), shared, next, step);
+        act.y = action;
+        next
+    }
+
+    /// Adds a critic's gradient towards `targets` to `gradient`; `share` is 1 / batch. Returns the part's loss.
     pub fn critic_gradient(
         &self,
         critic: Weights,
         pairs: Pairs,
-        (targets, expectile): (&[f32], f32),
+        targets: &[f32],
         share: f32,
         gradient: &mut Gradient,
         ws: &mut Workspace,
@@ -197,7 +246,7 @@ impl Shapes {
         for (z, target) in z.iter_mut().zip(targets) {
             let distance = self.distance_scale * softplus(*z);
             let (error, slope) = self.loss.error(distance, *target);
-            let weight = if error > 0.0 { expectile } else { 1.0 - expectile };
+            let weight = if error > 0.0 { self.expectile } else { 1.0 - self.expectile };
             loss += weight * error * error * share;
             *z = 2.0 * weight * error * slope * share * self.distance_scale * sigmoid(*z);
         }
@@ -274,16 +323,14 @@ impl Shapes {
         (act, step, judge): (&mut Workspace, &mut Workspace, &mut Workspace),
     ) -> f32 {
         let ActorPath { actor, model, critic } = *path;
-        let Pairs { plain, states, goals } = pairs;
+        let Pairs { states, goals, .. } = pairs;
         let spec = self.encoder.spec();
         let (s, a) = (spec.state_dim(), spec.action_dim);
         let rows = states.len() / s;
         // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
-        let mut action = std::mem::take(&mut act.y);
-        self.actions(actor, pairs, sized(&mut action, rows * a), act);
         let mut next = std::mem::take(&mut step.y);
-        let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
-        self.predict(model, (states, &action[..rows * a]), shared, sized(&mut next, rows * s), step);
+        self.step_of_actor((actor, model), pairs, &mut next, (act, step));
+        let mut action = std::mem::take(&mut act.y);
         let mut next_plain = std::mem::take(&mut judge.plain);
         self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
         self.rows(Pairs { plain: &next_plain, states: &next[..rows * s], goals }, critic.table, &mut judge.x);

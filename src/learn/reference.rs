@@ -4,6 +4,7 @@
 use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
 
+use super::batch::Batch;
 use super::encoder::Encoder;
 use super::fused::fused_mlp;
 use super::grid::GridShape;
@@ -111,18 +112,37 @@ impl<'a> Reference<'a> {
         states + (change * f64::from(encoder.spec().goal_radius))?
     }
 
-    /// The loss of critic `k` towards `targets` `(rows)`; errors where a target lies below D count `expectile`, others
-    /// 1 minus it.
+    /// Targets of pairs, `(rows)`: what [`Batch`] says, with distances and the actor's steps by the weights at hand.
     ///
     /// # Errors
     /// What candle reports.
-    pub fn critic_loss(
-        &self,
-        k: usize,
-        (states, goals): (&Tensor, &Tensor),
-        targets: &Tensor,
-        expectile: f32,
-    ) -> Result<Tensor> {
+    pub fn targets(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
+        let spec = self.shapes().encoder.spec();
+        let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), device);
+        let column = |numbers: &[f32]| Tensor::from_slice(numbers, batch.len(), device);
+        let (states, ahead) = (tensor(&batch.states, spec.state_dim())?, tensor(&batch.ahead, spec.state_dim())?);
+        let goals = tensor(&batch.goals, spec.goal_dim())?;
+        let steps = column(&batch.steps)?;
+        let mut far = (&steps + self.farthest(&ahead, &goals)?)?;
+        if batch.greedy_targets {
+            let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
+            far = far.minimum(&(self.farthest(&next, &goals)? + 1.0)?)?;
+        }
+        let known = column(&batch.bootstrap)?.eq(0.0)?;
+        Ok(known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?.detach())
+    }
+
+    /// D(s, g) by the critic that thinks it farthest, `(rows)`.
+    fn farthest(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+        let first = self.distances(0, states, goals)?;
+        (1..self.critics.len()).try_fold(first, |far, k| far.maximum(&self.distances(k, states, goals)?))
+    }
+
+    /// The loss of critic `k` towards `targets` `(rows)`.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn critic_loss(&self, k: usize, (states, goals): (&Tensor, &Tensor), targets: &Tensor) -> Result<Tensor> {
         let distance = self.distances(k, states, goals)?;
         let scale = |d: &Tensor| match self.shapes().loss {
             LossScale::Squared => Ok(d.clone()),
@@ -131,7 +151,7 @@ impl<'a> Reference<'a> {
         };
         let error = (scale(&distance)? - scale(targets)?)?;
         let above = error.gt(0.0)?.to_dtype(error.dtype())?;
-        let expectile = f64::from(expectile);
+        let expectile = f64::from(self.shapes().expectile);
         let weight = ((above * (2.0 * expectile - 1.0))? + (1.0 - expectile))?;
         (weight * error.sqr()?)?.mean_all()
     }

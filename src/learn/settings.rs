@@ -45,8 +45,13 @@ pub struct LearnSettings {
     pub n_step: usize,
     /// Weight of a critic's error where the target lies below D; 1 minus it where above. 0.5 is the plain square.
     pub expectile: f32,
-    /// Updates after walls went up during which errors count alike in both directions, as distances then grow; where
-    /// the expectile is not 0.5 they are learned more slowly than those that shrink.
+    /// Whether a target is no longer than a step of the actor and what follows, 1 + D'(f(s, mu'(s, g)), g): what is
+    /// learned is then the distance of the better of behaviour and actor, as in generalised policy iteration (Sutton
+    /// and Barto 2018, section 4.6), where behaviour alone (Algorithm 1) strays. An expectile of 0.95 makes up for
+    /// straying too, but with it distances that are too short hardly grow.
+    pub greedy_targets: bool,
+    /// Updates after walls went up during which targets go by behaviour alone, many steps at a time: distances have grown,
+    /// and the dynamics model has yet to learn that there is no way through.
     pub relearn_updates: u64,
     /// Whether a goal known to have been reached j steps later bounds the target by j.
     pub hindsight_bound: bool,
@@ -95,8 +100,9 @@ impl Default for LearnSettings {
             batch: 64,
             critics: 2,
             n_step: 3,
-            expectile: 0.95,
-            relearn_updates: 5_000,
+            expectile: 0.55,
+            greedy_targets: true,
+            relearn_updates: 3_000,
             hindsight_bound: true,
             goal_hindsight: 0.5,
             goal_geometric: 0.5,
@@ -124,6 +130,7 @@ impl LearnSettings {
             critics: 1,
             n_step: 1,
             expectile: 0.5,
+            greedy_targets: false,
             relearn_updates: 0,
             hindsight_bound: false,
             goal_hindsight: 0.0,

@@ -64,26 +64,18 @@ impl Tape {
         let spec = shapes.encoder.spec();
         let tensor =
             |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (numbers.len() / width, width), &self.device);
-        let column = |numbers: &[f32]| Tensor::from_slice(numbers, numbers.len(), &self.device);
         let (s, g) = (spec.state_dim(), spec.goal_dim());
-        let (states, goals, ahead) = (tensor(&batch.states, s)?, tensor(&batch.goals, g)?, tensor(&batch.ahead, s)?);
+        let (states, goals) = (tensor(&batch.states, s)?, tensor(&batch.goals, g)?);
         let (from, next) = (tensor(&batch.from, s)?, tensor(&batch.next, s)?);
         let actions = tensor(&batch.actions, spec.action_dim)?;
         let critics = 0..self.networks.len() - 2;
         let (model, actor) = (critics.end, critics.end + 1);
 
-        let averages = self.reference(shapes, true)?;
-        let mut far = averages.distances(0, &ahead, &goals)?;
-        for k in critics.clone().skip(1) {
-            far = far.maximum(&averages.distances(k, &ahead, &goals)?)?;
-        }
-        let targets = (column(&batch.steps)? + (far * column(&batch.bootstrap)?)?)?;
-        let targets = targets.minimum(&column(&batch.bound)?)?.detach();
-
+        let targets = self.reference(shapes, true)?.targets(batch, &self.device)?;
         let now = self.reference(shapes, false)?;
         let mut critic_losses = Vec::new();
         for k in critics.clone() {
-            critic_losses.push(now.critic_loss(k, (&states, &goals), &targets, batch.expectile)?);
+            critic_losses.push(now.critic_loss(k, (&states, &goals), &targets)?);
         }
         let critic_loss = Tensor::stack(&critic_losses, 0)?.sum_all()?;
         let model_loss = now.model_loss(&from, &actions, &next)?;

@@ -31,7 +31,7 @@ const NETWORKS_EVERY: Duration = Duration::from_millis(300);
 /// one begins only when so many times as long as the last one took has passed.
 const EVALUATE_EVERY_UPDATES: u64 = 1_000;
 const EVALUATION_TASKS: usize = 10;
-const REST_AFTER_EVALUATION: u32 = 8;
+const REST_AFTER_EVALUATION: u32 = 15;
 
 /// See [`NETWORKS_EVERY`].
 const PARTS_FOR_TRAINING: u32 = 60;

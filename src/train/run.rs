@@ -44,7 +44,7 @@ pub struct Counters {
     pub(super) owed: u64,
     /// The part of these that waits for an episode to end.
     pub(super) waiting: u64,
-    /// The update up to which longer distances are learned as fast as shorter ones.
+    /// The update up to which targets go by behaviour alone.
     pub(super) relearns_until: u64,
     /// Running means of the losses.
     pub(super) losses: [f64; 3],

@@ -248,11 +248,9 @@ impl Trainer {
         let began = Instant::now();
         self.renew_graph()?;
         let began = self.profile.lap(Phase::Graph, began);
-        self.sampler.sample(&self.replay, &mut self.batch_rng, &mut self.batch);
+        let grown = self.counters.updates <= self.counters.relearns_until;
+        self.sampler.sample(&self.replay, grown, &mut self.batch_rng, &mut self.batch);
         self.distil_into_batch();
-        if self.counters.updates <= self.counters.relearns_until {
-            self.batch.expectile = 0.5;
-        }
         self.profile.lap(Phase::Sample, began);
         let losses = self.learner.update(&self.batch, &mut self.profile)?;
         let keep = (1.0 - 1.0 / LOSS_MEMORY_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
