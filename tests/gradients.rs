@@ -5,7 +5,7 @@
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor};
 use gdg_tui::env::Spec;
-use gdg_tui::learn::{Backend, Batch, Layers, LearnSettings, Learner, LossScale, Network, Profile, Reference, Scratch};
+use gdg_tui::learn::{Backend, Batch, Layers, LearnSettings, Learner, LossScale, Network, Profile, Scratch};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -66,7 +66,7 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     };
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
-    let reference = Reference::new(&learner, layers).unwrap();
+    let reference = learner.reference(layers).unwrap();
     // Averages over time begin as what they are averages of.
     let targets = reference.targets(&batch, &Device::Cpu).unwrap();
     let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();

@@ -1,5 +1,7 @@
 //! One update of all networks, its work split over threads.
 
+mod part;
+
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -11,26 +13,18 @@ use super::batch::Batch;
 use super::encoder::Encoder;
 use super::gradient::{Gradient, StepRates};
 use super::kernel;
-use super::losses::{ActorPath, Losses, MOST_STATE_NUMBERS, Pairs, PlainPairs, Shapes, Workspace};
-use super::network::{Network, Weights};
+use super::losses::{ActorPath, Losses, MOST_STATE_NUMBERS, Pairs, Shapes};
+use super::network::Network;
 use super::policy::{Nets, Policy};
 use super::profile::{Phase, Profile};
+use super::reference::{Layers, Reference};
 use super::settings::{Backend, LearnSettings};
 use super::state::NetworkState;
 use super::tape::Tape;
 use super::team::Team;
 use super::touched::Touched;
 use crate::env::Spec;
-
-/// Parts that a batch is split into, and the fewest rows of one. The parts do not depend on the number of threads and
-/// are summed in their order, so that results do not either.
-const PARTS: usize = 4;
-const LEAST_PART_ROWS: usize = 32;
-
-/// Rows of each part of a batch, the last one perhaps fewer.
-fn part_rows(batch: usize) -> usize {
-    batch.div_ceil(PARTS).max(LEAST_PART_ROWS)
-}
+use part::{Part, Rows, part_rows};
 
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
 pub type WholeGradient = (Vec<f32>, Vec<f32>);
@@ -68,22 +62,6 @@ struct Shared {
     failure: Mutex<Option<Error>>,
 }
 
-/// What one task of an update works with.
-#[derive(Default)]
-struct Part {
-    plain: PlainPairs,
-    plain_ahead: PlainPairs,
-    targets: Vec<f32>,
-    after_actor: Vec<f32>,
-    critics: Vec<Gradient>,
-    model: Gradient,
-    actor: Gradient,
-    act: Workspace,
-    step: Workspace,
-    judge: Workspace,
-    losses: Losses,
-}
-
 impl Learner {
     /// Fresh networks for an environment of `spec`; `threads` share the work of each update, without changing its
     /// result.
@@ -100,7 +78,7 @@ impl Learner {
         let tau = Some(settings.tau);
         let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
         let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
-        let part = || Part { critics: vec![Gradient::default(); settings.critics], ..Part::default() };
+        let part = || Part::new(settings.critics);
         let parts = (0..settings.batch.div_ceil(part_rows(settings.batch))).map(|_| Mutex::new(part())).collect();
         let rates = StepRates { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau };
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
@@ -216,6 +194,14 @@ impl Learner {
             model: sum.model + part.model,
             actor: sum.actor + part.actor,
         })
+    }
+
+    /// The losses at the current weights by candle's operations.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn reference(&self, layers: Layers) -> Result<Reference<'_>> {
+        Reference::new(self.shapes(), self.networks(), layers)
     }
 
     /// Uses the networks as they are, or their averages, while no update runs.
@@ -398,78 +384,4 @@ impl Half {
 
 fn critic_name(k: usize) -> String {
     format!("critic{k}")
-}
-
-impl Part {
-    /// Targets of the part's rows: d + D'(s', g), where the goal was not reached no longer than 1 + D'(f(s, mu'(s, g)), g)
-    /// (see [`LearnSettings::greedy_targets`]), and within what hindsight knows. D' and mu' are averages over time.
-    fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
-        shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
-        shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
-        self.targets.resize(rows.steps.len(), 0.0);
-        let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
-        shapes.farthest(critics, ahead, &mut self.targets, &mut self.judge);
-        self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
-        if rows.greedy_targets {
-            self.after_actor.resize(rows.steps.len(), 0.0);
-            let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let buffers = (&mut self.act, &mut self.step, &mut self.judge);
-            shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
-            self.targets.iter_mut().zip(&self.after_actor).for_each(|(x, d)| *x = x.min(1.0 + d));
-        }
-        for (i, x) in self.targets.iter_mut().enumerate() {
-            let known = rows.bootstrap[i] == 0.0;
-            *x = if known { rows.steps[i] } else { *x }.min(rows.bound[i]);
-        }
-    }
-
-    /// Each critic's gradient towards the targets.
-    fn critic_gradients(&mut self, shapes: &Shapes, rows: &Rows, critics: &[Weights]) {
-        self.losses.critic = 0.0;
-        for (critic, gradient) in critics.iter().zip(&mut self.critics) {
-            gradient.prepare(shapes.critic.parameters());
-            let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let loss = shapes.critic_gradient(*critic, pairs, &self.targets, rows.share, gradient, &mut self.judge);
-            self.losses.critic += loss / critics.len() as f32;
-        }
-    }
-}
-
-/// One part's rows of a batch.
-struct Rows<'a> {
-    states: &'a [f32],
-    goals: &'a [f32],
-    ahead: &'a [f32],
-    steps: &'a [f32],
-    bootstrap: &'a [f32],
-    bound: &'a [f32],
-    from: &'a [f32],
-    actions: &'a [f32],
-    next: &'a [f32],
-    greedy_targets: bool,
-    /// 1 / batch.
-    share: f32,
-}
-
-impl<'a> Rows<'a> {
-    fn new(shapes: &Shapes, batch: &'a Batch, part: usize) -> Self {
-        let spec = shapes.encoder.spec();
-        let size = part_rows(batch.len());
-        let rows = part * size..((part + 1) * size).min(batch.len());
-        let cut = |numbers: &'a [f32], width: usize| &numbers[rows.start * width..rows.end * width];
-        let (s, g) = (spec.state_dim(), spec.goal_dim());
-        Self {
-            states: cut(&batch.states, s),
-            goals: cut(&batch.goals, g),
-            ahead: cut(&batch.ahead, s),
-            steps: cut(&batch.steps, 1),
-            bootstrap: cut(&batch.bootstrap, 1),
-            bound: cut(&batch.bound, 1),
-            from: cut(&batch.from, s),
-            actions: cut(&batch.actions, spec.action_dim),
-            next: cut(&batch.next, s),
-            greedy_targets: batch.greedy_targets,
-            share: 1.0 / batch.len() as f32,
-        }
-    }
 }

@@ -8,9 +8,9 @@ use super::batch::Batch;
 use super::encoder::Encoder;
 use super::fused::fused_mlp;
 use super::grid::GridShape;
-use super::learner::Learner;
 use super::losses::{EXCESS_WEIGHT, Shapes};
 use super::mlp::Mlp;
+use super::network::Network;
 use super::settings::LossScale;
 
 /// A network's parameters as tensors.
@@ -41,21 +41,21 @@ pub struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// The losses of `learner`'s current weights.
+    /// The losses at the current weights of `networks`: critics, model, actor.
     ///
     /// # Errors
     /// What candle reports.
-    pub fn new(learner: &'a Learner, layers: Layers) -> Result<Self> {
-        let networks = learner.networks().map(|network| {
+    pub(super) fn new(shapes: &'a Shapes, networks: impl Iterator<Item = &'a Network>, layers: Layers) -> Result<Self> {
+        let networks = networks.map(|network| {
             // Values are the first rows of the table's lines.
             let values = |lines: &Var| lines.narrow(1, 0, 1)?.squeeze(1)?.contiguous();
             let table = network.table().map(values).transpose()?;
             Ok(Parameters { dense: network.dense().as_tensor().clone(), table })
         });
-        Self::of(learner.shapes(), networks.collect::<Result<_>>()?, layers)
+        Self::of(shapes, networks.collect::<Result<_>>()?, layers)
     }
 
-    /// The losses of `networks`: critics, model, actor.
+    /// The losses at given parameters, in the same order.
     pub(super) fn of(shapes: &'a Shapes, mut networks: Vec<Parameters>, layers: Layers) -> Result<Self> {
         let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("there are three networks") };
         Ok(Self { shapes, critics: networks, model, actor, layers })

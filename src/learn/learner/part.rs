@@ -1,0 +1,112 @@
+//! A part of a batch, and what is computed of it by one thread.
+
+use crate::learn::batch::Batch;
+use crate::learn::gradient::Gradient;
+use crate::learn::losses::{Losses, Pairs, PlainPairs, Shapes, Workspace};
+use crate::learn::network::Weights;
+
+/// Parts that a batch is split into, and the fewest rows of one. The parts do not depend on the number of threads and
+/// are summed in their order, so that results do not either.
+const PARTS: usize = 4;
+const LEAST_PART_ROWS: usize = 32;
+
+/// Rows of each part of a batch, the last one perhaps fewer.
+pub fn part_rows(batch: usize) -> usize {
+    batch.div_ceil(PARTS).max(LEAST_PART_ROWS)
+}
+
+/// What one task of an update works with.
+#[derive(Default)]
+pub struct Part {
+    pub plain: PlainPairs,
+    plain_ahead: PlainPairs,
+    targets: Vec<f32>,
+    after_actor: Vec<f32>,
+    pub critics: Vec<Gradient>,
+    pub model: Gradient,
+    pub actor: Gradient,
+    pub act: Workspace,
+    pub step: Workspace,
+    pub judge: Workspace,
+    pub losses: Losses,
+}
+
+impl Part {
+    /// Buffers for so many critics.
+    pub fn new(critics: usize) -> Self {
+        Self { critics: vec![Gradient::default(); critics], ..Self::default() }
+    }
+
+    /// Targets of the part's rows: d + D'(s', g), where the goal was not reached no longer than 1 + D'(f(s, mu'(s, g)), g)
+    /// (see [`crate::learn::LearnSettings::greedy_targets`]), and within what hindsight knows. D' and mu' are averages over time.
+    pub fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
+        shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
+        shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
+        self.targets.resize(rows.steps.len(), 0.0);
+        let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
+        shapes.farthest(critics, ahead, &mut self.targets, &mut self.judge);
+        self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
+        if rows.greedy_targets {
+            self.after_actor.resize(rows.steps.len(), 0.0);
+            let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
+            let buffers = (&mut self.act, &mut self.step, &mut self.judge);
+            shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
+            self.targets.iter_mut().zip(&self.after_actor).for_each(|(x, d)| *x = x.min(1.0 + d));
+        }
+        for (i, x) in self.targets.iter_mut().enumerate() {
+            let known = rows.bootstrap[i] == 0.0;
+            *x = if known { rows.steps[i] } else { *x }.min(rows.bound[i]);
+        }
+    }
+
+    /// Each critic's gradient towards the targets.
+    pub fn critic_gradients(&mut self, shapes: &Shapes, rows: &Rows, critics: &[Weights]) {
+        self.losses.critic = 0.0;
+        for (critic, gradient) in critics.iter().zip(&mut self.critics) {
+            gradient.prepare(shapes.critic.parameters());
+            let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
+            let loss = shapes.critic_gradient(*critic, pairs, &self.targets, rows.share, gradient, &mut self.judge);
+            self.losses.critic += loss / critics.len() as f32;
+        }
+    }
+}
+
+/// One part's rows of a batch.
+pub struct Rows<'a> {
+    pub states: &'a [f32],
+    pub goals: &'a [f32],
+    ahead: &'a [f32],
+    steps: &'a [f32],
+    bootstrap: &'a [f32],
+    bound: &'a [f32],
+    pub from: &'a [f32],
+    pub actions: &'a [f32],
+    pub next: &'a [f32],
+    greedy_targets: bool,
+    /// 1 / batch.
+    pub share: f32,
+}
+
+impl<'a> Rows<'a> {
+    /// The rows of part number `part`.
+    pub fn new(shapes: &Shapes, batch: &'a Batch, part: usize) -> Self {
+        let spec = shapes.encoder.spec();
+        let size = part_rows(batch.len());
+        let rows = part * size..((part + 1) * size).min(batch.len());
+        let cut = |numbers: &'a [f32], width: usize| &numbers[rows.start * width..rows.end * width];
+        let (s, g) = (spec.state_dim(), spec.goal_dim());
+        Self {
+            states: cut(&batch.states, s),
+            goals: cut(&batch.goals, g),
+            ahead: cut(&batch.ahead, s),
+            steps: cut(&batch.steps, 1),
+            bootstrap: cut(&batch.bootstrap, 1),
+            bound: cut(&batch.bound, 1),
+            from: cut(&batch.from, s),
+            actions: cut(&batch.actions, spec.action_dim),
+            next: cut(&batch.next, s),
+            greedy_targets: batch.greedy_targets,
+            share: 1.0 / batch.len() as f32,
+        }
+    }
+}
