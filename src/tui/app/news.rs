@@ -1,0 +1,80 @@
+//! What trainer and viewer tell, and what time brings.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use super::App;
+use crate::train::{Command, Phase, Snapshot};
+use crate::tui::action::Action;
+use crate::tui::viewer::{Tour, View};
+
+impl App {
+    /// Takes a new snapshot.
+    pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
+        // Another run is not hidden.
+        if self.frozen && snapshot.generation == self.snapshot.generation {
+            return;
+        }
+        let before = std::mem::replace(&mut self.snapshot, snapshot);
+        if self.snapshot.generation != before.generation {
+            self.begin();
+        }
+        self.history.add(&self.snapshot.clone(), before.counters);
+        if self.snapshot.evaluations.len() > before.evaluations.len() {
+            self.note_evaluation();
+        }
+        self.pausing &= self.snapshot.phase.trains();
+        if self.snapshot.notice.0 > before.notice.0 {
+            self.notify(self.snapshot.notice.1.clone());
+        }
+        if before.phase.trains() && self.snapshot.phase == Phase::Done {
+            self.notify(format!(
+                "done: a limit is reached; {} goes on without it",
+                self.keymap.key_of(Action::TogglePause)
+            ));
+        }
+    }
+
+    fn note_evaluation(&mut self) {
+        let Some((updates, e)) = self.snapshot.evaluations.last() else { return };
+        let error = 100.0 * e.distance_error.mape;
+        let text = format!("evaluated: {}, error of D {error:.0} %", e.success(*updates));
+        self.log.note(text, *updates);
+    }
+
+    /// Keeps the screen as it is, or goes on with what there is by now.
+    pub(super) fn freeze(&mut self, frozen: bool) {
+        self.frozen = frozen;
+        if !frozen {
+            let (snapshot, view) = (self.snapshots().borrow().clone(), self.views().borrow().clone());
+            self.on_snapshot(snapshot);
+            self.on_view(view);
+        }
+    }
+
+    /// Takes a new view.
+    pub fn on_view(&mut self, view: Arc<View>) {
+        if self.frozen {
+            return;
+        }
+        // Goals that were chosen by the walking agent itself, not those before the latest that was asked for.
+        if let ((Some(goal), number), Tour::Visit) = (view.goal, self.tour)
+            && number == self.goals_asked
+        {
+            self.goal = goal;
+        }
+        self.view = view;
+    }
+
+    /// Time has passed; whether that changes the screen.
+    pub fn on_tick(&mut self) -> bool {
+        let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
+        if due {
+            self.autosaved = Instant::now();
+            if self.unsaved_updates() > 0 {
+                self.command(Command::Save(self.save_to.0.clone()));
+            }
+        }
+        self.log.on_tick()
+    }
+}
