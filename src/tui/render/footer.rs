@@ -4,6 +4,7 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
+use ratatui::widgets::Clear;
 
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::{Action, bindings};
@@ -14,8 +15,14 @@ use crate::tui::places::{Bar, Click};
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
     if let Some((notice, fades)) = app.log.notice() {
-        let line = Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD });
-        return frame.render_widget(line, area);
+        let notice = Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD });
+        if !app.editor.is_open() {
+            return frame.render_widget(notice, area);
+        }
+        // Tools stay in sight: what is to be said stands above them.
+        let above = Rect { y: area.y.saturating_sub(1), ..area };
+        frame.render_widget(Clear, above);
+        frame.render_widget(notice, above);
     }
     let bar = if app.editor.is_open() { editing(app, area.width) } else { watching(app) };
     bar.draw(frame, area, &mut app.places);
