@@ -14,7 +14,6 @@ const ROWS: usize = 128;
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     plain: PlainPairs,
-    second: Vec<f32>,
     ws: Workspace,
 }
 
@@ -36,16 +35,7 @@ impl Nets<'_> {
         for ((states, goals), out) in chunks {
             self.shapes.plain_pairs(states, goals, &mut scratch.plain);
             let pairs = Pairs { plain: &scratch.plain, states, goals };
-            for (i, critic) in self.critics.iter().enumerate() {
-                if i == 0 {
-                    self.shapes.distances(*critic, pairs, out, &mut scratch.ws);
-                    continue;
-                }
-                scratch.second.resize(ROWS, 0.0);
-                let second = &mut scratch.second[..out.len()];
-                self.shapes.distances(*critic, pairs, second, &mut scratch.ws);
-                out.iter_mut().zip(second).for_each(|(d, e)| *d = d.max(*e));
-            }
+            self.shapes.farthest(&self.critics, pairs, out, &mut scratch.ws);
         }
     }
 

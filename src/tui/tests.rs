@@ -256,36 +256,6 @@ fn a_cell_tells_what_is_known_of_it() {
 }
 
 #[test]
-fn zooming_keeps_what_is_under_the_mouse_and_the_whole_map_comes_back() {
-    let map = parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
-    let mut app = app_on(map, Method::Gdg);
-    draw(&mut app, 80, 24);
-    let cell = Cell::new(150, 90);
-    let at = character_of(&app, cell);
-    for _ in 0..8 {
-        mouse(&mut app, MouseEventKind::ScrollUp, at);
-        draw(&mut app, 80, 24);
-    }
-    let frame = app.places.map.clone().expect("a map");
-    let under = frame.cell_at(at, app.map()).expect("on the map");
-    assert!(under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6, "{under:?} is far from {cell:?}");
-    assert!(frame.raster.window[2] < 60.0, "{:?}", frame.raster.window);
-    let before = frame.raster.window;
-    press_with(&mut app, KeyCode::Left, KeyModifiers::SHIFT);
-    draw(&mut app, 80, 24);
-    let left = app.places.map.clone().expect("a map").raster.window[0];
-    assert!(left < before[0], "panned to the left");
-    for _ in 0..50 {
-        press_with(&mut app, KeyCode::Up, KeyModifiers::SHIFT);
-        draw(&mut app, 80, 24);
-    }
-    assert_eq!(app.places.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
-    press(&mut app, KeyCode::Char('0'));
-    draw(&mut app, 80, 24);
-    assert!(app.places.map.clone().expect("a map").raster.window[2] >= 200.0);
-}
-
-#[test]
 fn a_door_can_be_closed_while_it_trains_and_opened_again() {
     let mut app = app();
     let door = Cell::new(10, 2);

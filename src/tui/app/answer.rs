@@ -80,7 +80,7 @@ impl App {
         self.command(Command::Begin(Box::new(run), map));
     }
 
-    /// Turns to another map: at once where it has the size of this one, else the user is asked what to do.
+    /// Turns to another map as the user says who is asked.
     pub(super) fn go_to(&mut self, map: &Arc<Grid>) {
         let (width, height) = (self.map.width(), self.map.height());
         // Cells that the map does not have are walls here: agents have no business there.

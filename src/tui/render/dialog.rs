@@ -14,6 +14,9 @@ use crate::tui::places::{Bar, Click, Places};
 const LIST: (u16, u16) = (96, 24);
 const QUESTION: (u16, u16) = (72, 7);
 
+/// Columns beside an item's label.
+const MARGINS: usize = 3;
+
 /// Rows below a list for all of the selected item: a line and two rows of text.
 const ROWS_BELOW: u16 = 3;
 
@@ -24,12 +27,9 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, places: &mut 
     let (width, height) = (LIST.0.min(area.width.saturating_sub(2)), LIST.1.min(area.height.saturating_sub(2)));
     let columns = usize::from(width).saturating_sub(2);
     let widest = picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0).min(columns * 2 / 3);
-    let in_a_row = |item: &Item| {
-        let label = format!(" {:<widest$}  ", item.label);
-        let rest = columns.saturating_sub(label.chars().count());
-        (item.detail.chars().count() <= rest, label, format!("{:<rest$}", item.detail))
-    };
-    let below = if picker.items().all(|item| in_a_row(item).0) { 0 } else { ROWS_BELOW };
+    let room_beside = |item: &Item| columns.saturating_sub(item.label.chars().count().max(widest) + MARGINS);
+    let fits = |item: &Item| item.detail.chars().count() <= room_beside(item);
+    let below = if picker.items().all(fits) { 0 } else { ROWS_BELOW };
     let place = middle(area, width, height.min(picker.items().count() as u16 + 3 + below));
     let inner = draw_box(frame, place, &picker.title, places);
     let [line, rows, below] =
@@ -48,8 +48,8 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, places: &mut 
     let height = usize::from(rows.height);
     let first = (selected + 1).saturating_sub(height);
     let lines = items.iter().enumerate().skip(first).take(height).map(|(i, item)| {
-        let (_, label, detail) = in_a_row(item);
-        let text = Line::from(vec![Span::raw(label), Span::styled(detail, DIM)]);
+        let (label, rest) = (format!(" {:<widest$}  ", item.label), room_beside(item));
+        let text = Line::from(vec![Span::raw(label), Span::styled(format!("{:<rest$}", item.detail), DIM)]);
         text.style(if i == selected { REVERSED } else { Style::new() })
     });
     let mut lines: Vec<Line> = lines.collect();

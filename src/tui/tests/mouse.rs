@@ -1,4 +1,4 @@
-//! What the mouse does beside the map: keys in the footer, names, lists, the small map.
+//! What the mouse does beside setting goals: keys in the footer, names, lists, zooming and moving the map.
 
 use super::*;
 use crate::tui::action::Action;
@@ -119,16 +119,52 @@ fn dialogs_are_answered_and_closed_by_clicks() {
     assert_eq!(app.theme.name, ThemeName::Light);
 }
 
-#[test]
-fn the_map_is_moved_by_the_middle_button_and_the_small_map() {
+/// A map much wider than its pane, drawn once.
+fn wide() -> App {
     let map = parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
     let mut app = app_on(map, Method::Gdg);
     draw(&mut app, 80, 24);
-    let middle = Position::new(20, 12);
-    for _ in 0..6 {
-        mouse(&mut app, MouseEventKind::ScrollUp, middle);
+    app
+}
+
+/// Turns the wheel at a place so many times away from the user.
+fn turn_wheel(app: &mut App, at: Position, times: usize) {
+    for _ in 0..times {
+        mouse(app, MouseEventKind::ScrollUp, at);
+        draw(app, 80, 24);
+    }
+}
+
+#[test]
+fn zooming_keeps_what_is_under_the_mouse_and_the_whole_map_comes_back() {
+    let mut app = wide();
+    let cell = Cell::new(150, 90);
+    let at = character_of(&app, cell);
+    turn_wheel(&mut app, at, 8);
+    let frame = app.places.map.clone().expect("a map");
+    let under = frame.cell_at(at, app.map()).expect("on the map");
+    assert!(under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6, "{under:?} is far from {cell:?}");
+    assert!(frame.raster.window[2] < 60.0, "{:?}", frame.raster.window);
+    let before = frame.raster.window;
+    press_with(&mut app, KeyCode::Left, KeyModifiers::SHIFT);
+    draw(&mut app, 80, 24);
+    let left = app.places.map.clone().expect("a map").raster.window[0];
+    assert!(left < before[0], "panned to the left");
+    for _ in 0..50 {
+        press_with(&mut app, KeyCode::Up, KeyModifiers::SHIFT);
         draw(&mut app, 80, 24);
     }
+    assert_eq!(app.places.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
+    press(&mut app, KeyCode::Char('0'));
+    draw(&mut app, 80, 24);
+    assert!(app.places.map.clone().expect("a map").raster.window[2] >= 200.0);
+}
+
+#[test]
+fn the_map_is_moved_by_the_middle_button_and_the_small_map() {
+    let mut app = wide();
+    let middle = Position::new(20, 12);
+    turn_wheel(&mut app, middle, 6);
     let window = |app: &mut App| {
         draw(app, 80, 24);
         app.places.map.clone().expect("a map").raster.window
