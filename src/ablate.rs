@@ -10,6 +10,7 @@ use serde::Serialize;
 use crate::cli::AblateArgs;
 use crate::map::{Diameter, Grid};
 use crate::setup::{find_map, threads};
+use crate::text::tell;
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Run, Trainer, settings_from};
 
 /// The default with one thing changed.
@@ -74,12 +75,12 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
             let mut outcomes = outcomes.lock();
             let planned = evaluation.planned.as_ref().map_or(String::new(), |p| format!("planned {:.3}, ", p.success));
             let done = outcomes.len() + 1;
-            eprintln!(
+            tell(&format!(
                 "{done} of {}: {}, seed {seed}: {planned}greedy {:.3}",
                 runs.len(),
                 variant.name,
                 evaluation.greedy.success
-            );
+            ));
             let (variant, set, method) = (variant.name, variant.set, variant.method.name());
             outcomes.push(Outcome { variant, set, method, seed: *seed, evaluation });
         }

@@ -17,7 +17,7 @@ Examples:
   gdg-tui --record run.cast                  record the screen; gdg-tui frames draws moments of it
 
 Exit status: 0 done; 1 failed while running; 2 bad usage or input; 3 --require-success not reached;
-130 or 143 ended by Ctrl-C or SIGTERM.";
+129, 130 or 143 ended by a hang-up, Ctrl-C or SIGTERM, after saving; a second signal ends at once, without.";
 
 /// Watch an agent learn distance, and find its way without any reward.
 #[derive(Debug, Parser)]
@@ -59,6 +59,9 @@ pub enum Command {
     },
     /// Draw moments of a recording of the screen as PNG files
     Frames(FramesArgs),
+    /// Gives the terminal back should its parent be killed (started by the interface)
+    #[command(hide = true)]
+    TerminalGuard,
     /// Print completions for a shell
     Completions {
         /// The shell
@@ -180,9 +183,21 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
 
-    /// Save a checkpoint at the end
+    /// Save checkpoints to this file, at the end and on the way; where another run's file is there already, beside it
     #[arg(long, value_name = "FILE")]
     pub save: Option<PathBuf>,
+
+    /// Minutes between checkpoints on the way; 0 for none [default: 5 with --save; with the interface see its settings]
+    #[arg(long, value_name = "MINUTES", value_parser = minutes, requires = "no_ui")]
+    pub save_every: Option<f64>,
+
+    /// Replace files that are there already: recordings, and with --save checkpoints of other runs
+    #[arg(long)]
+    pub overwrite: bool,
+
+    /// How much goes to the log file, whose place the help (?) tells
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
+    pub log_level: LogLevel,
 
     /// Go on from a checkpoint, which carries its map and settings
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "method", "preset", "seed", "config", "set"])]
@@ -259,6 +274,21 @@ impl From<KindArg> for Kind {
     }
 }
 
+/// What goes to the log file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LogLevel {
+    /// No log file
+    Off,
+    /// What failed
+    Error,
+    /// What went wrong and was mended, too
+    Warn,
+    /// What was begun, saved, loaded and changed, too
+    Info,
+    /// Everything
+    Debug,
+}
+
 /// [`Preset`] on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum PresetArg {
@@ -290,6 +320,11 @@ impl From<PresetArg> for Preset {
 
 fn seconds(text: &str) -> Result<f64, String> {
     text.parse().ok().filter(|s| *s >= 0.0 && f64::is_finite(*s)).ok_or_else(|| "a number of seconds".to_owned())
+}
+
+fn minutes(text: &str) -> Result<f64, String> {
+    let minutes = text.parse().ok().filter(|m| (0.0..=1e6).contains(m));
+    minutes.ok_or_else(|| "a number of minutes, 0 for never".to_owned())
 }
 
 fn share(text: &str) -> Result<f64, String> {

@@ -11,8 +11,11 @@ use serde::Deserialize;
 use std::num::NonZero;
 
 use crate::cli::FramesArgs;
-use crate::train::write_whole;
+use crate::files::{read_text, write_whole};
 use crate::tui::{Paper, png_of};
+
+/// The largest recording that is read: some hours of a large screen.
+const MAX_BYTES: u64 = 1 << 30;
 
 /// A recording's first line.
 #[derive(Deserialize)]
@@ -28,7 +31,7 @@ struct Head {
 pub fn run(args: &FramesArgs) -> Result<String, Report> {
     let name = args.cast.to_string_lossy();
     let text =
-        std::fs::read_to_string(&args.cast).into_diagnostic().wrap_err_with(|| format!("{name}: cannot be read"))?;
+        read_text(&args.cast, MAX_BYTES).into_diagnostic().wrap_err_with(|| format!("{name}: cannot be read"))?;
     let mut moments = args.at.clone();
     moments.sort_by(f64::total_cmp);
     let mut screen = None;

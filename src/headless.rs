@@ -1,19 +1,25 @@
 //! Training without the interface: JSON lines on standard output, a progress bar on standard error.
 
+mod aside;
 mod progress;
 mod records;
+mod saver;
 
 use std::io::Write;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
 
 use crate::cli::TrainArgs;
 use crate::map::Diameter;
-use crate::setup::{Setup, ending_signals};
-use crate::train::{self, EndReason, Evaluation, Success, TaskSet, Tick, Trainer};
+use crate::setup::Setup;
+use crate::signals::Ending;
+use crate::text::{json_line, tell};
+use crate::train::{EndReason, Evaluation, TaskSet, Tick, Trainer};
+use aside::aside;
 use progress::Progress;
 use records::Record;
+use saver::Saver;
 
 /// Updates between progress records: about a second's worth. Counted in updates, so that the same run prints the
 /// same records.
@@ -27,25 +33,25 @@ const NOT_REACHED: u8 = 3;
 /// # Errors
 /// What goes wrong while running: training, writing records, saving.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
-    let signal = ending_signals()?;
-    let diameter = Diameter::of(setup.trainer.map());
-    let mut session = Session { setup, diameter, args, progress: Progress::new(args), success: None };
-    print(&Record::start(&session.setup, diameter))?;
-    let trained = session.train(&signal);
-    let result = trained.and_then(|reason| session.finish(reason));
+    let ending = Ending::listen(|| {})?;
+    if let Some(warning) = &setup.warning {
+        tell(warning);
+    }
+    let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
+    let mut session = Session { setup, diameter: None, args, progress: Progress::new(args), saver, ending };
+    let ended = session.run();
     // Whatever happened, what was learned is kept.
-    let saved = args.save.as_deref().map(|path| train::save(&session.setup.trainer, path, session.success)).transpose();
-    let (reason, evaluation) = result?;
+    let saved = session.save();
+    let (reason, evaluation) = ended?;
     saved?;
     print(&Record::end(reason, &session.setup.trainer))?;
     session.progress.finish();
-    let number = signal.load(Ordering::Relaxed);
-    if reason == EndReason::Interrupted {
-        return Ok(128 + number as u8);
+    if let (EndReason::Interrupted, Some(status)) = (reason, session.ending.status()) {
+        return Ok(status);
     }
     match (args.require_success, evaluation) {
         (Some(required), Some(found)) if success(&found) < required => {
-            eprintln!("success {:.3} does not reach the {required} required", success(&found));
+            tell(&format!("success {:.3} does not reach the {required} required", success(&found)));
             Ok(NOT_REACHED)
         }
         _ => Ok(0),
@@ -54,7 +60,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
 
 /// Writes one line to standard output.
 fn print(record: &Record) -> Result<(), Report> {
-    let line = serde_json::to_string(record).into_diagnostic()?;
+    let line = json_line(&serde_json::to_string(record).into_diagnostic()?);
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
 }
@@ -66,25 +72,63 @@ fn success(evaluation: &Evaluation) -> f64 {
 
 struct Session<'a> {
     setup: Setup,
-    /// The map's farthest distance.
-    diameter: Diameter,
+    /// The map's farthest distance, once it is known.
+    diameter: Option<Diameter>,
     args: &'a TrainArgs,
     progress: Progress,
-    /// The latest evaluation in brief.
-    success: Option<Success>,
+    saver: Option<Saver>,
+    ending: Ending,
 }
 
 impl Session<'_> {
+    /// Trains, saves, and evaluates at the end. A panic on the way becomes an error, so that saving is still tried.
+    fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
+        let run = |session: &mut Self| {
+            session.measure_map()?;
+            let Some(diameter) = session.diameter else { return Ok((EndReason::Interrupted, None)) };
+            print(&Record::start(&session.setup, diameter))?;
+            let reason = session.train()?;
+            if reason == EndReason::Interrupted {
+                return Ok((reason, None));
+            }
+            // An evaluation takes a while, in which the machine may go down.
+            session.save()?;
+            match session.evaluate()? {
+                Some(evaluation) => Ok((reason, Some(evaluation))),
+                None => Ok((EndReason::Interrupted, None)),
+            }
+        };
+        catch_unwind(AssertUnwindSafe(|| run(self))).unwrap_or_else(|_| {
+            let mended = self.setup.trainer.mend_after_panic().is_ok();
+            let state = if mended { "what was learned is saved where --save says" } else { "saving may fail" };
+            Err(miette::miette!(help = crate::logging::hint(), "an internal error ended training; {state}"))
+        })
+    }
+
+    /// Finds out the farthest distance on the map; unknown where a signal came first.
+    fn measure_map(&mut self) -> Result<(), Report> {
+        let map = self.setup.trainer.map().clone();
+        self.diameter = aside("map", &self.ending, move || Diameter::of(&map))?;
+        Ok(())
+    }
+
     /// Trains until a limit or a signal ends it.
-    fn train(&mut self, signal: &AtomicUsize) -> Result<EndReason, Report> {
+    fn train(&mut self) -> Result<EndReason, Report> {
+        self.edit()?;
         loop {
-            if signal.load(Ordering::Relaxed) != 0 {
+            if self.ending.number().is_some() {
                 return Ok(EndReason::Interrupted);
             }
             if let Some(reason) = self.limit_reached() {
                 return Ok(reason);
             }
-            if self.setup.trainer.tick().into_diagnostic()? != Tick::Update {
+            crate::faults::point("trainer");
+            let tick = self.setup.trainer.tick().into_diagnostic()?;
+            if let Some(recovery) = self.setup.trainer.take_recovery() {
+                tell(&recovery.to_string());
+                print(&Record::Recovery(recovery))?;
+            }
+            if tick != Tick::Update {
                 continue;
             }
             let updates = self.setup.trainer.counters().updates;
@@ -92,47 +136,64 @@ impl Session<'_> {
                 print(&Record::progress(&self.setup.trainer))?;
                 self.progress.show(&self.setup.trainer);
             }
-            self.edit(updates)?;
+            self.edit()?;
             let due = self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every));
-            if due && self.limit_reached().is_none() {
-                self.evaluate()?;
+            if due && self.limit_reached().is_none() && self.evaluate()?.is_none() {
+                return Ok(EndReason::Interrupted);
+            }
+            if self.saver.as_ref().is_some_and(Saver::is_due) {
+                self.save()?;
             }
         }
     }
 
-    /// Changes the map where that is asked for after `updates`.
-    fn edit(&mut self, updates: u64) -> Result<(), Report> {
+    /// Saves where `--save` says, if it does.
+    fn save(&mut self) -> Result<(), Report> {
+        let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else { return Ok(()) };
+        match saver.save(trainer)? {
+            Some(record) => print(&record),
+            None => Ok(()),
+        }
+    }
+
+    /// Changes the map where that is asked for after so many updates.
+    fn edit(&mut self) -> Result<(), Report> {
         let Setup { trainer, edits, .. } = &mut self.setup;
+        let updates = trainer.counters().updates;
+        let mut changed = false;
         for (_, map) in edits.iter().filter(|(at, _)| *at == updates) {
             let change = trainer.change_map(map.clone()).map_err(Report::msg)?;
-            self.diameter = Diameter::of(map);
             print(&Record::edit(trainer, change))?;
+            changed = true;
         }
-        Ok(())
+        if changed { self.measure_map() } else { Ok(()) }
     }
 
     fn limit_reached(&self) -> Option<EndReason> {
         self.setup.trainer.limit_reached(&self.args.limits())
     }
 
-    fn evaluate(&mut self) -> Result<Evaluation, Report> {
-        let Setup { trainer, scenario, .. } = &mut self.setup;
-        let tasks = match scenario {
-            Some(scenario) => TaskSet::from_scenario(trainer.map(), scenario, 6 * self.args.eval_tasks as usize),
-            None => trainer.tasks(self.diameter.steps, self.args.eval_tasks as usize),
+    /// Evaluates, beside this thread so that a signal is obeyed at once; `None` where one came.
+    fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
+        let Setup { trainer, scenario, .. } = &self.setup;
+        let Some(diameter) = self.diameter else { return Ok(None) };
+        let (map, mut rng, job) = (trainer.map().clone(), trainer.task_rng(), trainer.evaluation().into_diagnostic()?);
+        let (scenario, per_distance) = (scenario.clone(), self.args.eval_tasks as usize);
+        let evaluate = move || {
+            let tasks = match scenario {
+                Some(scenario) => TaskSet::from_scenario(&map, &scenario, 6 * per_distance),
+                None => TaskSet::sample(&map, diameter.steps, per_distance, &mut rng),
+            };
+            job.carry_out(&tasks)
         };
-        let evaluation = trainer.evaluate(&tasks).into_diagnostic()?;
-        self.success = Some(evaluation.success(trainer.counters().updates));
-        print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
-        Ok(evaluation)
-    }
-
-    /// The final evaluation, skipped where the run was interrupted.
-    fn finish(&mut self, reason: EndReason) -> Result<(EndReason, Option<Evaluation>), Report> {
-        if reason == EndReason::Interrupted {
-            return Ok((reason, None));
+        let Some(evaluation) = aside("evaluation", &self.ending, evaluate)? else { return Ok(None) };
+        let trainer = &mut self.setup.trainer;
+        if evaluation.is_sound() {
+            let updates = trainer.counters().updates;
+            trainer.history_mut().add_evaluation(updates, evaluation.clone());
         }
-        Ok((reason, Some(self.evaluate()?)))
+        print(&Record::evaluation(trainer, &evaluation))?;
+        Ok(Some(evaluation))
     }
 }
 

@@ -12,9 +12,11 @@
 //! Modules know those to their left and none to their right:
 //!
 //! ```text
-//! map <- env <- learn <- bridge <- train <- headless, tui, ablate
+//! text, faults, files <- map <- env <- learn <- bridge <- train <- headless, tui, ablate
 //! ```
 //!
+//! * [`text`]: what comes from outside, made safe to show. [`files`]: how files are read and replaced.
+//!   [`faults`]: what becomes of threads that panic.
 //! * [`map`]: files to grids, and the true distances on them. Evaluation and display read these; learning never does.
 //! * [`env`](mod@env): a world of many agents behind an interface that says how states, goals and actions are sized
 //!   and scaled; the point maze.
@@ -27,7 +29,7 @@
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order, with bridge graphs built beside it and
 //!   taken up at fixed updates; evaluation, settings, checkpoints; and [`train::Engine`], which runs a trainer on a
 //!   thread of its own for a front end.
-//! * [`headless`], [`tui`] and [`ablate`]: the front ends. [`cli`], [`setup`] and [`facts`] serve them;
+//! * [`headless`], [`tui`] and [`ablate`]: the front ends. [`cli`], [`setup`], [`signals`], [`logging`] and [`facts`] serve them;
 //!   [`bench`](mod@bench) measures; [`frames`] draws moments of recordings.
 //!
 //! # What is held to
@@ -42,10 +44,16 @@ pub mod bridge;
 pub mod cli;
 pub mod env;
 pub mod facts;
+pub mod faults;
+pub mod files;
 pub mod frames;
 pub mod headless;
 pub mod learn;
+pub mod logging;
 pub mod map;
+pub mod report;
 pub mod setup;
+pub mod signals;
+pub mod text;
 pub mod train;
 pub mod tui;

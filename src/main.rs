@@ -6,7 +6,8 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use gdg_tui::cli::{Cli, Command};
 use gdg_tui::map::{print_ascii, random};
-use gdg_tui::{ablate, bench, facts, frames, headless, setup};
+use gdg_tui::text::{plain_lines, tell};
+use gdg_tui::{ablate, bench, facts, faults, frames, headless, logging, report, setup, tui};
 use miette::Report;
 
 /// Exit status of what fails while running.
@@ -16,18 +17,20 @@ const FAILED: u8 = 1;
 const BAD_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
-    let cli = Cli::parse();
+    faults::watch();
+    let cli = match Cli::try_parse() {
+        Ok(cli) => cli,
+        Err(error) => return usage(&error),
+    };
     let status = match &cli.command {
         Some(Command::Maps { random: None, .. }) => print(&facts::list()),
         Some(Command::Maps { random: Some(kind), seed }) => print(&print_ascii(&random((*kind).into(), *seed))),
-        Some(Command::Ablate(args)) => match ablate::run(args) {
-            Ok(table) => print(&table),
-            Err(error) => fail(&error, BAD_INPUT),
-        },
-        Some(Command::Frames(args)) => match frames::run(args) {
-            Ok(text) => print(&text),
-            Err(error) => fail(&error, BAD_INPUT),
-        },
+        Some(Command::Ablate(args)) => printed(ablate::run(args), BAD_INPUT),
+        Some(Command::Frames(args)) => printed(frames::run(args), BAD_INPUT),
+        Some(Command::TerminalGuard) => {
+            tui::guard_terminal();
+            0
+        }
         Some(Command::Completions { shell }) => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "gdg-tui", &mut script);
@@ -37,18 +40,12 @@ fn main() -> ExitCode {
             let mut page = Vec::new();
             match clap_mangen::Man::new(Cli::command()).render(&mut page) {
                 Ok(()) => print(&String::from_utf8_lossy(&page)),
-                Err(error) => fail(&Report::msg(error), FAILED),
+                Err(error) => fail(Report::msg(error), FAILED),
             }
         }
-        Some(Command::Check { file, map }) => match facts::check(file, map.as_deref()) {
-            Ok(text) => print(&text),
-            Err(error) => fail(&error, BAD_INPUT),
-        },
+        Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), BAD_INPUT),
         Some(Command::Bench { json, threads, runs }) => {
-            match bench::run(*json, setup::threads(*threads), (*runs).into()) {
-                Ok(text) => print(&text),
-                Err(error) => fail(&error, FAILED),
-            }
+            printed(bench::run(*json, setup::threads(*threads), (*runs).into()), FAILED)
         }
         None => train(&cli),
     };
@@ -61,21 +58,38 @@ fn train(cli: &Cli) -> u8 {
         return match setup::settings(args) {
             Ok(settings) => match serde_json::to_string_pretty(&settings) {
                 Ok(text) => print(&(text + "\n")),
-                Err(error) => fail(&Report::msg(error), FAILED),
+                Err(error) => fail(Report::msg(error), FAILED),
             },
-            Err(error) => fail(&error, BAD_INPUT),
+            Err(error) => fail(error, BAD_INPUT),
         };
     }
     if args.print_config_template {
-        return print(&gdg_tui::tui::config_template());
+        return print(&tui::config_template());
     }
+    logging::begin(args.log_level);
     let headless = args.no_ui || !std::io::stdout().is_terminal();
     let setup = match setup::prepare(args) {
         Ok(setup) => setup,
-        Err(error) => return fail(&error, BAD_INPUT),
+        Err(error) => return fail(error, BAD_INPUT),
     };
-    let result = if headless { headless::run(setup, args) } else { gdg_tui::tui::run(setup, args) };
-    result.unwrap_or_else(|error| fail(&error, FAILED))
+    let result = if headless { headless::run(setup, args) } else { tui::run(setup, args) };
+    result.unwrap_or_else(|error| fail(error, FAILED))
+}
+
+/// Shows what is wrong with the arguments, or the help that they ask for.
+fn usage(error: &clap::Error) -> ExitCode {
+    let text = error.to_string();
+    if plain_lines(&text) == text {
+        let _ = error.print();
+    } else {
+        // It quotes an argument that would act on the terminal.
+        tell(plain_lines(&text).trim_end());
+    }
+    ExitCode::from(error.exit_code() as u8)
+}
+
+fn printed(text: Result<String, Report>, status: u8) -> u8 {
+    text.map_or_else(|error| fail(error, status), |text| print(&plain_lines(&text)))
 }
 
 /// Prints to standard output; one that is closed early (`| head`) is not an error of ours.
@@ -84,11 +98,12 @@ fn print(text: &str) -> u8 {
     match std::io::stdout().write_all(text.as_bytes()) {
         Ok(()) => 0,
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => 0,
-        Err(e) => fail(&Report::msg(e), FAILED),
+        Err(e) => fail(Report::msg(e), FAILED),
     }
 }
 
-fn fail(error: &Report, status: u8) -> u8 {
-    eprintln!("{error:?}");
+fn fail(error: Report, status: u8) -> u8 {
+    tracing::error!("{error}");
+    report::show(error);
     status
 }

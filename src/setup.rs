@@ -1,15 +1,15 @@
 //! From the command line to a run that can begin: what both front ends need first.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
-use std::sync::atomic::AtomicUsize;
 
 use miette::{IntoDiagnostic, Report};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::{EditAt, TrainArgs};
+use crate::env::{Environment, PointMaze};
+use crate::files;
 use crate::map::{self, Grid, MapError, ScenarioTask};
-use crate::train::{self, Overrides, Restart, Run, Settings, Trainer};
+use crate::train::{self, Loaded, Overrides, Restart, Run, SaveTo, Settings, Trainer};
 
 /// A trainer, and what goes with it.
 pub struct Setup {
@@ -21,18 +21,12 @@ pub struct Setup {
     pub edits: Vec<(u64, Arc<Grid>)>,
     /// Threads that share an update's work.
     pub threads: usize,
-}
-
-/// Takes note of signals that end a run in order: the number of the latest, 0 as long as none came.
-///
-/// # Errors
-/// What the system reports.
-pub fn ending_signals() -> Result<Arc<AtomicUsize>, Report> {
-    let signal = Arc::new(AtomicUsize::new(0));
-    for number in [SIGINT, SIGTERM, SIGHUP] {
-        signal_hook::flag::register_usize(number, signal.clone(), number as usize).into_diagnostic()?;
-    }
-    Ok(signal)
+    /// Where the run is saved, if that is known.
+    pub save: Option<SaveTo>,
+    /// The checkpoint that it goes on from.
+    pub resumed: Option<PathBuf>,
+    /// What is to be said of that checkpoint.
+    pub warning: Option<String>,
 }
 
 /// The settings that `args` ask for.
@@ -50,7 +44,9 @@ pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
 /// Whatever is wrong with the files or settings, as the user should see it.
 pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     let threads = threads(args.threads);
-    let trainer = if let Some(path) = &args.resume {
+    // Before anything is learned that could not be kept.
+    let save = args.save.as_deref().map(|path| save_to(path, args)).transpose()?;
+    let Loaded { trainer, warning } = if let Some(path) = &args.resume {
         train::load(path, threads)?
     } else {
         let (method, preset) = (args.method.into(), args.preset.into());
@@ -60,12 +56,26 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
             let what = "has no start S, where restart=start-cell would begin all episodes";
             return Err(report(MapError::whole(&args.map, what, "mark one with S, or leave restart=anywhere")));
         }
-        Trainer::new(run, map, threads).into_diagnostic()?
+        train::memory::check(&run, PointMaze::new(map.clone(), 1, 0.0).spec(), map.free().len())
+            .map_err(|what| Report::msg(what).wrap_err("there is not enough memory"))?;
+        Loaded { trainer: Trainer::new(run, map, threads).into_diagnostic()?, warning: None }
     };
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
     let edits = load_edits(args, trainer.map())?;
-    Ok(Setup { trainer, scenario, edits, threads })
+    Ok(Setup { trainer, scenario, edits, threads, save, resumed: args.resume.clone(), warning })
+}
+
+/// How `--save PATH` is meant: a file that another run wrote is left alone.
+fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
+    files::check_target(path).map_err(|error| {
+        let help = "give --save a file in a folder that can be written to";
+        miette::miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
+    })?;
+    let same =
+        |other: &PathBuf| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
+    let own = args.overwrite || args.resume.as_ref().is_some_and(same);
+    Ok(if own { SaveTo::Own(path.to_owned()) } else { SaveTo::Fresh(path.to_owned()) })
 }
 
 /// The number of threads asked for, else this machine's cores.

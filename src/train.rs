@@ -6,6 +6,8 @@ mod config;
 mod engine;
 mod evaluate;
 mod graphs;
+mod history;
+pub mod memory;
 mod method;
 mod rollout;
 mod run;
@@ -14,15 +16,14 @@ mod settings;
 mod tasks;
 mod trainer;
 
-pub use checkpoint::{CheckpointError, Description, describe, load, save, write_whole};
-pub use config::{
-    ConfigError, Effect, Overrides, effect_of, line_and_column, list_settings, settings_from, with_setting,
-};
+pub use checkpoint::{CheckpointError, Description, Loaded, SaveTo, describe, from_bytes, load, save};
+pub use config::{ConfigError, Effect, Overrides, effect_of, list_settings, settings_from, with_setting};
 pub use engine::{Command, Engine, Followed, Phase, Snapshot, Step};
 pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, Journey, MarkedTask};
+pub use history::{History, LogEntry, LossPoint, MOST_ENTRIES};
 pub use method::{Method, Preset};
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use settings::{Restart, Settings, TrainSettings, UpdateWhen};
 pub use tasks::{Task, TaskSet};
-pub use trainer::{Kept, MapChange, Trainer};
+pub use trainer::{Kept, MapChange, Recovery, Trainer};

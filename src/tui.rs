@@ -4,7 +4,7 @@
 //! None waits for another: each takes the latest that the others have published.
 //!
 //! * `action`, `keymap`, `config`: what can be done, by which keys, and what users set for themselves.
-//! * `app`: the state of the screen and what events do to it; `dialog`, `editor`, `history`, `log` are parts of it.
+//! * `app`: the state of the screen and what events do to it; `dialog`, `editor`, `log` are parts of it.
 //! * `viewer`: what is computed to be seen.
 //! * `render`: panes; `raster`, `canvas`, `layers`, `theme` are how the map becomes characters.
 //! * `export`: what is seen, as files; `terminal`: the terminal itself, and recordings of it.
@@ -16,7 +16,6 @@ mod config;
 mod dialog;
 mod editor;
 mod export;
-mod history;
 mod keymap;
 mod layers;
 mod log;
@@ -34,7 +33,7 @@ mod theme;
 mod viewer;
 
 use std::io::Write;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
 use crossterm::event::EventStream;
@@ -42,15 +41,18 @@ use futures_util::StreamExt;
 use miette::{IntoDiagnostic, Report};
 
 use crate::cli::TrainArgs;
-use crate::setup::{Setup, ending_signals};
-use crate::train::{self, Engine};
-use app::App;
+use crate::setup::Setup;
+use crate::signals::Ending;
+use crate::text::plain_lines;
+use crate::train::Engine;
+use app::{App, Files};
 pub use config::{UiConfig, load as load_config, template as config_template};
 pub use export::{Paper, png_of};
 pub use keymap::Keymap;
 pub use measure::Watched;
 use record::Recorder;
 use terminal::Terminal;
+pub use terminal::watch as guard_terminal;
 use viewer::Viewer;
 
 /// Shortest time between two frames: one that answers the user, and one that shows what has changed.
@@ -68,47 +70,46 @@ const IDLE_FRAME: Duration = Duration::from_millis(130);
 /// # Errors
 /// What the terminal, training or saving report.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
-    let signal = ending_signals()?;
+    let ending = Ending::listen(terminal::restore)?;
     let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
     let recorder = args.record.as_deref().map(Recorder::begin).transpose()?;
-    let engine = Engine::start(setup.trainer, args.limits()).into_diagnostic()?;
+    let Setup { trainer, save, resumed, warning, .. } = setup;
+    let engine = Engine::start(trainer, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut app = App::new(engine, viewer, config, args.save.clone());
+    let mut app = App::new(engine, viewer, config, Files { save, resumed });
+    if let Some(warning) = warning {
+        app.notify(warning);
+    }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
     let mut terminal = Terminal::enter(recorder).into_diagnostic()?;
-    let shown = runtime.block_on(event_loop(&mut app, &mut terminal, &signal));
-    drop(terminal);
-    let ended = signal.load(Ordering::Relaxed);
-    if ended != 0 {
+    let draw = || runtime.block_on(event_loop(&mut app, &mut terminal, &ending));
+    let shown = catch_unwind(AssertUnwindSafe(draw));
+    if ending.number().is_some() || !matches!(shown, Ok(Ok(()))) {
         app.on_signal();
     }
-    let (summary, save, success) = (app.summary(), app.save_at_end(), app.success());
-    let trainer = app.close();
-    // Whatever happened to the terminal, what was learned is kept.
-    let saved = match (&save, &trainer) {
-        (Some(path), Some(trainer)) => {
-            train::save(trainer, path, success).map(|()| format!("\nsaved {}", path.display()))
-        }
-        _ => Ok(String::new()),
-    };
-    // A terminal that has gone away cannot be told.
-    let _ = writeln!(std::io::stdout(), "{summary}{}", saved.as_deref().unwrap_or_default());
-    saved?;
-    match ended {
-        0 => shown.into_diagnostic().map(|()| 0),
-        number => Ok(128 + number as u8),
+    // Before anything that a terminal which has gone away might hold up.
+    let closed = app.close();
+    drop(terminal);
+    let _ = writeln!(std::io::stdout(), "{}", plain_lines(&closed.summary));
+    closed.saved?;
+    if let Some(status) = ending.status() {
+        return Ok(status);
+    }
+    match shown {
+        Err(_) => Err(miette::miette!(help = crate::logging::hint(), "an internal error ended the interface")),
+        Ok(shown) => shown.into_diagnostic().map(|()| u8::from(closed.failed)),
     }
 }
 
 /// Draws and listens until the user or a signal ends it.
-async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize) -> std::io::Result<()> {
+async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> std::io::Result<()> {
     let mut events = EventStream::new();
     let mut snapshots = app.snapshots();
     let mut views = app.views();
     let mut pace = Pace { asked: true, ..Pace::default() };
     let mut stops = Stops::listen()?;
     let mut cache = render::Cache::default();
-    while !app.is_done() && signal.load(Ordering::Relaxed) == 0 {
+    while !app.is_done() && ending.number().is_none() {
         tokio::select! {
             event = events.next() => match event {
                 Some(event) => {
@@ -140,6 +141,7 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, signal: &AtomicUsize
         pace.changed |= app.on_tick();
         pace.waits = !app.snapshot.phase.trains();
         if pace.is_due() {
+            crate::faults::point("interface");
             terminal.draw(|frame| render::draw(frame, app, &mut cache))?;
         }
     }

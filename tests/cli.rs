@@ -11,7 +11,7 @@ use serde_json::Value;
 
 fn gdg() -> Assert {
     let mut command = Assert::cargo_bin("gdg-tui").unwrap();
-    command.env("NO_COLOR", "1");
+    command.env("NO_COLOR", "1").env("XDG_STATE_HOME", env!("CARGO_TARGET_TMPDIR"));
     command
 }
 

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use gdg_tui::env::Environment;
 use gdg_tui::learn::Scratch;
 use gdg_tui::map::{Grid, StepSearch, parse_map};
-use gdg_tui::train::{self, Effect, MapChange, Method, Preset, Run, Settings, Tick, Trainer};
+use gdg_tui::train::{self, Effect, MapChange, Method, Preset, Run, SaveTo, Settings, Tick, Trainer};
 
 /// Two rooms joined by a door: the straight way between them is mostly wall.
 const TWO_ROOMS: &str = "\
@@ -68,6 +68,8 @@ fn everything(trainer: &Trainer) -> Vec<(String, Vec<u32>)> {
         all.push(("graph observed".to_owned(), known.observed.iter().map(|o| u32::from(*o)).collect()));
     }
     all.push(("visited".to_owned(), trainer.visited().to_vec()));
+    let curve = trainer.history().points().iter().flat_map(|p| [bits(&[p.updates as f32]), bits(&p.losses)].concat());
+    all.push(("curve".to_owned(), curve.collect()));
     let state = train_state_without_time(trainer);
     all.push(("trainer".to_owned(), state.bytes().map(u32::from).collect()));
     all
@@ -124,8 +126,8 @@ fn a_resumed_run_goes_on_as_if_it_had_never_stopped() {
     let mut first = trainer(settings(), 5, 1);
     // In the middle of things: between an update that was due and the next.
     train_to(&mut first, 333);
-    train::save(&first, &path, None).unwrap();
-    let mut resumed = train::load(&path, 2).unwrap();
+    train::save(&first, &SaveTo::Own(path.clone())).unwrap();
+    let mut resumed = train::load(&path, 2).unwrap().trainer;
     assert_same(&first, &resumed);
     assert_eq!(resumed.map(), straight.map());
     train_to(&mut resumed, 700);
@@ -138,10 +140,11 @@ fn a_checkpoint_is_described_without_being_loaded() {
     let path = folder.path().join("some.safetensors");
     let mut run = trainer(settings(), 5, 1);
     train_to(&mut run, 120);
-    let success = train::Success { updates: 100, greedy: 0.25, planned: Some(0.75) };
-    train::save(&run, &path, Some(success)).unwrap();
+    let evaluation = run.evaluate(&run.tasks(20, 2)).unwrap();
+    run.history_mut().add_evaluation(100, evaluation.clone());
+    train::save(&run, &SaveTo::Own(path.clone())).unwrap();
     let found = train::describe(&path).unwrap();
-    assert_eq!((found.updates, found.success, &found.run), (120, Some(success), run.run()));
+    assert_eq!((found.updates, found.success, &found.run), (120, Some(evaluation.success(100)), run.run()));
     assert_eq!(found.map, run.map().name());
     assert_eq!(found.bytes, std::fs::metadata(&path).unwrap().len());
     std::fs::write(&path, b"not a checkpoint at all").unwrap();
@@ -211,8 +214,8 @@ fn a_full_replay_is_resumed_too() {
     assert_eq!(straight.replay().len(), straight.replay().capacity(), "the replay is full");
     let mut first = trainer(small, 6, 1);
     train_to(&mut first, 400);
-    train::save(&first, &path, None).unwrap();
-    let mut resumed = train::load(&path, 1).unwrap();
+    train::save(&first, &SaveTo::Own(path.clone())).unwrap();
+    let mut resumed = train::load(&path, 1).unwrap().trainer;
     assert_same(&first, &resumed);
     train_to(&mut resumed, 500);
     assert_same(&straight, &resumed);
@@ -229,7 +232,7 @@ fn files_that_are_no_checkpoints_are_errors() {
     let whole = folder.path().join("whole.safetensors");
     let mut run = trainer(settings(), 7, 1);
     train_to(&mut run, 10);
-    train::save(&run, &whole, None).unwrap();
+    train::save(&run, &SaveTo::Own(whole.clone())).unwrap();
     let bytes = std::fs::read(&whole).unwrap();
     let text = |path: &Path| train::load(path, 1).err().expect("an error").to_string();
     assert!(text(&folder.path().join("missing")).contains("cannot be read"));
@@ -242,7 +245,7 @@ fn files_that_are_no_checkpoints_are_errors() {
     let mut changed = bytes.clone();
     let at = bytes.windows(12).position(|w| w == b"\\\"hidden\\\":6").unwrap();
     changed[at + 11] = b'3';
-    assert!(text(&write("changed", &changed)).contains("do not fit"));
+    assert!(text(&write("changed", &changed)).contains("checksum"));
 }
 
 /// Planned and greedy success after `updates`.
@@ -395,8 +398,8 @@ fn a_run_on_an_edited_map_is_resumed_on_it() {
     train_to(&mut run, 450);
     run.change_map(map.clone()).unwrap();
     train_to(&mut run, 500);
-    train::save(&run, &path, None).unwrap();
-    let mut resumed = train::load(&path, 1).unwrap();
+    train::save(&run, &SaveTo::Own(path.clone())).unwrap();
+    let mut resumed = train::load(&path, 1).unwrap().trainer;
     assert_eq!(resumed.map(), &map);
     assert_same(&run, &resumed);
     train_to(&mut run, 700);

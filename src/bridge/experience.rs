@@ -9,6 +9,9 @@ use crate::env::Spec;
 /// Steps between candidates of which no trajectory went from one to the other in time.
 pub const NEVER: u16 = u16::MAX;
 
+/// Candidates ever named by a run, at most.
+const MOST_NAMES: u32 = 1 << 31;
+
 /// Candidates farther apart than this share of the edge cut-off could hardly be joined by edges. (The fastest agents
 /// move a goal radius a step.)
 const WIDEST_SPACING: f32 = 0.45;
@@ -289,6 +292,10 @@ impl Experience {
         if n > self.most || state.observed.len() != n * n || !state.states.len().is_multiple_of(self.spec.state_dim()) {
             return Err(misfit());
         }
+        let sound = state.spacing > 0.0 && state.spacing.is_finite() && state.states.iter().all(|v| v.is_finite());
+        if !sound {
+            return Err("the stored bridge candidates hold numbers that are out of range".to_owned());
+        }
         self.spacing = state.spacing;
         self.states.clone_from(&state.states);
         self.points = state.states.chunks_exact(self.spec.state_dim()).flat_map(|s| self.spec.achieved(s)).collect();
@@ -299,7 +306,8 @@ impl Experience {
         let (next_name, names) = state.names.split_last().ok_or_else(misfit)?;
         let sorted = names.is_sorted_by(|a, b| a < b) && names.last().is_none_or(|last| last < next_name);
         let (practice, []) = state.practice.as_chunks::<4>() else { return Err(misfit()) };
-        if names.len() != n || !sorted {
+        // Names are given one after the other, and not so many that they could run out.
+        if names.len() != n || !sorted || *next_name > MOST_NAMES {
             return Err(misfit());
         }
         self.names = names.to_vec();
@@ -314,12 +322,14 @@ impl Experience {
             *clock = next()?;
             let count = next()?;
             visits.clear();
+            let mut before = 0;
             for _ in 0..count {
-                let visit = (next()?, next()?);
-                if visit.1 as usize >= n {
+                let (step, candidate) = (next()?, next()?);
+                if candidate as usize >= n || step < before || step >= *clock {
                     return Err(misfit());
                 }
-                visits.push_back(visit);
+                before = step;
+                visits.push_back((step, candidate));
             }
         }
         Ok(())

@@ -62,6 +62,9 @@ pub struct GraphState {
     pub lengths: Vec<f32>,
 }
 
+/// No edge is as long, in steps.
+const LONGEST_STEPS: f32 = 1e4;
+
 /// A demoted edge counts as so many times as long.
 const DEMOTED_FACTOR: f32 = 3.0;
 
@@ -151,6 +154,9 @@ impl BridgeGraph {
         let known = |i: &u32| (*i as usize) < experience.len();
         if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
             return Err("the stored bridge graph does not fit its candidates".to_owned());
+        }
+        if !lengths.iter().flatten().all(|length| (0.0..LONGEST_STEPS).contains(length)) {
+            return Err("the stored bridge graph has edges of impossible length".to_owned());
         }
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);

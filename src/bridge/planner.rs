@@ -124,6 +124,10 @@ impl Walker {
         if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
             return Err("a stored walk does not fit its bridge graph".to_owned());
         }
+        let finite = state.goal.iter().chain(&state.remaining).all(|v| v.is_finite());
+        if state.goal.len() != graph.spec().goal_dim() || !finite {
+            return Err("a stored walk holds numbers that are out of range".to_owned());
+        }
         Ok(Self {
             route: graph.route_by(&state.goal, state.nearest, state.links),
             target: state.target,

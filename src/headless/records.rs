@@ -5,7 +5,9 @@ use serde::Serialize;
 use super::updates_per_second;
 use crate::map::Diameter;
 use crate::setup::Setup;
-use crate::train::{BridgeFacts, DistanceError, EndReason, Evaluation, MapChange, MarkedTask, Score, Trainer};
+use crate::train::{
+    BridgeFacts, DistanceError, EndReason, Evaluation, MapChange, MarkedTask, Recovery, Score, Trainer,
+};
 
 /// One line.
 #[derive(Debug, Serialize)]
@@ -47,6 +49,11 @@ pub enum Record {
         #[serde(flatten)]
         change: MapChange,
     },
+    Saved {
+        updates: u64,
+        path: String,
+    },
+    Recovery(Recovery),
     End {
         reason: EndReason,
         seconds: f64,

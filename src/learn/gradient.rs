@@ -1,5 +1,7 @@
 //! The gradient of one network from one part of a batch.
 
+use super::settings::LearnSettings;
+
 /// Gradient of one network from one part of a batch.
 #[derive(Clone, Debug, Default)]
 pub struct Gradient {
@@ -31,4 +33,11 @@ pub struct StepRates {
     pub table: f32,
     /// Of the running average.
     pub tau: f32,
+}
+
+impl StepRates {
+    /// What `settings` say.
+    pub fn of(settings: &LearnSettings) -> Self {
+        Self { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau }
+    }
 }

@@ -14,6 +14,7 @@ use super::encoder::Encoder;
 use super::gradient::{Gradient, StepRates};
 use super::kernel;
 use super::losses::{ActorPath, Losses, MOST_STATE_NUMBERS, Pairs, Shapes};
+use super::mlp::Mlp;
 use super::network::Network;
 use super::policy::{Nets, Policy};
 use super::profile::{Phase, Profile};
@@ -30,11 +31,21 @@ use part::{Part, Rows, part_rows};
 pub type WholeGradient = (Vec<f32>, Vec<f32>);
 
 /// Names and states of all networks, and the updates done.
+#[derive(Clone)]
 pub struct LearnerState {
     /// Updates done.
     pub updates: u64,
     /// State of each network by its name.
     pub networks: Vec<(String, NetworkState)>,
+}
+
+impl LearnerState {
+    /// Whether every number is finite.
+    pub fn is_finite(&self) -> bool {
+        // Of a table it is also kept when its averages were stored, as numbers that are no floats.
+        let floats = self.networks.iter().flat_map(|(_, parts)| parts).filter(|(part, _)| *part != "table_last");
+        floats.flat_map(|(_, values)| values).all(|v| v.is_finite())
+    }
 }
 
 /// The networks and everything needed to train them.
@@ -49,7 +60,7 @@ pub struct Learner {
 /// What the threads of an update work on together.
 struct Shared {
     shapes: Arc<Shapes>,
-    rates: StepRates,
+    rates: RwLock<StepRates>,
     critics: Vec<Network>,
     model: Network,
     actor: Network,
@@ -80,12 +91,25 @@ impl Learner {
         let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
         let part = || Part::new(settings.critics);
         let parts = (0..settings.batch.div_ceil(part_rows(settings.batch))).map(|_| Mutex::new(part())).collect();
-        let rates = StepRates { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau };
+        let rates = RwLock::new(StepRates::of(settings));
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
         let failure = Mutex::default();
         let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
         let tape = Tape::new(settings.backend, shared.networks())?;
         Ok(Self { shared: Arc::new(shared), team: Team::new(threads)?, backend: settings.backend, tape })
+    }
+
+    /// Numbers that training changes in all networks that `settings` ask for.
+    pub fn parameters(spec: &Spec, settings: &LearnSettings) -> u64 {
+        let shapes = Shapes::new(Encoder::new(spec, settings), settings);
+        let table = shapes.encoder.grid().map_or(0, |grid| grid.corners() * grid.channels);
+        let of = |mlp: &Mlp| (mlp.parameters() + table) as u64;
+        settings.critics as u64 * of(&shapes.critic) + of(&shapes.model) + of(&shapes.actor)
+    }
+
+    /// Goes on with other step sizes and averages.
+    pub fn set_rates(&mut self, settings: &LearnSettings) {
+        *self.shared.rates.write() = StepRates::of(settings);
     }
 
     /// Networks' shapes and input features.
@@ -128,7 +152,7 @@ impl Learner {
         if let Some(tape) = &mut self.tape {
             let Shared { shapes, rates, actor, .. } = &*self.shared;
             let steps = actor.steps() + 1;
-            let losses = tape.update(shapes, batch, steps, *rates)?;
+            let losses = tape.update(shapes, batch, steps, *rates.read())?;
             tape.write_back(self.shared.networks(), steps)?;
             profile.lap(Phase::Tape, began);
             return Ok(losses);
@@ -359,8 +383,8 @@ impl Shared {
         let mut taken: Vec<Vec<f32>> = vec![Vec::new(); self.parts.len()];
         self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
         let result = match (half, network.halves()) {
-            (Half::Dense, (dense, _)) => dense.step(&mut taken, self.rates),
-            (Half::Table, (_, Some(table))) => table.step(&touched.read(), &taken, self.rates),
+            (Half::Dense, (dense, _)) => dense.step(&mut taken, *self.rates.read()),
+            (Half::Table, (_, Some(table))) => table.step(&touched.read(), &taken, *self.rates.read()),
             (Half::Table, (_, None)) => Ok(()),
         };
         self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));

@@ -278,6 +278,20 @@ impl Replay {
         out
     }
 
+    /// Whether episodes end within what was written.
+    fn ends_are_sound(&self, state: &ReplayState) -> bool {
+        let mut left = state.left.iter();
+        state.written.iter().zip(&state.episode).all(|(written, episode)| {
+            let oldest = written.saturating_sub(self.capacity as u64);
+            // The slots of an episode that goes on have no end yet.
+            episode <= written
+                && *written < 1 << 53
+                && (oldest..*written)
+                    .zip(&mut left)
+                    .all(|(slot, left)| slot >= *episode || slot + u64::from(*left) < *episode)
+        })
+    }
+
     /// Takes up what [`Self::state_of_all`] gave.
     ///
     /// # Errors
@@ -294,6 +308,10 @@ impl Replay {
             && state.left.len() == slots;
         if !fits {
             return Err("the stored replay does not fit these settings".to_owned());
+        }
+        let finite = |numbers: &[f32]| numbers.iter().all(|v| v.is_finite());
+        if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.ends_are_sound(state) {
+            return Err("the stored replay holds numbers that are out of range".to_owned());
         }
         self.written.clone_from(&state.written);
         self.episode.clone_from(&state.episode);

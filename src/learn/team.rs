@@ -37,7 +37,11 @@ impl Piece {
                 return;
             }
             // A panic must not leave the others waiting for ever; it goes on where the piece was asked for.
-            if catch_unwind(AssertUnwindSafe(|| (self.work)(task))).is_err() {
+            let work = || {
+                crate::faults::point("helper");
+                (self.work)(task);
+            };
+            if catch_unwind(AssertUnwindSafe(work)).is_err() {
                 self.panicked.store(true, Ordering::Relaxed);
             }
             self.done.fetch_add(1, Ordering::Release);

@@ -2,7 +2,9 @@
 
 use std::fmt;
 
-use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
+use miette::{Diagnostic, LabeledSpan, SourceCode};
+
+use crate::text::{Excerpt, plain};
 
 /// Result of reading a map or scenario.
 pub type MapResult<T> = Result<T, Box<MapError>>;
@@ -22,21 +24,6 @@ pub struct MapError {
     excerpt: Option<Excerpt>,
 }
 
-/// Characters shown on each side of the place that is wrong: maps have lines of thousands.
-const SHOWN_AROUND: usize = 36;
-
-/// The part of the offending line that is shown.
-#[derive(Debug, Clone)]
-struct Excerpt {
-    file: String,
-    line: usize,
-    /// Column of the excerpt's first character, from 0.
-    first_column: usize,
-    text: String,
-    /// The offending bytes within `text`.
-    span: SourceSpan,
-}
-
 impl MapError {
     /// An error about the file as a whole.
     pub fn whole(file: &str, what: impl Into<String>, right: impl Into<String>) -> Box<Self> {
@@ -51,17 +38,7 @@ impl MapError {
         what: impl Into<String>,
         right: impl Into<String>,
     ) -> Box<Self> {
-        let first_column = columns.start.saturating_sub(SHOWN_AROUND);
-        let shown: Vec<char> = text.chars().skip(first_column).take(2 * SHOWN_AROUND).map(printable).collect();
-        let bytes = |until: usize| -> usize { shown.iter().take(until).map(|c| c.len_utf8()).sum() };
-        let (from, to) = (bytes(columns.start - first_column), bytes(columns.end.max(columns.start) - first_column));
-        let excerpt = Excerpt {
-            file: file.to_owned(),
-            line,
-            first_column,
-            text: shown.iter().collect(),
-            span: (from, to - from).into(),
-        };
+        let excerpt = Excerpt::new(file, (line, text), columns.clone());
         Box::new(Self {
             file: file.to_owned(),
             at: Some((line + 1, columns.start + 1)),
@@ -73,15 +50,10 @@ impl MapError {
 
     fn place(&self) -> String {
         match self.at {
-            Some((line, column)) => format!("{}:{line}:{column}", self.file),
-            None => self.file.clone(),
+            Some((line, column)) => format!("{}:{line}:{column}", plain(&self.file)),
+            None => plain(&self.file),
         }
     }
-}
-
-/// Control characters would move the cursor of the terminal that shows the error.
-fn printable(c: char) -> char {
-    if c.is_control() { '\u{fffd}' } else { c }
 }
 
 impl Diagnostic for MapError {
@@ -95,24 +67,6 @@ impl Diagnostic for MapError {
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
         let excerpt = self.excerpt.as_ref()?;
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_owned()), excerpt.span))))
-    }
-}
-
-impl SourceCode for Excerpt {
-    fn read_span<'a>(
-        &'a self,
-        span: &SourceSpan,
-        context_lines_before: usize,
-        context_lines_after: usize,
-    ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
-        // Asked without context, miette wants to know where the span itself begins.
-        let alone = context_lines_before == 0 && context_lines_after == 0;
-        let from = if alone { span.offset().min(self.text.len()) } else { 0 };
-        let column = self.first_column + self.text[..from].chars().count();
-        let data = &self.text.as_bytes()[from..];
-        let contents =
-            MietteSpanContents::new_named(self.file.clone(), data, (from, data.len()).into(), self.line, column, 1);
-        Ok(Box::new(contents))
+        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_owned()), excerpt.span()))))
     }
 }

@@ -1,7 +1,6 @@
 //! Files to maps and scenarios.
 
-use std::fs::File;
-use std::io::Read;
+use std::io::ErrorKind;
 use std::path::Path;
 
 use super::ascii::parse_ascii;
@@ -10,6 +9,7 @@ use super::grid::{Grid, MAX_CELLS};
 use super::movingai::{is_movingai, parse_movingai};
 use super::scenario::{ScenarioTask, parse_scenario};
 use super::text::Text;
+use crate::files;
 
 /// No map or scenario is larger: cells, line ends and a header.
 const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
@@ -41,18 +41,16 @@ pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
 }
 
 fn read(path: &Path) -> MapResult<Vec<u8>> {
-    let file = path.to_string_lossy();
-    let unreadable = |e: std::io::Error| {
-        MapError::whole(&file, format!("cannot be read: {e}"), "give a map's file, or a name from 'gdg-tui maps'")
-    };
-    if path.is_dir() {
-        return Err(MapError::whole(&file, "is a directory", "give the file of one map"));
-    }
-    let mut bytes = Vec::new();
-    File::open(path).and_then(|f| f.take(MAX_BYTES + 1).read_to_end(&mut bytes)).map_err(unreadable)?;
-    if bytes.len() as u64 > MAX_BYTES {
-        let right = format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has");
-        return Err(MapError::whole(&file, "the file is too large for a map", right));
-    }
-    Ok(bytes)
+    files::read(path, MAX_BYTES).map_err(|error| {
+        let (file, right) = (path.to_string_lossy(), "give a map's file, or a name from 'gdg-tui maps'".to_owned());
+        let (what, right) = match error.kind() {
+            ErrorKind::IsADirectory => ("is a directory".to_owned(), "give the file of one map".to_owned()),
+            ErrorKind::FileTooLarge => {
+                let right = format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has");
+                ("the file is too large for a map".to_owned(), right)
+            }
+            _ => (format!("cannot be read: {error}"), right),
+        };
+        MapError::whole(&file, what, right)
+    })
 }

@@ -1,35 +1,39 @@
 //! Checkpoints: one safetensors file with everything a run needs to go on as if it had never stopped.
 //!
 //! Tensors hold networks (with their optimiser's moments and averages), replay and bridge candidates; the metadata
-//! holds the run, its map as plain ASCII, counters and random states as JSON.
+//! holds the run, its map as plain ASCII, counters, random states and history as JSON, and a checksum over all.
+
+mod content;
 
 use std::collections::HashMap;
-use std::io::{Read, Write};
+use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 use serde::Deserialize;
-use serde::de::DeserializeOwned;
 
-use super::graphs::StoredGraph;
+use super::history::History;
+use super::memory;
 use super::run::Run;
 use super::score::Success;
 use super::trainer::{Trainer, TrainerState};
-use crate::bridge::{ExperienceState, GraphState};
+use crate::env::{Environment, PointMaze};
+use crate::files;
 use crate::learn::ReplayState;
 use crate::map::{parse_map, print_ascii};
-
-/// What the metadata calls this kind of file.
-const FORMAT: &str = "gdg-tui checkpoint 1";
+use crate::text::{file_name, plain, shortened};
+use content::{Content, Tensors, Texts};
 
 /// The bridge graph in use, and the one to come.
 const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
+/// The most characters of a reason that are shown: it may quote the file.
+const SHOWN: usize = 400;
+
 /// A checkpoint that cannot be written or taken up.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
-#[error("{}: {what}", file.display())]
+#[error("{}: {what}", plain(&file.to_string_lossy()))]
 #[diagnostic(help("{right}"))]
 pub struct CheckpointError {
     /// The file.
@@ -38,37 +42,6 @@ pub struct CheckpointError {
     pub what: String,
     /// What would be right.
     pub right: String,
-}
-
-/// Tensors on their way to or from a file: name, type and bytes.
-#[derive(Default)]
-struct Tensors(Vec<(String, Dtype, Vec<u8>)>);
-
-impl Tensors {
-    fn f32(&mut self, name: impl Into<String>, values: &[f32]) {
-        self.0.push((name.into(), Dtype::F32, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
-    }
-
-    fn u16(&mut self, name: &str, values: &[u16]) {
-        self.0.push((name.to_owned(), Dtype::U16, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
-    }
-
-    fn u32(&mut self, name: &str, values: &[u32]) {
-        self.0.push((name.to_owned(), Dtype::U32, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
-    }
-
-    fn experience(&mut self, name: &str, state: &ExperienceState) {
-        self.f32(format!("{name}.spacing"), &[state.spacing]);
-        self.f32(format!("{name}.states"), &state.states);
-        self.u16(&format!("{name}.observed"), &state.observed);
-        self.u32(&format!("{name}.visits"), &state.visits);
-        self.u32(&format!("{name}.names"), &state.names);
-        self.u32(&format!("{name}.practice"), &state.practice);
-    }
-
-    fn u64(&mut self, name: &str, values: &[u64]) {
-        self.0.push((name.to_owned(), Dtype::U64, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
-    }
 }
 
 /// What a checkpoint is of, without its contents.
@@ -99,7 +72,7 @@ const MOST_HEADER_BYTES: u64 = 64 << 20;
 /// A file that cannot be read or is no checkpoint of this program.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     let read = || {
-        let mut file = std::fs::File::open(path)?;
+        let mut file = files::open(path)?;
         let facts = file.metadata()?;
         let mut length = [0; 8];
         file.read_exact(&mut length)?;
@@ -107,27 +80,27 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
         file.take(u64::from_le_bytes(length).min(MOST_HEADER_BYTES)).read_to_end(&mut header)?;
         Ok::<_, std::io::Error>((header, facts))
     };
-    let (header, facts) = read().map_err(|e| unreadable(path, format!("cannot be read: {e}")))?;
+    let (header, facts) = read().map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let describe = || {
         // The library wants the whole file before it reads the header.
         let header: Header = serde_json::from_slice(&header).map_err(|_| "is not a safetensors file".to_owned())?;
         let texts = Texts::of(header.metadata)?;
         Ok(Description {
             file: path.to_owned(),
-            map: texts.get("map_name")?.to_owned(),
-            run: json("run", texts.get("run")?)?,
-            updates: json::<TrainerState>("trainer", texts.get("trainer")?)?.counters.updates,
-            success: json("success", texts.get("success")?)?,
+            map: file_name(texts.get("map_name")?),
+            run: texts.json("run")?,
+            updates: texts.json::<TrainerState>("trainer")?.counters.updates,
+            success: texts.json("success")?,
             bytes: facts.len(),
             written: facts.modified().ok(),
         })
     };
-    describe().map_err(|what: String| unreadable(path, what))
+    describe().map_err(|what: String| unreadable(path, &what))
 }
 
-fn unreadable(path: &Path, what: String) -> CheckpointError {
+fn unreadable(path: &Path, what: &str) -> CheckpointError {
     let right = "give a checkpoint that gdg-tui saved: saves/NAME.safetensors".to_owned();
-    CheckpointError { file: path.to_owned(), what, right }
+    CheckpointError { file: path.to_owned(), what: shortened(what, SHOWN), right }
 }
 
 /// What of a safetensors header is read without the tensors.
@@ -137,63 +110,57 @@ struct Header {
     metadata: Option<HashMap<String, String>>,
 }
 
-/// The metadata of a checkpoint.
-struct Texts(HashMap<String, String>);
+/// Where a checkpoint goes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum SaveTo {
+    /// Replaces what is there: the run's own file, or one that the user said to replace.
+    Own(PathBuf),
+    /// At this path, or where something is there already, at `-2`, `-3` ... of it: that belongs to another run.
+    Fresh(PathBuf),
+}
 
-impl Texts {
-    fn of(metadata: Option<HashMap<String, String>>) -> Result<Self, String> {
-        let texts = Self(metadata.unwrap_or_default());
-        if texts.get("format")? != FORMAT {
-            return Err(format!("is of another format than {FORMAT:?}"));
+impl SaveTo {
+    /// The path as it was asked for.
+    pub fn path(&self) -> &Path {
+        match self {
+            Self::Own(path) | Self::Fresh(path) => path,
         }
-        Ok(texts)
-    }
-
-    fn get(&self, name: &str) -> Result<&str, String> {
-        self.0.get(name).map(String::as_str).ok_or_else(|| format!("holds no {name}: it is not a checkpoint"))
     }
 }
 
-/// Writes a checkpoint, replacing `path` atomically: a crash leaves the old file or the new one.
+/// Writes a checkpoint; where it went. A crash leaves the old file or the new one, and the old one is kept until the
+/// new one has been read back.
 ///
 /// # Errors
-/// What the file system or candle report.
-pub fn save(trainer: &Trainer, path: &Path, success: Option<Success>) -> Result<(), CheckpointError> {
+/// What the file system or candle report; numbers that are not finite.
+pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
     let failed = |what: String| CheckpointError {
-        file: path.to_owned(),
+        file: to.path().to_owned(),
         what: format!("the checkpoint could not be written: {what}"),
-        right: "give a file in a folder that can be written to".to_owned(),
+        right: "give a file in a folder that can be written to, with room for it".to_owned(),
     };
-    let bytes = to_bytes(trainer, success).map_err(failed)?;
-    write_whole(path, &bytes).map_err(|e| failed(e.to_string()))
+    if crate::faults::point("save") {
+        return Err(failed("a fault on demand".to_owned()));
+    }
+    let bytes = to_bytes(trainer).map_err(failed)?;
+    let written = match to {
+        SaveTo::Own(path) => {
+            let whole = |found: &[u8]| found == bytes && Content::read(found).is_ok();
+            files::write_verified(path, &bytes, whole).map(|()| path.clone())
+        }
+        SaveTo::Fresh(path) => files::write_fresh(path, &bytes),
+    };
+    let path = written.map_err(|e| failed(e.to_string()))?;
+    tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
+    Ok(path)
 }
 
-/// Writes a file as a whole or not at all, in a folder that is made if need be.
-///
-/// # Errors
-/// What the file system reports.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> std::io::Result<()> {
-    let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    std::fs::create_dir_all(folder)?;
-    let mut file = with_usual_permissions().tempfile_in(folder)?;
-    file.write_all(bytes)?;
-    file.as_file().sync_all()?;
-    file.persist(path).map_err(|e| e.error)?;
-    Ok(())
-}
-
-/// Temporary files are private by default; a checkpoint is as readable as any file that the user creates.
-fn with_usual_permissions() -> tempfile::Builder<'static, 'static> {
-    #[cfg_attr(not(unix), expect(unused_mut, reason = "only Unix has a mode"))]
-    let mut builder = tempfile::Builder::new();
-    #[cfg(unix)]
-    builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-    builder
-}
-
-fn to_bytes(trainer: &Trainer, success: Option<Success>) -> Result<Vec<u8>, String> {
+fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
     let mut tensors = Tensors::default();
     let learner = trainer.learner().state().map_err(|e| e.to_string())?;
+    if !learner.is_finite() {
+        return Err("the networks hold numbers that are not finite".to_owned());
+    }
     for (network, parts) in &learner.networks {
         for (part, values) in parts {
             tensors.f32(format!("{network}.{part}"), values);
@@ -209,116 +176,86 @@ fn to_bytes(trainer: &Trainer, success: Option<Success>) -> Result<Vec<u8>, Stri
     tensors.experience("bridge", &trainer.experience().state());
     tensors.u32("visited", trainer.visited());
     for (name, graph) in GRAPHS.iter().zip(trainer.graph_state()) {
-        let Some(StoredGraph { at, due, state }) = graph else { continue };
-        tensors.u64(&format!("{name}.when"), &[at, due]);
-        tensors.experience(name, &state.experience);
-        tensors.u32(&format!("{name}.ends"), &state.ends);
-        tensors.f32(format!("{name}.lengths"), &state.lengths);
+        graph.iter().for_each(|graph| tensors.graph(name, graph));
     }
     let json = |value: Result<String, serde_json::Error>| value.map_err(|e| e.to_string());
-    let metadata = HashMap::from([
-        ("format".to_owned(), FORMAT.to_owned()),
-        ("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-        ("run".to_owned(), json(serde_json::to_string(trainer.run()))?),
-        ("map_name".to_owned(), trainer.map().name().to_owned()),
-        ("map".to_owned(), print_ascii(trainer.map())),
-        ("learner_updates".to_owned(), learner.updates.to_string()),
-        ("trainer".to_owned(), json(serde_json::to_string(&trainer.state()))?),
-        ("success".to_owned(), json(serde_json::to_string(&success))?),
-    ]);
-    let views = tensors.0.iter().map(|(name, dtype, bytes)| {
-        let size = dtype.bitsize() / 8;
-        TensorView::new(*dtype, vec![bytes.len() / size], bytes).map(|view| (name.as_str(), view))
-    });
-    let views = views.collect::<Result<Vec<_>, _>>().map_err(|e| e.to_string())?;
-    safetensors::serialize(views, Some(metadata)).map_err(|e| e.to_string())
+    tensors.into_bytes([
+        ("version", env!("CARGO_PKG_VERSION").to_owned()),
+        ("run", json(serde_json::to_string(trainer.run()))?),
+        ("map_name", trainer.map().name().to_owned()),
+        ("map", print_ascii(trainer.map())),
+        ("learner_updates", learner.updates.to_string()),
+        ("trainer", json(serde_json::to_string(&trainer.state()))?),
+        ("success", json(serde_json::to_string(&trainer.history().success()))?),
+        ("history", json(serde_json::to_string(trainer.history()))?),
+    ])
 }
 
-/// Takes up the run of a checkpoint.
+/// A run taken up from a checkpoint.
+pub struct Loaded {
+    /// The run.
+    pub trainer: Trainer,
+    /// What the user should know: that the file was damaged and the one before it was taken.
+    pub warning: Option<String>,
+}
+
+/// Takes up the run of a checkpoint; that of its backup where the file is damaged and there is one.
 ///
 /// # Errors
 /// A file that cannot be read or is no checkpoint of this program.
-pub fn load(path: &Path, threads: usize) -> Result<Trainer, CheckpointError> {
-    let bytes = std::fs::read(path).map_err(|e| unreadable(path, format!("cannot be read: {e}")))?;
-    from_bytes(&bytes, threads).map_err(|what| unreadable(path, what))
+pub fn load(path: &Path, threads: usize) -> Result<Loaded, CheckpointError> {
+    let load = |file: &Path| {
+        // Its contents are held twice for a moment, as bytes and as numbers.
+        let bytes = files::read(file, memory::available() / 3).map_err(|e| format!("cannot be read: {e}"))?;
+        from_bytes(&bytes, threads)
+    };
+    let backup = files::backup_of(path);
+    match load(path) {
+        Ok(trainer) => Ok(Loaded { trainer, warning: None }),
+        Err(what) => match backup.is_file().then(|| load(&backup)) {
+            Some(Ok(trainer)) => {
+                let (what, name) = (shortened(&what, SHOWN), plain(&path.to_string_lossy()));
+                let warning = format!("{name} {what}; the save before it was taken: {name}.bak");
+                tracing::warn!("{warning}");
+                Ok(Loaded { trainer, warning: Some(warning) })
+            }
+            _ => Err(unreadable(path, &what)),
+        },
+    }
 }
 
-fn from_bytes(bytes: &[u8], threads: usize) -> Result<Trainer, String> {
-    let not_ours = |e: safetensors::SafeTensorError| format!("is not a safetensors file: {e}");
-    let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_ours)?;
-    let tensors = SafeTensors::deserialize(bytes).map_err(not_ours)?;
-    let texts = Texts::of(header.metadata().clone())?;
-    let run: Run = json("run", texts.get("run")?)?;
+/// Takes up the run of a checkpoint's bytes.
+///
+/// # Errors
+/// What is wrong with them.
+pub fn from_bytes(bytes: &[u8], threads: usize) -> Result<Trainer, String> {
+    let content = Content::read(bytes)?;
+    let texts = &content.texts;
+    let run: Run = texts.json("run")?;
     run.settings.check().map_err(|(name, right)| format!("its setting {name} is not {right}"))?;
-    let name = texts.get("map_name")?;
-    let map = parse_map(name, texts.get("map")?.as_bytes()).map_err(|e| e.to_string())?.named(name);
-    let state: TrainerState = json("trainer", texts.get("trainer")?)?;
+    // A name that comes from a file must not lead anywhere when it becomes part of another file's name.
+    let name = file_name(texts.get("map_name")?);
+    let map = parse_map(&name, texts.get("map")?.as_bytes()).map_err(|e| e.to_string())?.named(&name);
+    let state: TrainerState = texts.json("trainer")?;
     let updates = texts.get("learner_updates")?.parse();
     let updates = updates.map_err(|_| "its number of updates is no number".to_owned())?;
-    let mut trainer = Trainer::new(run, Arc::new(map), threads).map_err(|e| e.to_string())?;
-    let read = Reader(&tensors);
-    let network = |network: &str, part: &str| read.f32(&format!("{network}.{part}")).ok();
+    let map = Arc::new(map);
+    memory::check(&run, PointMaze::new(map.clone(), 1, 0.0).spec(), map.free().len())?;
+    let mut trainer = Trainer::new(run, map, threads).map_err(|e| e.to_string())?;
+    let network = |network: &str, part: &str| content.f32(&format!("{network}.{part}")).ok();
     trainer.learner_mut().restore(updates, network).map_err(|e| format!("its networks do not fit: {e}"))?;
     trainer.replay_mut().restore(&ReplayState {
-        written: read.numbers("replay.written", Dtype::U64, u64::from_le_bytes)?,
-        episode: read.numbers("replay.episode", Dtype::U64, u64::from_le_bytes)?,
-        states: read.f32("replay.states")?,
-        actions: read.f32("replay.actions")?,
-        goals: read.f32("replay.goals")?,
-        left: read.numbers("replay.left", Dtype::U16, u16::from_le_bytes)?,
+        written: content.u64("replay.written")?,
+        episode: content.u64("replay.episode")?,
+        states: content.f32("replay.states")?,
+        actions: content.f32("replay.actions")?,
+        goals: content.f32("replay.goals")?,
+        left: content.u16("replay.left")?,
     })?;
-    trainer.experience_mut().restore(&read.experience("bridge")?)?;
-    let graphs = GRAPHS.map(|name| read.graph(name));
+    trainer.experience_mut().restore(&content.experience("bridge")?)?;
+    let graphs = GRAPHS.map(|name| content.graph(name));
     let [current, next] = graphs;
-    trainer.restore(state, &[current?, next?], read.u32("visited")?)?;
+    let history: History = texts.history()?;
+    trainer.restore(state, &[current?, next?], content.u32("visited")?, history)?;
     Ok(trainer)
-}
-
-fn json<T: DeserializeOwned>(name: &str, text: &str) -> Result<T, String> {
-    serde_json::from_str(text).map_err(|e| format!("its {name} cannot be read: {e}"))
-}
-
-struct Reader<'a>(&'a SafeTensors<'a>);
-
-impl Reader<'_> {
-    fn f32(&self, name: &str) -> Result<Vec<f32>, String> {
-        self.numbers(name, Dtype::F32, f32::from_le_bytes)
-    }
-
-    fn u32(&self, name: &str) -> Result<Vec<u32>, String> {
-        self.numbers(name, Dtype::U32, u32::from_le_bytes)
-    }
-
-    fn experience(&self, name: &str) -> Result<ExperienceState, String> {
-        Ok(ExperienceState {
-            spacing: self.f32(&format!("{name}.spacing"))?.first().copied().unwrap_or_default(),
-            states: self.f32(&format!("{name}.states"))?,
-            observed: self.numbers(&format!("{name}.observed"), Dtype::U16, u16::from_le_bytes)?,
-            visits: self.u32(&format!("{name}.visits"))?,
-            names: self.u32(&format!("{name}.names"))?,
-            practice: self.u32(&format!("{name}.practice"))?,
-        })
-    }
-
-    /// The bridge graph saved under `name`, if there is one.
-    fn graph(&self, name: &str) -> Result<Option<StoredGraph>, String> {
-        let when = format!("{name}.when");
-        if !self.0.names().iter().any(|known| **known == when) {
-            return Ok(None);
-        }
-        let [at, due] = self.numbers(&when, Dtype::U64, u64::from_le_bytes)?[..] else {
-            return Err(format!("its {when} is of another length than 2"));
-        };
-        let (ends, lengths) = (self.u32(&format!("{name}.ends"))?, self.f32(&format!("{name}.lengths"))?);
-        Ok(Some(StoredGraph { at, due, state: GraphState { experience: self.experience(name)?, ends, lengths } }))
-    }
-
-    fn numbers<T, const N: usize>(&self, name: &str, dtype: Dtype, parse: fn([u8; N]) -> T) -> Result<Vec<T>, String> {
-        let view = self.0.tensor(name).map_err(|_| format!("holds no {name}"))?;
-        if view.dtype() != dtype {
-            return Err(format!("its {name} is of another type than {dtype:?}"));
-        }
-        let (numbers, _) = view.data().as_chunks::<N>();
-        Ok(numbers.iter().map(|bytes| parse(*bytes)).collect())
-    }
 }

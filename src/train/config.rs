@@ -4,13 +4,15 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use miette::{Diagnostic, NamedSource, SourceSpan};
+use miette::{Diagnostic, SourceSpan};
 use serde::Deserialize;
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
 use super::method::Preset;
 use super::settings::Settings;
+use crate::files;
+use crate::text::{Excerpt, plain, shortened};
 
 /// What changes a preset.
 #[derive(Clone, Debug, Default)]
@@ -30,14 +32,20 @@ pub struct ConfigError {
     #[help]
     right: String,
     #[source_code]
-    source_code: Option<NamedSource<String>>,
+    excerpt: Option<Excerpt>,
     #[label("here")]
     span: Option<SourceSpan>,
 }
 
+/// The most characters of a value that an error quotes.
+const QUOTED: usize = 120;
+
+/// The largest settings file that is read.
+const MAX_BYTES: u64 = 64 << 20;
+
 impl ConfigError {
     fn new(what: String, right: String) -> Box<Self> {
-        Box::new(Self { place: String::new(), what, right, source_code: None, span: None })
+        Box::new(Self { place: String::new(), what, right, excerpt: None, span: None })
     }
 
     /// What is wrong and what would be right, in one line.
@@ -53,10 +61,10 @@ impl ConfigError {
 
     /// The same error at a place of a file.
     fn within(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
-        let (line, column) = line_and_column(text, offset);
-        self.source_code = Some(NamedSource::new(file, text.to_owned()));
-        self.span = Some((offset, length).into());
-        self.of(format!("{file}:{line}:{column}: "))
+        let (excerpt, (line, column)) = Excerpt::of(file, text, offset..offset + length);
+        self.span = Some(excerpt.span());
+        self.excerpt = Some(excerpt);
+        self.of(format!("{}:{line}:{column}: ", plain(file)))
     }
 }
 
@@ -70,13 +78,14 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
         apply_file(&mut values, path)?;
     }
     for assignment in overrides.set {
+        let shown = shortened(assignment, QUOTED);
         let (name, value) = assignment.split_once('=').ok_or_else(|| {
             ConfigError::new(
-                format!("--set {assignment}: no value is given"),
+                format!("--set {shown}: no value is given"),
                 "write --set name=value, as in --set expectile=0.9".to_owned(),
             )
         })?;
-        apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.of(format!("--set {assignment}: ")))?;
+        apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.of(format!("--set {shown}: ")))?;
     }
     let settings = parse(&values)?;
     // Ranges that involve several settings can only be judged once all are known.
@@ -152,8 +161,12 @@ fn as_map(settings: &Settings) -> Map<String, Value> {
 }
 
 fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
-    serde_json::from_value(Value::Object(values.clone()))
-        .map_err(|e| ConfigError::new(e.to_string(), "see --print-config for values of the right kind".to_owned()))
+    serde_json::from_value(Value::Object(values.clone())).map_err(|e| {
+        ConfigError::new(
+            shortened(&e.to_string(), QUOTED),
+            "see --print-config for values of the right kind".to_owned(),
+        )
+    })
 }
 
 /// Sets one value, and checks it on its own.
@@ -162,7 +175,7 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
     values.insert(name.to_owned(), value.clone());
     let kind = |_| {
         let right = format!("{name} is set like {old}; --print-config prints all settings");
-        ConfigError::new(format!("{name} cannot be {value}"), right)
+        ConfigError::new(format!("{name} cannot be {}", shortened(&value.to_string(), QUOTED)), right)
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
     match settings.check() {
@@ -172,6 +185,7 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
 }
 
 fn out_of_range(name: &str, value: &Value, right: &str) -> Box<ConfigError> {
+    let value = shortened(&value.to_string(), QUOTED);
     ConfigError::new(format!("{name} cannot be {value}"), format!("{name} is {right}"))
 }
 
@@ -185,7 +199,7 @@ fn unknown(values: &Map<String, Value>, name: &str) -> Box<ConfigError> {
         Some((_, known)) => format!("did you mean {known}? --print-config prints all settings"),
         None => "--print-config prints all settings".to_owned(),
     };
-    ConfigError::new(format!("there is no setting {name:?}"), right)
+    ConfigError::new(format!("there is no setting {:?}", shortened(name, QUOTED)), right)
 }
 
 /// Names and values of a settings file, borrowed from its text so that their places are known.
@@ -197,14 +211,14 @@ struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
 
 fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
     let file = path.to_string_lossy();
-    let text = std::fs::read_to_string(path).map_err(|e| {
+    let text = files::read_text(path, MAX_BYTES).map_err(|e| {
         let right = "give a JSON file, as --print-config prints one".to_owned();
-        ConfigError::new(format!("cannot be read: {e}"), right).of(format!("{file}: "))
+        ConfigError::new(format!("cannot be read: {e}"), right).of(format!("{}: ", plain(&file)))
     })?;
     let entries: Entries = serde_json::from_str(&text).map_err(|e| {
         let right = "a settings file is a JSON object of names and values, as --print-config prints it".to_owned();
         let message = e.to_string();
-        let what = message.split(" at line ").next().unwrap_or(&message).to_owned();
+        let what = shortened(message.split(" at line ").next().unwrap_or(&message), QUOTED);
         ConfigError::new(what, right).within(&file, &text, (offset_of(&text, e.line(), e.column()), 0))
     })?;
     for (Key(name), raw) in &entries.0 {
@@ -214,19 +228,12 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
         };
         let known = values.contains_key(name.as_ref());
         let value = serde_json::from_str(raw.get())
-            .map_err(|e| ConfigError::new(e.to_string(), "write a JSON value".to_owned()));
+            .map_err(|e| ConfigError::new(shortened(&e.to_string(), QUOTED), "write a JSON value".to_owned()));
         value
             .and_then(|value| apply(values, name, &value))
             .map_err(|e| e.within(&file, &text, place(if known { raw.get() } else { name })))?;
     }
     Ok(())
-}
-
-/// Line and column (from 1) of a byte of `text`.
-pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
-    let before = &text[..offset.min(text.len())];
-    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
-    (before.matches('\n').count() + 1, column)
 }
 
 /// Byte offset of a line and column (from 1) as serde_json counts them.

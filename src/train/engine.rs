@@ -3,6 +3,8 @@
 mod command;
 mod snapshot;
 
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::PathBuf;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
 use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
@@ -39,6 +41,9 @@ const PARTS_FOR_TRAINING: u32 = 60;
 /// How often a trainer that waits looks whether its evaluation is done.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
+/// A trainer that does not end within this time hangs: a tick of the largest networks takes a few seconds.
+const LONGEST_STOP: Duration = Duration::from_secs(30);
+
 /// The latest states of each agent that a snapshot brings.
 const TRAIL_STATES: usize = 8;
 
@@ -68,6 +73,8 @@ impl Engine {
             rested: None,
             follow: None,
             next_update: None,
+            fresh: None,
+            autosaved: Vec::new(),
             scratch: Scratch::default(),
         };
         let thread = std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
@@ -84,9 +91,16 @@ impl Engine {
         self.snapshots.clone()
     }
 
-    /// Ends training and hands the trainer back; `None` if it panicked.
+    /// Ends training and hands the trainer back; `None` where it does not end in time, or cannot be had back.
     pub fn stop(self) -> Option<Trainer> {
         drop(self.commands);
+        let began = Instant::now();
+        while !self.thread.is_finished() {
+            if began.elapsed() > LONGEST_STOP {
+                return None;
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
         self.thread.join().ok()
     }
 }
@@ -105,6 +119,10 @@ struct Worker {
     follow: Option<usize>,
     /// When the next update may be done, where speed is limited.
     next_update: Option<Instant>,
+    /// Where the run was to be saved at first, and the file that it got there.
+    fresh: Option<(PathBuf, PathBuf)>,
+    /// Files that were saved without being asked for, oldest first.
+    autosaved: Vec<PathBuf>,
     scratch: Scratch,
 }
 
@@ -125,8 +143,13 @@ struct Pace {
 
 impl Worker {
     fn run(mut self) -> Trainer {
-        while let Err(error) = self.train() {
-            self.current.phase = Phase::Failed(error.to_string());
+        loop {
+            match catch_unwind(AssertUnwindSafe(|| self.train())) {
+                Ok(Ok(())) => break,
+                Ok(Err(error)) => self.current.phase = Phase::Failed(error.to_string()),
+                Err(_) => self.mend("training"),
+            }
+            self.tell_recovery();
             self.publish();
             // Saving is still possible, and so is another run: commands are heard until the front end goes.
             while matches!(self.current.phase, Phase::Failed(_)) {
@@ -137,6 +160,25 @@ impl Worker {
             }
         }
         self.trainer
+    }
+
+    /// Makes the run one that can be saved again after a panic, and stops it.
+    fn mend(&mut self, what: &str) {
+        let mended = catch_unwind(AssertUnwindSafe(|| self.trainer.mend_after_panic()));
+        let state = match mended {
+            Ok(Ok(())) => "what was learned can be saved",
+            _ => "it may not be possible to save it",
+        };
+        self.current.phase = Phase::Failed(format!("an internal error ended {what}; {state}"));
+    }
+
+    /// Tells that the run went back to earlier networks, if it did.
+    fn tell_recovery(&mut self) {
+        if let Some(recovery) = self.trainer.take_recovery() {
+            // Its settings are other ones now.
+            self.current.run = Arc::new(self.trainer.run().clone());
+            self.notify(recovery.to_string());
+        }
     }
 
     fn publish(&self) {
@@ -155,7 +197,9 @@ impl Worker {
                 continue;
             }
             let episodes = self.trainer.counters().episodes;
+            crate::faults::point("trainer");
             let tick = self.trainer.tick()?;
+            self.tell_recovery();
             if tick == Tick::Update {
                 if let Some(speed) = self.current.speed {
                     self.next_update = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
@@ -250,8 +294,12 @@ impl Worker {
         let now = Instant::now();
         self.rested = Some(now + REST_AFTER_EVALUATION * (now - began));
         match result.join() {
-            Ok(evaluation) => Arc::make_mut(&mut self.current.evaluations).push((updates, evaluation)),
-            Err(_) => self.notify("an evaluation failed".to_owned()),
+            Ok(evaluation) if evaluation.is_sound() => {
+                self.trainer.history_mut().add_evaluation(updates, evaluation);
+                self.current.evaluations = self.trainer.history().evaluations().clone();
+            }
+            Ok(_) => self.notify(format!("the evaluation of update {updates} came to numbers that are not finite")),
+            Err(_) => self.notify("an evaluation ended by an internal error".to_owned()),
         }
         self.publish();
     }
@@ -264,6 +312,7 @@ impl Worker {
         current.seconds = trainer.seconds();
         current.profile = *trainer.profile();
         current.losses = trainer.losses();
+        current.curve = trainer.history().points().clone();
         current.replay.0 = trainer.replay().len();
         current.agents = Arc::new(trainer.rollout().env().states().to_vec());
         let trail = |agent| trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect();

@@ -4,11 +4,11 @@ use std::sync::Arc;
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::method::Method;
 use super::run::Run;
-use super::score::{Score, Success, spearman};
+use super::score::{DistanceScore, Score, Success, spearman};
 use super::tasks::{Task, TaskSet};
 use crate::bridge::{BridgeGraph, Experience, LINKS, Walker};
 use crate::env::{Environment, PointMaze};
@@ -16,7 +16,7 @@ use crate::learn::{Nets, Policy, Scratch};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 
 /// Everything one evaluation found.
-#[derive(Clone, Debug, PartialEq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
     /// The actor alone.
     pub greedy: Score,
@@ -37,10 +37,25 @@ impl Evaluation {
     pub fn success(&self, updates: u64) -> Success {
         Success { updates, greedy: self.greedy.success, planned: self.planned.as_ref().map(|score| score.success) }
     }
+
+    /// Whether every number is one: D may have grown beyond all bounds.
+    pub fn is_sound(&self) -> bool {
+        let DistanceError { mape, near_mape, bias, spearman, graph } = &self.distance_error;
+        let graph = graph.iter().flat_map(|graph| [graph.mape, graph.near_mape, graph.bias]);
+        let scores = std::iter::once(&self.greedy).chain(&self.planned);
+        let of_score = |score: &Score| {
+            let Score { success, spl, steps_ratio, by_distance } = score;
+            let of_distance = |d: &DistanceScore| [d.distance_steps, d.success, d.spl];
+            let all = by_distance.iter().flat_map(of_distance).chain([*success, *spl, *steps_ratio]);
+            all.collect::<Vec<_>>()
+        };
+        let all = [*mape, *near_mape, *bias, *spearman, self.coverage];
+        all.into_iter().chain(graph).chain(scores.flat_map(of_score)).all(f64::is_finite)
+    }
 }
 
 /// The map's own task.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarkedTask {
     /// By the actor alone.
     pub greedy: Journey,
@@ -49,7 +64,7 @@ pub struct MarkedTask {
 }
 
 /// How one task went.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Journey {
     /// Whether the goal was reached in time.
     pub reached: bool,
@@ -60,7 +75,7 @@ pub struct Journey {
 }
 
 /// Error of the learned distance, by pairs of free cells that reach each other.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceError {
     /// Mean absolute relative error.
     pub mape: f64,
@@ -75,7 +90,7 @@ pub struct DistanceError {
 }
 
 /// Error of the distance that the bridge graph composes.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ComposedError {
     /// Mean absolute relative error.
     pub mape: f64,
@@ -86,7 +101,7 @@ pub struct ComposedError {
 }
 
 /// Size of the bridge graph and how many of its edges are false.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BridgeFacts {
     /// Bridge candidates.
     pub candidates: usize,
@@ -117,6 +132,7 @@ pub struct EvaluationJob {
 impl EvaluationJob {
     /// Evaluates on `tasks`, against the truth.
     pub fn carry_out(self, tasks: &TaskSet) -> Evaluation {
+        crate::faults::point("evaluation");
         let Self { run, world, policy, experience, visited, mut rng } = self;
         let (nets, mut scratch, rng) = (policy.nets(), Scratch::default(), &mut rng);
         let graph =

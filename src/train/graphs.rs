@@ -66,6 +66,7 @@ pub struct StoredGraph {
 
 impl GraphJob {
     fn carry_out(&self, at: u64) -> Built {
+        crate::faults::point("graph");
         let nets = self.policy.nets();
         let graph = BridgeGraph::build(&self.spec, &self.settings, &self.experience, &nets, &mut Scratch::default());
         Built::of(at, graph, self.rng.clone())

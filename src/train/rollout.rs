@@ -140,11 +140,15 @@ impl<E: Environment> Rollout<E> {
         self.last_search.as_ref()
     }
 
-    /// Every agent takes one step, which is stored in the replay and noted in experience.
-    pub fn step(&mut self, around: &mut Surroundings) -> Round {
+    /// Every agent takes one step, which is stored in the replay and noted in experience. `None`, and nothing of this,
+    /// where the actor's actions are not finite.
+    pub fn step(&mut self, around: &mut Surroundings) -> Option<Round> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.follow_plans(around);
         self.choose_actions(around.method, around.settings, around.nets);
+        if !self.actions.iter().all(|a| a.is_finite()) {
+            return None;
+        }
         for (i, agent) in self.agents.iter().enumerate() {
             let state = &self.env.states()[i * s..(i + 1) * s];
             around.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
@@ -176,7 +180,16 @@ impl<E: Environment> Rollout<E> {
                 }
             }
         }
-        round
+        Some(round)
+    }
+
+    /// Agents with a plan pursue what it led to by themselves.
+    pub fn drop_plans(&mut self) {
+        for (agent, plan) in self.agents.iter_mut().zip(&mut self.plans) {
+            if let Some(plan) = plan.take() {
+                agent.goal = plan.goal;
+            }
+        }
     }
 
     /// A start and a goal; with some probability the frontier or a bridge point (Algorithm 1's epsilon) comes first,
@@ -356,8 +369,15 @@ impl<E: Environment> Rollout<E> {
     /// Where it was not saved from as many agents in such an environment.
     pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), String> {
         let (s, g) = (self.env.spec().state_dim(), self.env.spec().goal_dim());
-        let whole = state.agents.iter().all(|a| a.goal.len() == g);
-        if state.agents.len() != self.agents.len() || state.states.len() != self.agents.len() * s || !whole {
+        let a = self.env.spec().action_dim;
+        let sound = |numbers: &[f32], length: usize| numbers.len() == length && numbers.iter().all(|v| v.is_finite());
+        let whole = state.agents.iter().all(|agent| {
+            sound(&agent.goal, g)
+                && agent.after_bridge.as_ref().is_none_or(|goal| sound(goal, g))
+                && agent.held.as_ref().is_none_or(|(action, steps)| sound(action, a) && *steps > 0)
+        });
+        let plans = state.plans.iter().flatten().all(|plan| sound(&plan.goal, g));
+        if state.agents.len() != self.agents.len() || !sound(&state.states, self.agents.len() * s) || !whole || !plans {
             return Err("the stored agents do not fit these settings".to_owned());
         }
         for (i, own) in state.states.chunks_exact(s).enumerate() {

@@ -48,6 +48,24 @@ pub struct Counters {
     pub(super) relearns_until: u64,
     /// Running means of the losses.
     pub(super) losses: [f64; 3],
+    /// How often the run has gone back to earlier networks.
+    #[serde(default)]
+    pub recoveries: u32,
+}
+
+impl Counters {
+    /// Counts beyond this come from no run.
+    const MOST: u64 = 1 << 53;
+
+    /// Checks what came from a file.
+    ///
+    /// # Errors
+    /// That a number is out of range.
+    pub(super) fn check(&self) -> Result<(), String> {
+        let counts = [self.updates, self.env_steps, self.episodes, self.goals_reached, self.owed, self.waiting];
+        let sound = counts.iter().all(|n| *n < Self::MOST) && self.losses.iter().all(|loss| loss.is_finite());
+        if sound { Ok(()) } else { Err("the stored counters are out of range".to_owned()) }
+    }
 }
 
 /// What one tick did.

@@ -28,7 +28,7 @@ impl fmt::Display for Success {
 }
 
 /// How well a set of tasks was done.
-#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Score {
     /// Share of all tasks whose goal was reached in time.
     pub success: f64,
@@ -41,7 +41,7 @@ pub struct Score {
 }
 
 /// How well the tasks of one distance were done.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceScore {
     /// Shortest number of steps of these tasks (of a range: their mean).
     pub distance_steps: f64,
@@ -104,7 +104,8 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     let mut ranks = vec![0.0; values.len()];
     let mut from = 0;
     while from < order.len() {
-        let tied = order[from..].iter().take_while(|i| values[**i] == values[order[from]]).count();
+        // By the same order as above: NaN equals itself there, and every round takes at least one.
+        let tied = order[from..].iter().take_while(|i| values[**i].total_cmp(&values[order[from]]).is_eq()).count();
         for i in &order[from..from + tied] {
             ranks[*i] = from as f64 + (tied as f64 - 1.0) / 2.0;
         }
@@ -125,5 +126,10 @@ mod tests {
         let tied = spearman(&[1.0, 2.0, 2.0, 3.0], &[1.0, 2.0, 3.0, 4.0]);
         assert!((tied - 4.5 / (4.5f64 * 5.0).sqrt()).abs() < 1e-12, "{tied}");
         assert_eq!(spearman(&[1.0, 1.0], &[1.0, 2.0]), 0.0);
+    }
+
+    #[test]
+    fn ranks_of_what_is_no_number_come_to_an_end() {
+        assert!(spearman(&[f64::NAN, 1.0, f64::NAN], &[1.0, 2.0, 3.0]).is_finite());
     }
 }

@@ -1,6 +1,7 @@
 //! One training run: agents and updates in lockstep, in an order that depends on nothing but seed and settings.
 
 mod change;
+mod recovery;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -12,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::graphs::{Built, GraphJob, Graphs, StoredGraph};
+use super::history::History;
 use super::method::Method;
 use super::rollout::{Rollout, RolloutState, Surroundings};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
@@ -22,6 +24,8 @@ use crate::env::{Environment, PointMaze, Spec};
 use crate::learn::{Batch, BatchSampler, Learner, Losses, Phase, Policy, Profile, Replay};
 use crate::map::{Cell, Grid};
 pub use change::{Kept, MapChange};
+use recovery::LastGood;
+pub use recovery::Recovery;
 
 /// Losses are reported as running means over about this many updates.
 const LOSS_MEMORY_UPDATES: f64 = 500.0;
@@ -68,6 +72,12 @@ pub struct Trainer {
     seconds: f64,
     profile: Profile,
     threads: usize,
+    history: History,
+    /// The networks to go back to when numbers are no longer finite, and the latest way back.
+    last_good: LastGood,
+    recovery: Option<Recovery>,
+    /// Whether an update is under way: one that a panic ended has left the networks half stepped.
+    in_update: bool,
 }
 
 fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
@@ -109,6 +119,10 @@ impl Trainer {
             seconds: 0.0,
             profile: Profile::default(),
             threads,
+            history: History::default(),
+            last_good: LastGood::of(0, [0.0; 3], learner.state()?),
+            recovery: None,
+            in_update: false,
             learner,
             world,
             map,
@@ -209,7 +223,10 @@ impl Trainer {
     }
 
     fn step(&mut self) -> Result<Tick> {
-        let round = self.with_surroundings(Rollout::step)?;
+        let Some(round) = self.with_surroundings(Rollout::step)? else {
+            self.go_back()?;
+            return Ok(Tick::Step);
+        };
         for at in self.rollout.env().states().chunks_exact(2) {
             let cell = self.map.index(Cell::new(at[0] as usize, at[1] as usize));
             self.visited[cell] = self.visited[cell].saturating_add(1);
@@ -252,11 +269,15 @@ impl Trainer {
         self.sampler.sample(&self.replay, grown, &mut self.batch_rng, &mut self.batch);
         self.distil_into_batch();
         self.profile.lap(Phase::Sample, began);
+        self.in_update = true;
         let losses = self.learner.update(&self.batch, &mut self.profile)?;
+        self.in_update = false;
         let keep = (1.0 - 1.0 / LOSS_MEMORY_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
         for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
             *mean += (1.0 - keep) * (f64::from(loss) - *mean);
         }
+        self.check_update(&losses)?;
+        self.history.add_losses(self.counters.updates, self.counters.losses);
         Ok(Tick::Update)
     }
 
@@ -358,6 +379,16 @@ impl Trainer {
         Ok(self.evaluation()?.carry_out(tasks))
     }
 
+    /// Curves, evaluations, and what happened.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// The same, to be added to.
+    pub fn history_mut(&mut self) -> &mut History {
+        &mut self.history
+    }
+
     /// What a checkpoint holds besides networks, replay and candidates.
     pub fn state(&self) -> TrainerState {
         TrainerState {
@@ -382,9 +413,15 @@ impl Trainer {
         state: TrainerState,
         graphs: &[Option<StoredGraph>; 2],
         visited: Vec<u32>,
+        history: History,
     ) -> std::result::Result<(), String> {
         if visited.len() != self.visited.len() {
             return Err("the stored visits do not fit the map".to_owned());
+        }
+        history.check()?;
+        state.counters.check()?;
+        if !(0.0..1e12).contains(&state.seconds) {
+            return Err("the stored training time is out of range".to_owned());
         }
         let mut restored = Graphs::default();
         restored.restore(self.spec(), &self.run.bridge(), graphs, |at| self.graph_rng(at))?;
@@ -394,6 +431,12 @@ impl Trainer {
         self.counters = state.counters;
         self.seconds = state.seconds;
         self.batch_rng = state.batch_rng;
+        self.history = history;
+        let good = self.learner.state().map_err(|e| e.to_string())?;
+        if !good.is_finite() {
+            return Err("its networks hold numbers that are not finite: the run had diverged".to_owned());
+        }
+        self.last_good = LastGood::of(self.counters.updates, self.counters.losses, good);
         Ok(())
     }
 

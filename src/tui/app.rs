@@ -5,8 +5,8 @@ mod answer;
 mod files;
 mod mouse;
 mod news;
+mod saving;
 
-use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -19,7 +19,6 @@ use tokio::sync::watch;
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::editor::Editor;
-use super::history::History;
 use super::keymap::Keymap;
 use super::layers::{Field, Overlays};
 use super::log::Log;
@@ -29,11 +28,11 @@ use super::places::Places;
 use super::raster::{MapFrame, Marker, Viewport};
 use super::theme::{Depth, Theme};
 use super::viewer::{Request, Tour, View, Viewer};
+use crate::faults::Failure;
 use crate::map::{Cell, Grid};
-use crate::train::{Command, Engine, Run, Snapshot, Success, Trainer};
-
-/// Training that may be lost without being asked about.
-const LOST_UNASKED_SECS: f64 = 10.0;
+use crate::train::{Command, Engine, Run, Snapshot, Success};
+pub use saving::Files;
+use saving::Saving;
 
 /// Everything that the screen shows.
 pub struct App {
@@ -53,7 +52,6 @@ pub struct App {
     /// The cursor that tells about its cell, and the cell under the mouse.
     pub inspecting: Option<Cell>,
     pub hovered: Option<Cell>,
-    pub history: History,
     pub log: Log,
     /// What the colours stand for.
     pub field: Field,
@@ -81,12 +79,11 @@ pub struct App {
     /// Minutes between checkpoints that are saved without being asked for; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
-    /// The file that the next checkpoint goes to, and whether it was given on the command line.
-    save_to: (PathBuf, bool),
+    saving: Saving,
+    /// What failed inside the program.
+    failures: Vec<Failure>,
     rng: ChaCha8Rng,
     done: bool,
-    /// Whether to save before leaving.
-    save_at_end: bool,
     /// The program is to be stopped until the shell lets it go on.
     suspending: bool,
     /// What is to be written to a file.
@@ -95,10 +92,9 @@ pub struct App {
 
 impl App {
     /// The screen at its start: the map's own goal, or a random one.
-    pub fn new(engine: Engine, viewer: Viewer, (config, keymap): (UiConfig, Keymap), save: Option<PathBuf>) -> Self {
+    pub fn new(engine: Engine, viewer: Viewer, (config, keymap): (UiConfig, Keymap), files: Files) -> Self {
         let snapshot = engine.snapshots().borrow().clone();
         let view = viewer.views().borrow().clone();
-        let given = save.is_some();
         let mut app = Self {
             keymap,
             theme: Theme::new(config.theme, Depth::detect()),
@@ -108,7 +104,6 @@ impl App {
             goals_asked: 0,
             inspecting: None,
             hovered: None,
-            history: History::default(),
             log: Log::default(),
             field: Field::default(),
             overlays: Overlays::default(),
@@ -127,10 +122,10 @@ impl App {
             dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
-            save_to: (save.unwrap_or_default(), given),
+            saving: Saving::new(files),
+            failures: Vec::new(),
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             done: false,
-            save_at_end: given,
             suspending: false,
             export: None,
             snapshot,
@@ -146,11 +141,8 @@ impl App {
     fn begin(&mut self) {
         let Snapshot { run, map, .. } = &*self.snapshot.clone();
         self.map = map.clone();
-        if !self.save_to.1 {
-            let name = format!("{}-{}-seed{}.safetensors", map.name(), run.method.name(), run.seed);
-            self.save_to.0 = PathBuf::from("saves").join(name);
-        }
-        self.history = History::default();
+        self.saving.begin(&self.snapshot);
+        self.log.begin(&self.snapshot.log);
         self.editor.forget();
         (self.viewport, self.following) = (Viewport::default(), None);
         self.inspect(None);
@@ -206,37 +198,15 @@ impl App {
         self.export.take()
     }
 
-    /// The file to save to before leaving, if that is wanted.
-    pub fn save_at_end(&self) -> Option<PathBuf> {
-        self.save_at_end.then(|| self.save_to.0.clone())
-    }
-
     /// Updates that no checkpoint holds.
     pub fn unsaved_updates(&self) -> u64 {
         let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
         self.snapshot.counters.updates.saturating_sub(saved)
     }
 
-    /// Whether so much would be lost that it is better to ask.
-    fn would_be_missed(&self) -> bool {
-        let updates = self.snapshot.counters.updates.max(1);
-        let seconds = self.snapshot.seconds * self.unsaved_updates() as f64 / updates as f64;
-        !self.save_to.1 && seconds > LOST_UNASKED_SECS
-    }
-
     /// The latest evaluation in brief.
     pub fn success(&self) -> Option<Success> {
         self.snapshot.evaluations.last().map(|(updates, e)| e.success(*updates))
-    }
-
-    /// The program is told to end: what would be missed is saved.
-    pub fn on_signal(&mut self) {
-        self.save_at_end |= self.would_be_missed();
-    }
-
-    /// Ends training; the trainer, unless it panicked.
-    pub fn close(self) -> Option<Trainer> {
-        self.engine.stop()
     }
 
     /// What remains of the run on the terminal when the screen is gone.
@@ -296,6 +266,7 @@ impl App {
             Some(Dialog::Help(_)) => self.on_key_in_help(key),
             Some(_) if key.code == KeyCode::Esc => {
                 self.dialogs.pop();
+                self.saving.stay();
             }
             Some(_) if key.code == KeyCode::Enter => self.answer(),
             Some(Dialog::Pick(picker)) => picker.on_key(key),

@@ -7,14 +7,15 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use directories::ProjectDirs;
-use miette::{Diagnostic, NamedSource, SourceSpan};
+use miette::{Diagnostic, SourceSpan};
 use serde::Deserialize;
 
 use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::raster::Marker;
 use super::theme::ThemeName;
-use crate::train::line_and_column;
+use crate::files;
+use crate::text::{Excerpt, plain, plain_lines, shortened};
 
 /// The file's contents.
 #[derive(Clone, Debug, Deserialize)]
@@ -32,9 +33,13 @@ pub struct UiConfig {
 
 impl Default for UiConfig {
     fn default() -> Self {
-        Self { theme: ThemeName::Dark, marker: Marker::Auto, autosave_minutes: 0.0, keys: BTreeMap::new() }
+        Self { theme: ThemeName::Dark, marker: Marker::Auto, autosave_minutes: 5.0, keys: BTreeMap::new() }
     }
 }
+
+/// The largest file that is read, and the most characters of it that an error quotes.
+const MAX_BYTES: u64 = 1 << 20;
+const QUOTED: usize = 300;
 
 /// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error, Diagnostic)]
@@ -45,7 +50,7 @@ pub struct UiConfigError {
     #[help]
     right: String,
     #[source_code]
-    source_code: NamedSource<String>,
+    excerpt: Option<Excerpt>,
     #[label("here")]
     span: Option<SourceSpan>,
 }
@@ -69,6 +74,11 @@ pub fn recent_path() -> Option<PathBuf> {
     folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recent.json"))
 }
 
+/// Where checkpoints go for which there is no other place.
+pub fn recovered_folder() -> Option<PathBuf> {
+    folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"))
+}
+
 /// The configuration in `file`, or in the usual place if there is one there.
 ///
 /// # Errors
@@ -77,7 +87,7 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     let path = file.map(Path::to_owned).or_else(default_path);
     let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
     let name = path.to_string_lossy();
-    let text = std::fs::read_to_string(&path).map_err(|e| {
+    let text = files::read_text(&path, MAX_BYTES).map_err(|e| {
         let right = "give a TOML file, as --print-config-template prints one";
         error(&name, "", None, format!("cannot be read: {e}"), right.to_owned())
     })?;
@@ -102,15 +112,14 @@ fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError
 }
 
 fn error(name: &str, text: &str, span: Option<Range<usize>>, what: String, right: String) -> Box<UiConfigError> {
-    let place = span.as_ref().map_or_else(
-        || format!("{name}: "),
-        |span| {
-            let (line, column) = line_and_column(text, span.start);
-            format!("{name}:{line}:{column}: ")
-        },
-    );
-    let span = span.map(|span| SourceSpan::from((span.start, span.len())));
-    Box::new(UiConfigError { place, what, right, source_code: NamedSource::new(name, text.to_owned()), span })
+    let found = span.map(|span| Excerpt::of(name, text, span));
+    let place = match &found {
+        Some((_, (line, column))) => format!("{}:{line}:{column}: ", plain(name)),
+        None => format!("{}: ", plain(name)),
+    };
+    let (what, right) = (shortened(&what, QUOTED), plain_lines(&right));
+    let excerpt = found.map(|(excerpt, _)| excerpt);
+    Box::new(UiConfigError { place, what, right, span: excerpt.as_ref().map(Excerpt::span), excerpt })
 }
 
 /// A file with everything that can be set, as it is without one.

@@ -15,7 +15,7 @@ use super::app::App;
 use super::output::What;
 use super::render;
 use super::theme::{Rgb, Theme, ThemeName};
-use crate::train::write_whole;
+use crate::files::write_whole;
 pub use picture::png_of;
 
 /// Where exports go.

@@ -2,29 +2,19 @@
 
 use std::time::{Duration, Instant};
 
+use crate::train::{LogEntry, MOST_ENTRIES};
+
 /// How long a notice is shown, and for how long it then fades.
 const SHOWN: Duration = Duration::from_secs(4);
 const FADING: Duration = Duration::from_secs(2);
-
-/// Entries kept.
-const MOST: usize = 1000;
-
-/// Something that happened.
-#[derive(Clone, Debug)]
-pub struct Entry {
-    /// Seconds since the program began.
-    pub seconds: f64,
-    /// Updates done by then.
-    pub updates: u64,
-    /// What it was.
-    pub text: String,
-}
 
 /// Everything that happened.
 #[derive(Debug)]
 pub struct Log {
     began: Instant,
-    entries: Vec<Entry>,
+    /// Seconds of the run's log before this program went on with it.
+    before: f64,
+    entries: Vec<LogEntry>,
     /// Entries ever made.
     count: usize,
     /// Since when a notice is shown, and how many entries there were with it.
@@ -35,11 +25,22 @@ pub struct Log {
 
 impl Default for Log {
     fn default() -> Self {
-        Self { began: Instant::now(), entries: Vec::new(), count: 0, notice: None, fades: false }
+        Self { began: Instant::now(), before: 0.0, entries: Vec::new(), count: 0, notice: None, fades: false }
     }
 }
 
 impl Log {
+    /// Turns to a run, of which this happened before.
+    pub fn begin(&mut self, past: &[LogEntry]) {
+        if past.is_empty() {
+            return;
+        }
+        self.before = past.last().map_or(0.0, |entry| entry.seconds);
+        (self.began, self.notice) = (Instant::now(), None);
+        self.entries = past.to_vec();
+        self.count = self.entries.len();
+    }
+
     /// Takes note of something that is worth a notice.
     pub fn add(&mut self, text: String, updates: u64) {
         self.note(text, updates);
@@ -48,15 +49,16 @@ impl Log {
 
     /// Takes note of something.
     pub fn note(&mut self, text: String, updates: u64) {
-        if self.entries.len() >= MOST {
+        if self.entries.len() >= MOST_ENTRIES {
             self.entries.remove(0);
         }
-        self.entries.push(Entry { seconds: self.began.elapsed().as_secs_f64(), updates, text });
+        tracing::info!("{}", crate::text::plain(&text));
+        self.entries.push(LogEntry::new(self.before + self.began.elapsed().as_secs_f64(), updates, &text));
         self.count += 1;
     }
 
     /// All entries, oldest first.
-    pub fn entries(&self) -> &[Entry] {
+    pub fn entries(&self) -> &[LogEntry] {
         &self.entries
     }
 

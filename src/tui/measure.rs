@@ -10,7 +10,7 @@ use ratatui::layout::Rect;
 use ratatui::{Terminal, TerminalOptions, Viewport};
 use tokio::sync::watch;
 
-use super::app::App;
+use super::app::{App, Files};
 use super::config::UiConfig;
 use super::keymap::Keymap;
 use super::theme::{Depth, Theme, ThemeName};
@@ -44,7 +44,7 @@ impl Watched {
         let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(|(_, what, _)| candle_core::Error::msg(what))?;
-        let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), None);
+        let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
         app.theme = Theme::new(ThemeName::Dark, Depth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let screen = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;

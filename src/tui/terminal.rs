@@ -1,6 +1,8 @@
 //! The terminal itself: taken over at the start and given back as it was found, whatever happens.
 
-use std::cell::RefCell;
+mod guard;
+
+use std::cell::{Cell, RefCell};
 use std::io::{Stdout, Write, stdout};
 use std::rc::Rc;
 use std::sync::Once;
@@ -11,26 +13,41 @@ use crossterm::terminal::{
     enable_raw_mode,
 };
 use crossterm::{cursor, execute};
-use ratatui::Frame;
 use ratatui::backend::CrosstermBackend;
+use ratatui::layout::Rect;
+use ratatui::{Frame, TerminalOptions, Viewport};
 
 use super::record::Recorder;
+use guard::Guard;
+pub use guard::watch;
+
+/// The largest screen that is drawn: no eye sees more, and its buffers take some 100 MB. On a larger one the rest stays
+/// empty.
+const LARGEST: (u16, u16) = (1000, 500);
 
 /// A terminal in raw mode on its alternate screen; dropping it restores what was there.
 pub struct Terminal {
     inner: ratatui::Terminal<CrosstermBackend<Output>>,
     size: (u16, u16),
     recorder: Option<Rc<RefCell<Recorder>>>,
+    /// Whether nothing is written any longer.
+    closed: Rc<Cell<bool>>,
+    /// Dismissed last, when everything has been given back.
+    _guard: Option<Guard>,
 }
 
 /// Standard output, and a recording of what goes there.
 pub struct Output {
     terminal: Stdout,
     recorder: Option<Rc<RefCell<Recorder>>>,
+    closed: Rc<Cell<bool>>,
 }
 
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if self.closed.get() {
+            return Ok(bytes.len());
+        }
         let written = self.terminal.write(bytes)?;
         if let Some(recorder) = &self.recorder {
             recorder.borrow_mut().add(&bytes[..written]);
@@ -39,6 +56,9 @@ impl Write for Output {
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
+        if self.closed.get() {
+            return Ok(());
+        }
         self.terminal.flush()?;
         // A frame is over: in a recording it comes all at once.
         self.recorder.as_ref().map_or(Ok(()), |recorder| recorder.borrow_mut().end_frame())
@@ -55,17 +75,24 @@ impl Terminal {
         HOOK.call_once(|| {
             let before = std::panic::take_hook();
             std::panic::set_hook(Box::new(move |info| {
-                restore();
+                // While other threads fail, the interface goes on and shows it.
+                if std::thread::current().name() == Some("main") {
+                    restore();
+                }
                 before(info);
             }));
         });
         let recorder = recorder.map(|recorder| Rc::new(RefCell::new(recorder)));
+        let (closed, guard) = (Rc::new(Cell::new(false)), Guard::start());
         let enter = || {
             take_over()?;
-            screen(recorder.clone())
+            screen(recorder.clone(), closed.clone())
         };
         match enter() {
-            Ok(inner) => Ok(Self { inner, size: (0, 0), recorder }),
+            Ok(inner) => {
+                crate::faults::show_in_interface(true);
+                Ok(Self { inner, size: (0, 0), recorder, closed, _guard: guard })
+            }
             Err(error) => {
                 restore();
                 Err(error)
@@ -78,16 +105,18 @@ impl Terminal {
     /// # Errors
     /// What the terminal reports.
     pub fn draw(&mut self, render: impl FnOnce(&mut Frame)) -> std::io::Result<()> {
-        execute!(stdout(), BeginSynchronizedUpdate)?;
-        let drawn = self.inner.draw(render).map(|frame| frame.area.as_size());
-        execute!(stdout(), EndSynchronizedUpdate)?;
-        let size = drawn.map(|size| (size.width, size.height))?;
-        if std::mem::replace(&mut self.size, size) != size
-            && let Some(recorder) = &self.recorder
-        {
-            recorder.borrow_mut().resize(size)?;
+        let (columns, rows) = crossterm::terminal::size()?;
+        let size = (columns.min(LARGEST.0), rows.min(LARGEST.1));
+        if std::mem::replace(&mut self.size, size) != size {
+            self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
+            if let Some(recorder) = &self.recorder {
+                recorder.borrow_mut().resize(size)?;
+            }
         }
-        Ok(())
+        execute!(stdout(), BeginSynchronizedUpdate)?;
+        let drawn = self.inner.draw(render).map(|_| ());
+        execute!(stdout(), EndSynchronizedUpdate)?;
+        drawn
     }
 
     /// Gives the terminal back, stops this program until it is told to go on, and takes the terminal over again.
@@ -100,7 +129,10 @@ impl Terminal {
         signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
         take_over()?;
         // A new one knows nothing of what was on the screen and draws everything anew, without asking the terminal.
-        self.inner = screen(self.recorder.clone())?;
+        self.closed.set(true);
+        self.closed = Rc::default();
+        self.inner = screen(self.recorder.clone(), self.closed.clone())?;
+        self.size = (0, 0);
         Ok(())
     }
 }
@@ -108,11 +140,19 @@ impl Terminal {
 impl Drop for Terminal {
     fn drop(&mut self) {
         restore();
+        crate::faults::show_in_interface(false);
+        // What the library would still write, and complain about where it cannot, has been written.
+        self.closed.set(true);
     }
 }
 
-fn screen(recorder: Option<Rc<RefCell<Recorder>>>) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
-    ratatui::Terminal::new(CrosstermBackend::new(Output { terminal: stdout(), recorder }))
+fn screen(
+    recorder: Option<Rc<RefCell<Recorder>>>,
+    closed: Rc<Cell<bool>>,
+) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
+    let backend = CrosstermBackend::new(Output { terminal: stdout(), recorder, closed });
+    // Its size is set before each frame.
+    ratatui::Terminal::with_options(backend, TerminalOptions { viewport: Viewport::Fixed(Rect::default()) })
 }
 
 fn take_over() -> std::io::Result<()> {
@@ -120,8 +160,14 @@ fn take_over() -> std::io::Result<()> {
     execute!(stdout(), EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)
 }
 
-/// Undoes what [`take_over`] does; failures have nobody left to be told to.
-fn restore() {
+/// Undoes what taking the terminal over does; failures have nobody left to be told to.
+pub fn restore() {
+    leave_screen();
+    let _ = disable_raw_mode();
+}
+
+/// Undoes all of it but the terminal's modes.
+fn leave_screen() {
     let _ = execute!(
         stdout(),
         EndSynchronizedUpdate,
@@ -130,5 +176,4 @@ fn restore() {
         LeaveAlternateScreen,
         cursor::Show
     );
-    let _ = disable_raw_mode();
 }

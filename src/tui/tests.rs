@@ -15,8 +15,8 @@ use ratatui::backend::TestBackend;
 use ratatui::layout::Position;
 use ratatui::style::Color;
 
-use super::action::bindings;
-use super::app::App;
+use super::action::{Action, bindings};
+use super::app::{App, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::keymap::Keymap;
@@ -25,7 +25,7 @@ use super::render;
 use super::theme::{Depth, Theme, ThemeName};
 use super::viewer::Viewer;
 use crate::map::{Cell, Grid, parse_map};
-use crate::train::{Engine, Limits, Method, Phase, Preset, Run, Settings, Trainer};
+use crate::train::{Engine, Limits, Method, Phase, Preset, Run, SaveTo, Settings, Trainer};
 
 const ROOMS: &str = "\
 ..........#.........
@@ -40,6 +40,7 @@ fn app_with(map: Grid, method: Method, limits: Limits) -> App {
 }
 
 fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
+    let files = Files { save: save.map(SaveTo::Fresh), resumed: None };
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.replay_capacity = 20_000;
@@ -49,7 +50,7 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
-    let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), save);
+    let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), files);
     app.theme = Theme::new(ThemeName::Dark, Depth::True);
     app
 }
@@ -370,17 +371,62 @@ fn the_walking_agent_visits_one_goal_after_the_other_if_asked() {
 }
 
 #[test]
-fn it_saves_by_itself_if_asked() {
+fn autosaves_have_files_of_their_own_of_which_three_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("kept.safetensors");
     let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path.clone()));
     wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
     app.on_tick();
-    assert!(app.snapshot.saved.is_none(), "nobody has asked");
+    assert!(app.snapshot.autosaves.is_empty(), "not yet");
     app.autosave_minutes = 1e-6;
-    app.on_tick();
-    wait_until(&mut app, |app| app.snapshot.saved.is_some());
-    assert!(path.is_file());
+    let mut all = std::collections::BTreeSet::new();
+    while all.len() < 5 {
+        let updates = app.snapshot.counters.updates;
+        app.on_tick();
+        wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
+        all.extend(app.snapshot.autosaves.iter().cloned());
+    }
+    let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
+    assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
+    assert!(!path.exists() && app.snapshot.saved.is_none(), "what the user named is the user's");
+}
+
+#[test]
+fn another_runs_file_is_left_alone_and_the_run_keeps_its_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("mine.safetensors");
+    std::fs::write(&path, b"another run's").expect("written");
+    let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path.clone()));
+    let own = folder.path().join("mine-2.safetensors");
+    for _ in 0..2 {
+        let (before, updates) = (app.snapshot.saved.clone(), app.snapshot.counters.updates);
+        wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
+        app.act(Action::Save);
+        wait_until(&mut app, |app| app.snapshot.saved != before);
+        let (_, saved) = app.snapshot.saved.clone().expect("saved");
+        assert_eq!(*saved, own);
+    }
+    assert_eq!(std::fs::read(&path).expect("there"), b"another run's");
+    assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 2);
+}
+
+#[test]
+fn a_save_that_fails_before_leaving_asks_for_another_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let blocked = folder.path().join("file");
+    std::fs::write(&blocked, b"").expect("written");
+    let path = blocked.join("below.safetensors");
+    let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path));
+    wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+    app.act(Action::Quit);
+    wait_until(&mut app, |app| matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
+    assert!(!app.is_done(), "it stays");
+    let elsewhere = folder.path().join("elsewhere");
+    press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+    type_text(&mut app, &elsewhere.to_string_lossy());
+    press(&mut app, KeyCode::Enter);
+    wait_until(&mut app, App::is_done);
+    assert!(elsewhere.with_extension("safetensors").is_file());
 }
 
 #[test]

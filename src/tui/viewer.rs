@@ -228,6 +228,7 @@ impl Worker {
     fn run(mut self) {
         let mut stepped = Instant::now();
         loop {
+            crate::faults::point("viewer");
             let wait = STEP.saturating_sub(stepped.elapsed());
             match self.inbox.recv_timeout(wait) {
                 Ok(request) => {

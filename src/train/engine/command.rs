@@ -1,15 +1,22 @@
 //! What a front end can ask of an engine, and how it is carried out.
 
-use std::path::PathBuf;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
+use crate::env::{Environment, PointMaze};
 use crate::map::{Grid, StepSearch};
-use crate::train::checkpoint;
+use crate::text::plain;
+use crate::train::checkpoint::{self, Loaded, SaveTo};
+use crate::train::history::LogEntry;
+use crate::train::memory;
 use crate::train::run::{Limits, Run};
-use crate::train::score::Success;
 use crate::train::trainer::Trainer;
+
+/// Checkpoints saved without being asked for that are kept.
+const AUTOSAVES_KEPT: usize = 3;
 
 /// What a front end can ask for.
 #[derive(Debug)]
@@ -24,8 +31,10 @@ pub enum Command {
     LimitSpeed(Option<f64>),
     /// Tell how this agent fares.
     Follow(Option<usize>),
-    /// Save a checkpoint.
-    Save(PathBuf),
+    /// Save a checkpoint, with what the front end has to say of the run's past.
+    Save(SaveTo, Vec<LogEntry>),
+    /// Save a checkpoint to a file of its own, named after this one; of such files the newest few are kept.
+    Autosave(PathBuf, Vec<LogEntry>),
     /// Go on with another map of the same size.
     ChangeMap(Arc<Grid>),
     /// Go on with other settings, method or preset; the data and, where they fit, the networks are kept.
@@ -52,11 +61,12 @@ impl Worker {
     }
 
     /// Goes on with other settings; what was kept.
-    fn change(&mut self, run: Run) -> candle_core::Result<String> {
-        let kept = self.trainer.change_run(run)?;
+    fn change(&mut self, run: Run) -> Result<String, String> {
+        memory::check(&run, self.trainer.spec(), self.trainer.map().free().len())?;
+        let kept = self.trainer.change_run(run).map_err(|e| e.to_string())?;
         self.current.run = Arc::new(self.trainer.run().clone());
         (self.evaluation, self.rested) = (None, None);
-        self.renew(true)?;
+        self.renew(true).map_err(|e| e.to_string())?;
         Ok(match (kept.networks, kept.agents) {
             (true, true) => "changed; training goes on".to_owned(),
             (true, false) => "changed; networks and replay go on, agents began anew".to_owned(),
@@ -68,7 +78,8 @@ impl Worker {
     fn adopt(&mut self, trainer: Trainer) -> candle_core::Result<()> {
         self.diameter = Arc::default();
         self.trainer = trainer;
-        (self.evaluation, self.rested, self.next_update, self.follow) = (None, None, None, None);
+        (self.evaluation, self.rested, self.next_update, self.follow, self.fresh) = (None, None, None, None, None);
+        self.autosaved.clear();
         self.current = Snapshot {
             generation: self.current.generation + 1,
             speed: self.current.speed,
@@ -78,12 +89,70 @@ impl Worker {
         self.renew(true)
     }
 
-    /// The latest evaluation in brief.
-    fn success(&self) -> Option<Success> {
-        self.current.evaluations.last().map(|(updates, evaluation)| evaluation.success(*updates))
+    /// Saves a checkpoint; what is to be said of it.
+    fn save(&mut self, to: SaveTo, log: Vec<LogEntry>) -> Result<String, String> {
+        // What was asked for before the front end knew where it went.
+        let to = match (&self.fresh, to) {
+            (Some((asked, went)), SaveTo::Fresh(path)) if *asked == path => SaveTo::Own(went.clone()),
+            (_, to) => to,
+        };
+        let path = self.write(&to, log).inspect_err(|error| {
+            self.current.save_failed = (self.current.save_failed.0 + 1, error.clone());
+        })?;
+        let updates = self.trainer.counters().updates;
+        let mut text = format!("saved {} at update {updates}", path.display());
+        if let SaveTo::Fresh(asked) = to {
+            if asked != path {
+                text += &format!(" ({} is another run's)", asked.display());
+            }
+            self.fresh = Some((asked, path.clone()));
+        }
+        self.current.saved = Some((updates, Arc::new(path)));
+        Ok(text)
     }
 
+    /// Saves a checkpoint beside those that the user asked for.
+    fn autosave(&mut self, named_after: &Path, log: Vec<LogEntry>) -> Result<String, String> {
+        let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
+        let updates = self.trainer.counters().updates;
+        let asked = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
+        let path = self.write(&SaveTo::Fresh(asked), log)?;
+        let text = format!("autosaved {} at update {updates}", path.display());
+        self.autosaved.push(path);
+        while self.autosaved.len() > AUTOSAVES_KEPT {
+            // One that somebody has removed already is gone as well.
+            let _ = std::fs::remove_file(self.autosaved.remove(0));
+        }
+        self.current.autosaves = Arc::new(self.autosaved.clone());
+        Ok(text)
+    }
+
+    fn write(&mut self, to: &SaveTo, log: Vec<LogEntry>) -> Result<PathBuf, String> {
+        // Having gone back for the last time, it has good networks all the same.
+        let diverged = self.trainer.ensure_finite().err();
+        self.tell_recovery();
+        self.trainer.history_mut().log = log;
+        let path = checkpoint::save(&self.trainer, to).map_err(|e| e.to_string())?;
+        if let Some(error) = diverged {
+            self.current.phase = Phase::Failed(error.to_string());
+        }
+        Ok(path)
+    }
+
+    /// Carries out a command. A panic meanwhile is told, and the run mended as far as it can be.
     pub(super) fn carry_out(&mut self, command: Command) {
+        let saves = matches!(command, Command::Save(..));
+        if catch_unwind(AssertUnwindSafe(|| self.carry_out_at_once(command))).is_err() {
+            self.mend("a command");
+            if saves {
+                let text = "saving failed by an internal error".to_owned();
+                self.current.save_failed = (self.current.save_failed.0 + 1, text);
+            }
+            self.publish();
+        }
+    }
+
+    fn carry_out_at_once(&mut self, command: Command) {
         let told = match command {
             Command::Pause if self.current.phase.trains() => {
                 self.current.phase = Phase::Paused;
@@ -109,37 +178,38 @@ impl Worker {
                 self.follow = agent;
                 self.renew(false).map(|()| None).map_err(|e| e.to_string())
             }
-            Command::Save(path) => checkpoint::save(&self.trainer, &path, self.success())
-                .map(|()| {
-                    let updates = self.trainer.counters().updates;
-                    let text = format!("saved {} at update {updates}", path.display());
-                    self.current.saved = Some((updates, Arc::new(path)));
-                    Some(text)
-                })
-                .map_err(|e| e.to_string()),
+            Command::Save(to, log) => self.save(to, log).map(Some),
+            Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
             Command::ChangeMap(map) => self.change_map(map).map(Some),
-            Command::Change(run) => self.change(*run).map(Some).map_err(|e| e.to_string()),
-            Command::Begin(run, map) => Trainer::new(*run, map, self.trainer.threads())
-                .and_then(|trainer| self.adopt(trainer))
-                .map(|()| Some("a new run has begun".to_owned()))
-                .map_err(|e| e.to_string()),
+            Command::Change(run) => self.change(*run).map(Some),
+            Command::Begin(run, map) => self.begin(*run, map).map(Some),
             Command::Load(path) => self.load(path).map(Some),
         };
         match told {
-            Ok(Some(text)) | Err(text) => self.notify(text),
+            Ok(Some(text)) | Err(text) => self.notify(plain(&text)),
             Ok(None) => {}
         }
         self.publish();
     }
 
+    /// Begins a new run.
+    fn begin(&mut self, run: Run, map: Arc<Grid>) -> Result<String, String> {
+        memory::check(&run, PointMaze::new(map.clone(), 1, 0.0).spec(), map.free().len())?;
+        let trainer = Trainer::new(run, map, self.trainer.threads()).map_err(|e| e.to_string())?;
+        self.adopt(trainer).map_err(|e| e.to_string())?;
+        Ok("a new run has begun".to_owned())
+    }
+
     fn load(&mut self, path: PathBuf) -> Result<String, String> {
-        let trainer = checkpoint::load(&path, self.trainer.threads()).map_err(|e| e.to_string())?;
+        let Loaded { trainer, warning } =
+            checkpoint::load(&path, self.trainer.threads()).map_err(|e| format!("{e}: {}", e.right))?;
         let phase = self.current.phase.clone();
         self.adopt(trainer).map_err(|e| e.to_string())?;
         if !phase.trains() {
             self.current.phase = Phase::Paused;
         }
-        let (updates, text) = (self.trainer.counters().updates, format!("loaded {}", path.display()));
+        let text = warning.unwrap_or_else(|| format!("loaded {}", path.display()));
+        let updates = self.trainer.counters().updates;
         self.current.saved = Some((updates, Arc::new(path)));
         Ok(text)
     }

@@ -8,6 +8,7 @@ use crate::env::Environment;
 use crate::learn::{Losses, Policy, Profile};
 use crate::map::Grid;
 use crate::train::evaluate::Evaluation;
+use crate::train::history::{LogEntry, LossPoint};
 use crate::train::run::{Counters, Limits, Run};
 use crate::train::trainer::Trainer;
 
@@ -81,10 +82,18 @@ pub struct Snapshot {
     pub visited: Arc<Vec<u32>>,
     /// The latest bridge search.
     pub search: Option<Arc<SearchOutcome>>,
+    /// Losses over time.
+    pub curve: Arc<Vec<LossPoint>>,
     /// Evaluations so far: updates and result.
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
+    /// What the checkpoint says happened before the run was loaded.
+    pub log: Arc<Vec<LogEntry>>,
     /// Updates up to which the run is saved, and where.
     pub saved: Option<(u64, Arc<PathBuf>)>,
+    /// How often saving failed, and why it did last.
+    pub save_failed: (u64, String),
+    /// Files that were saved without being asked for and are still there.
+    pub autosaves: Arc<Vec<PathBuf>>,
     /// What happened last that is worth telling, and how often something did.
     pub notice: (u64, String),
 }
@@ -132,8 +141,12 @@ impl Snapshot {
             networks: Arc::new((trainer.policy()?, trainer.experience().known())),
             visited: Arc::new(trainer.visited().to_vec()),
             search: trainer.last_search().cloned(),
-            evaluations: Arc::default(),
+            curve: trainer.history().points().clone(),
+            evaluations: trainer.history().evaluations().clone(),
+            log: Arc::new(trainer.history().log.clone()),
             saved: None,
+            save_failed: (0, String::new()),
+            autosaves: Arc::default(),
             notice: (0, String::new()),
         })
     }

@@ -6,6 +6,7 @@ use std::sync::Arc;
 use candle_core::Result;
 use serde::Serialize;
 
+use super::recovery::LastGood;
 use super::{Trainer, world_on};
 use crate::map::Grid;
 use crate::train::config::{Effect, effect_of, list_settings};
@@ -79,6 +80,10 @@ impl Trainer {
         new.seconds = self.seconds;
         new.profile = self.profile;
         new.batch_rng = self.batch_rng.clone();
+        std::mem::swap(&mut new.history, &mut self.history);
+        new.last_good = LastGood::of(new.counters.updates, new.counters.losses, new.learner.state()?);
+        // Whoever changes a setting may have mended what made it diverge.
+        new.counters.recoveries = 0;
         *self = new;
         Ok(Kept { networks, agents })
     }

@@ -96,7 +96,9 @@ impl App {
             Action::OpenMap => self.pick_map(None),
             Action::NewMap => self.ask_size(Question::NewMap),
             Action::ResizeMap => self.ask_size(Question::ResizeMap),
-            Action::Save => self.save(),
+            Action::Save => {
+                self.save();
+            }
             Action::SaveAs => self.ask_save_as(),
             Action::Load => self.pick_checkpoint(),
             Action::Autosave => {
@@ -206,14 +208,6 @@ impl App {
         } else if self.viewport.zoom > 1.0 {
             self.zoom(0.0, None);
         }
-    }
-
-    fn quit(&mut self) {
-        if !self.would_be_missed() {
-            self.done = true;
-            return;
-        }
-        self.pick(lists::ways_to_quit(self.unsaved_updates(), &self.save_to.0));
     }
 
     pub(super) fn pick(&mut self, picker: Picker) {

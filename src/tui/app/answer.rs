@@ -58,10 +58,8 @@ impl App {
                 self.command(Command::Load(path));
             }
             Choice::Export(what) => self.export = Some(what),
-            Choice::Quit { save } => {
-                self.save_at_end = save;
-                self.done = true;
-            }
+            Choice::Quit { save: true } => self.save_and_quit(),
+            Choice::Quit { save: false } => self.done = true,
             Choice::Nothing => {}
         }
     }
@@ -120,7 +118,7 @@ impl App {
                 if typed.is_empty() {
                     return Err("a name, as rooms-at-95-percent".to_owned());
                 }
-                self.save_under(typed);
+                self.save_under(checkpoint_file(typed));
             }
             Question::SaveMap => self.save_map(typed)?,
             Question::NewMap => {

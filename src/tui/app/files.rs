@@ -6,8 +6,10 @@ use std::sync::Arc;
 use jiff::tz::TimeZone;
 
 use super::App;
+use super::saving::SAVES;
+use crate::files::{read_text, write_whole};
 use crate::map::{load_map, print_ascii, print_movingai};
-use crate::train::{Command, describe, write_whole};
+use crate::train::describe;
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question, lists};
@@ -15,29 +17,18 @@ use crate::tui::dialog::{Prompt, Question, lists};
 /// Maps that are remembered.
 const RECENT: usize = 8;
 
-/// Where checkpoints go.
-const SAVES: &str = "saves";
+/// The largest list of them that is read.
+const MAX_BYTES: u64 = 1 << 20;
 
 impl App {
-    pub(super) fn save(&mut self) {
-        let path = self.save_to.0.clone();
-        self.notify(format!("saving {} ...", path.display()));
-        self.command(Command::Save(path));
-    }
-
     pub(super) fn ask_save_as(&mut self) {
-        let stem = self.save_to.0.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+        let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let hint = format!("a name: it goes to {SAVES}/NAME.safetensors; or a path");
         self.ask(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
     }
 
-    pub(super) fn save_under(&mut self, name: &str) {
-        self.save_to.0 = checkpoint_file(name);
-        self.save();
-    }
-
     pub(super) fn pick_checkpoint(&mut self) {
-        let own = self.save_to.0.parent().map_or(PathBuf::from(SAVES), Path::to_owned);
+        let own = self.saving.path().parent().map_or(PathBuf::from(SAVES), Path::to_owned);
         let mut files = files_in(&own);
         if own != Path::new(SAVES) {
             files.extend(files_in(Path::new(SAVES)));
@@ -114,7 +105,7 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
 
 /// Maps opened or written recently that are still there.
 fn recent_maps() -> Vec<PathBuf> {
-    let text = recent_path().and_then(|file| std::fs::read_to_string(file).ok());
+    let text = recent_path().and_then(|file| read_text(&file, MAX_BYTES).ok());
     let recent: Vec<PathBuf> = text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
     recent.into_iter().filter(|path| path.exists()).collect()
 }

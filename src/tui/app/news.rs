@@ -4,7 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::App;
-use crate::train::{Command, Phase, Snapshot};
+use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
 use crate::tui::viewer::{Tour, View};
 
@@ -19,13 +19,16 @@ impl App {
         if self.snapshot.generation != before.generation {
             self.begin();
         }
-        self.history.add(&self.snapshot.clone(), before.counters);
+        self.on_saving(&before);
         if self.snapshot.evaluations.len() > before.evaluations.len() {
             self.note_evaluation();
         }
         self.pausing &= self.snapshot.phase.trains();
         if self.snapshot.notice.0 > before.notice.0 {
             self.notify(self.snapshot.notice.1.clone());
+        }
+        if let (Phase::Failed(error), true) = (&self.snapshot.phase, before.phase != self.snapshot.phase) {
+            self.on_training_failed(&error.clone());
         }
         if before.phase.trains() && self.snapshot.phase == Phase::Done {
             self.notify(format!(
@@ -68,11 +71,12 @@ impl App {
 
     /// Time has passed; whether that changes the screen.
     pub fn on_tick(&mut self) -> bool {
+        self.on_failures();
         let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
         if due {
             self.autosaved = Instant::now();
             if self.unsaved_updates() > 0 {
-                self.command(Command::Save(self.save_to.0.clone()));
+                self.autosave();
             }
         }
         self.log.on_tick()

@@ -71,17 +71,28 @@ pub fn exports() -> Picker {
 }
 
 /// Whether to save before leaving.
-pub fn ways_to_quit(unsaved_updates: u64, file: &Path) -> Picker {
+pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
+    let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
         Item::new(
             "quit without saving",
-            format!("{unsaved_updates} updates are not saved"),
+            format!("{unsaved_updates} updates are not saved{autosaved}"),
             Choice::Quit { save: false },
         ),
         Item::new("stay", "", Choice::Nothing),
     ];
     Picker::new("quit?", items)
+}
+
+/// What to do when something has failed.
+pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
+    let items = vec![
+        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
+        Item::new("stay", "look around, save, change a setting, load a checkpoint", Choice::Nothing),
+        Item::new("what happened", format!("{what}; {hint}"), Choice::Nothing),
+    ];
+    Picker::new(title, items)
 }
 
 /// What to do with the networks on another map than `now`; `fitted` is the new one at the size of `now`.

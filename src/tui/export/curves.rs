@@ -75,7 +75,7 @@ fn errors(snapshot: &Snapshot) -> Vec<Series> {
 }
 
 fn losses(app: &App) -> Series {
-    let points = app.history.points().iter().map(|p| (p.updates as f64, f64::from(p.losses[0].max(1e-9)).log10()));
+    let points = app.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[0].max(1e-9)).log10()));
     ("critic".to_owned(), points.collect())
 }
 
@@ -91,7 +91,7 @@ pub fn csv(app: &App) -> Result<Vec<u8>, String> {
     }
     let width = head.len();
     let mut lines: Vec<(u64, Vec<String>)> = Vec::new();
-    for point in app.history.points() {
+    for point in app.snapshot.curve.iter() {
         let mut line = vec![point.updates.to_string()];
         line.extend(point.losses.iter().map(f32::to_string));
         line.resize(width, String::new());

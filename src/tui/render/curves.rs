@@ -59,10 +59,7 @@ fn plots(app: &App) -> Vec<Plot> {
     };
     let loss = |i: usize| {
         let name = ["D", "f", "mu"][i].to_owned();
-        Series {
-            name,
-            points: app.history.points().iter().map(|p| (p.updates as f64, f64::from(p.losses[i]))).collect(),
-        }
+        Series { name, points: app.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[i]))).collect() }
     };
     let distances = app.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
     let each = distances

@@ -55,5 +55,9 @@ fn lines(app: &App) -> Vec<Line<'static>> {
     }
     lines.push(Line::default());
     lines.extend(legend::lines(app));
+    if let Some(folder) = crate::logging::folder() {
+        lines.push(Line::default());
+        lines.push(Line::raw(format!(" Log files: {}", folder.display())));
+    }
     lines
 }

@@ -65,9 +65,11 @@ fn is_quiet(binding: &Binding) -> bool {
 
 #[test]
 fn every_action_is_taken_by_its_keys() {
+    let folder = tempfile::tempdir().expect("a folder");
     for binding in bindings() {
         for key in binding.keys {
-            let mut app = app();
+            let path = folder.path().join("run.safetensors");
+            let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path));
             draw(&mut app, 80, 24);
             wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
             if binding.when == When::Editing {

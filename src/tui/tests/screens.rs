@@ -12,8 +12,8 @@ use jiff::tz::TimeZone;
 use super::*;
 use crate::bridge::{BridgePoint, SearchOutcome, Standing};
 use crate::train::{
-    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, Followed, Score, Snapshot,
-    Success,
+    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, Followed, LossPoint, Score,
+    Snapshot, Success,
 };
 use crate::tui::action::Action;
 use crate::tui::dialog::lists;
@@ -84,6 +84,11 @@ fn stage(width: u16, height: u16) -> App {
             followed: Some(Arc::new(followed.clone())),
             search: Some(Arc::new(search.clone())),
             evaluations: Arc::new(Vec::new()),
+            curve: {
+                let mut curve = app.snapshot.curve.to_vec();
+                curve.push(LossPoint { updates, losses: [losses.critic, losses.model, losses.actor] });
+                Arc::new(curve)
+            },
             ..(*app.snapshot).clone()
         };
         app.on_snapshot(Arc::new(snapshot));
@@ -327,9 +332,9 @@ fn what_would_be_missed_is_asked_about_and_saved_at_a_hang_up() {
     app.act(Action::Quit);
     assert!(!app.is_done() && app.dialogs.len() == 1, "twelve seconds are asked about");
     press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
-    assert!(app.is_done() && app.save_at_end().is_none(), "twice leaves without saving");
+    assert!(app.is_done() && app.saves_at_end().is_none(), "twice leaves without saving");
     app.on_signal();
-    assert!(app.save_at_end().is_some_and(|path| path.starts_with("saves")));
+    assert!(app.saves_at_end().is_some_and(|path| path.starts_with("saves")));
 }
 
 #[test]

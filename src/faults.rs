@@ -1,0 +1,146 @@
+//! Failures of threads: kept here for the front ends to show. And faults on demand, for tests of what becomes of them.
+//!
+//! A thread that panics leaves its message here by way of the panic hook, whoever joins it and whatever becomes of its
+//! result. `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its point for the Nth time,
+//! `THREAD=delay:MS@N` makes it wait, `POINT=fail@N` makes something fail from the Nth time on, `POINT=once@N` that one
+//! time; several are parted by commas.
+
+use std::backtrace::Backtrace;
+use std::panic::PanicHookInfo;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use parking_lot::Mutex;
+
+use crate::text::{plain, shortened};
+
+/// What tests set.
+const VARIABLE: &str = "GDG_TUI_FAULTS";
+
+/// The most failures that are kept: one that repeats must not fill the memory.
+const MOST: usize = 100;
+
+/// The most characters of a panic's message that are shown.
+const SHOWN: usize = 300;
+
+static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
+
+/// Whether panics of other threads are shown by a front end instead of being printed.
+static SHOWN_BY_INTERFACE: AtomicBool = AtomicBool::new(false);
+
+/// A panic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// The thread's name.
+    pub thread: String,
+    /// The message, and where in the source it came from.
+    pub what: String,
+}
+
+/// Keeps and logs every panic from now on; prints those of the main thread, and of others unless an interface shows them.
+pub fn watch() {
+    std::panic::set_hook(Box::new(|info| {
+        let thread = std::thread::current();
+        let name = thread.name().unwrap_or("unnamed");
+        let failure = Failure { thread: name.to_owned(), what: message_of(info) };
+        tracing::error!(thread = name, "panicked: {}\n{}", failure.what, Backtrace::force_capture());
+        if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
+            crate::text::tell(&format!("internal error in thread {name}: {}", failure.what));
+        }
+        let mut failures = FAILURES.lock();
+        if failures.len() < MOST {
+            failures.push(failure);
+        }
+    }));
+}
+
+fn message_of(info: &PanicHookInfo) -> String {
+    let text = info.payload_as_str().unwrap_or("no message");
+    let place = info.location().map_or(String::new(), |at| format!(" ({}:{})", at.file(), at.line()));
+    plain(&format!("{}{place}", shortened(text, SHOWN)))
+}
+
+/// An interface is there that shows failures, or no longer.
+pub fn show_in_interface(shown: bool) {
+    SHOWN_BY_INTERFACE.store(shown, Ordering::Relaxed);
+}
+
+/// The failures since this was last asked.
+pub fn take() -> Vec<Failure> {
+    std::mem::take(&mut FAILURES.lock())
+}
+
+/// A fault on demand.
+struct Fault {
+    point: String,
+    kind: Kind,
+    /// At which pass, from 1.
+    at: u64,
+    passes: AtomicU64,
+}
+
+enum Kind {
+    Panic,
+    Delay(Duration),
+    Fail,
+    Once,
+}
+
+fn demanded() -> &'static [Fault] {
+    static FAULTS: OnceLock<Vec<Fault>> = OnceLock::new();
+    FAULTS.get_or_init(|| {
+        let text = std::env::var(VARIABLE).unwrap_or_default();
+        text.split(',').filter(|fault| !fault.is_empty()).filter_map(parse).collect()
+    })
+}
+
+fn parse(text: &str) -> Option<Fault> {
+    let (point, what) = text.split_once('=')?;
+    let (kind, at) = what.split_once('@').unwrap_or((what, "1"));
+    let kind = match kind.split_once(':') {
+        Some(("delay", ms)) => Kind::Delay(Duration::from_millis(ms.parse().ok()?)),
+        None if kind == "panic" => Kind::Panic,
+        None if kind == "fail" => Kind::Fail,
+        None if kind == "once" => Kind::Once,
+        _ => return None,
+    };
+    Some(Fault { point: point.to_owned(), kind, at: at.parse().ok()?, passes: AtomicU64::new(0) })
+}
+
+/// A point that a thread passes again and again; whether something is to fail there. Without faults on demand it costs
+/// a look at an empty list.
+///
+/// # Panics
+/// Where a test demands it.
+pub fn point(name: &str) -> bool {
+    let mut fails = false;
+    for fault in demanded().iter().filter(|fault| fault.point == name) {
+        let pass = fault.passes.fetch_add(1, Ordering::Relaxed) + 1;
+        match fault.kind {
+            Kind::Panic => assert!(pass != fault.at, "a fault on demand in {name}"),
+            Kind::Delay(time) if pass == fault.at => std::thread::sleep(time),
+            Kind::Fail => fails |= pass >= fault.at,
+            Kind::Once => fails |= pass == fault.at,
+            Kind::Delay(_) => {}
+        }
+    }
+    fails
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_read_and_nonsense_is_not() {
+        let fault = parse("viewer=delay:250@7").expect("a fault");
+        assert_eq!((fault.point.as_str(), fault.at), ("viewer", 7));
+        assert!(matches!(fault.kind, Kind::Delay(time) if time == Duration::from_millis(250)));
+        assert!(matches!(parse("save=fail").expect("a fault").kind, Kind::Fail));
+        for nonsense in ["viewer", "viewer=hop", "viewer=delay:x", "viewer=panic@x"] {
+            assert!(parse(nonsense).is_none(), "{nonsense}");
+        }
+        assert!(!point("nothing that is demanded"));
+    }
+}

@@ -1,0 +1,10 @@
+//! Files as the program reads and writes them: only regular ones, never more than there is room for, replaced as a whole
+//! or not at all.
+
+mod read;
+mod verified;
+mod write;
+
+pub use read::{open, read, read_text};
+pub use verified::{backup_of, write_verified};
+pub use write::{check_target, unused, write_fresh, write_whole};

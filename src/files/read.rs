@@ -1,0 +1,104 @@
+//! Reading: regular files of a bounded size.
+
+use std::fs::{File, FileType, OpenOptions};
+use std::io::{Error, ErrorKind, Read, Result};
+use std::path::Path;
+
+/// Opens a regular file for reading. A FIFO without a writer would block for ever, a device may have no end.
+///
+/// # Errors
+/// What the system reports, and what is not a regular file.
+pub fn open(path: &Path) -> Result<File> {
+    check_kind(std::fs::metadata(path)?.file_type())?;
+    let mut options = OpenOptions::new();
+    options.read(true);
+    // Should a FIFO have taken the file's place meanwhile, opening it does not block.
+    #[cfg(unix)]
+    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, nix::fcntl::OFlag::O_NONBLOCK.bits());
+    let file = options.open(path)?;
+    check_kind(file.metadata()?.file_type())?;
+    Ok(file)
+}
+
+/// All of a regular file of at most `most` bytes.
+///
+/// # Errors
+/// What the system reports, what is not a regular file, and files that are larger.
+pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
+    let file = open(path)?;
+    let size = file.metadata()?.len();
+    let too_large = |size: u64| {
+        let text = format!("its {size} bytes are more than the {most} that there is room for");
+        Error::new(ErrorKind::FileTooLarge, text)
+    };
+    if size > most {
+        return Err(too_large(size));
+    }
+    let mut bytes = Vec::new();
+    bytes.try_reserve_exact(size as usize).map_err(|_| Error::from(ErrorKind::OutOfMemory))?;
+    // It may grow while it is read, and files of /proc have no size.
+    let found = file.take(most + 1).read_to_end(&mut bytes)? as u64;
+    if found > most { Err(too_large(found)) } else { Ok(bytes) }
+}
+
+/// The same as text.
+///
+/// # Errors
+/// See [`read`]; also bytes that are not UTF-8.
+pub fn read_text(path: &Path, most: u64) -> Result<String> {
+    String::from_utf8(read(path, most)?).map_err(|e| {
+        let text = format!("byte {} is not UTF-8 text", e.utf8_error().valid_up_to());
+        Error::new(ErrorKind::InvalidData, text)
+    })
+}
+
+/// Refuses what is not a regular file.
+pub(super) fn check_kind(kind: FileType) -> Result<()> {
+    if kind.is_file() {
+        return Ok(());
+    }
+    if kind.is_dir() {
+        return Err(Error::new(ErrorKind::IsADirectory, "is a directory"));
+    }
+    #[cfg(unix)]
+    let what = {
+        use std::os::unix::fs::FileTypeExt;
+        match kind {
+            kind if kind.is_fifo() => "a FIFO",
+            kind if kind.is_socket() => "a socket",
+            _ => "a device",
+        }
+    };
+    #[cfg(not(unix))]
+    let what = "something else";
+    Err(Error::new(ErrorKind::InvalidInput, format!("is {what}, not a regular file")))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn files_are_read_up_to_a_size() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("five");
+        std::fs::write(&path, b"12345").expect("written");
+        assert_eq!(read(&path, 5).expect("it fits"), b"12345");
+        assert_eq!(read(&path, 4).expect_err("too large").kind(), ErrorKind::FileTooLarge);
+        assert_eq!(read(folder.path(), 4).expect_err("a folder").kind(), ErrorKind::IsADirectory);
+        std::fs::write(&path, b"ab\xff").expect("written");
+        assert!(read_text(&path, 9).expect_err("no text").to_string().contains("byte 2"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_never_ends_is_refused_at_once() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let fifo = folder.path().join("fifo");
+        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");
+        for path in [&fifo, Path::new("/dev/zero")] {
+            let error = read(path, 1 << 20).expect_err("no regular file");
+            assert!(error.to_string().contains("not a regular file"), "{error}");
+        }
+    }
+}

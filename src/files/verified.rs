@@ -1,0 +1,81 @@
+//! Replacing a file that must not be lost: the previous one is kept until the new one has been read back.
+
+use std::io::{Error, ErrorKind, Result};
+use std::path::{Path, PathBuf};
+
+use super::read::read;
+use super::write::{Target, sync_folder};
+
+/// Where the previous file at `path` is kept for as long as the new one has not been read back.
+pub fn backup_of(path: &Path) -> PathBuf {
+    let mut name = path.file_name().unwrap_or_default().to_owned();
+    name.push(".bak");
+    path.with_file_name(name)
+}
+
+/// Writes a file as [`super::write_whole`] does, and reads it back: `whole` says whether bytes are those of a good file.
+/// Until then the previous one stays beside it as [`backup_of`]; it takes its place again if the new one is not good.
+///
+/// # Errors
+/// What the system reports, or that what was read back is not good.
+pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) -> Result<()> {
+    let target = Target::of(path)?;
+    let backup = backup_of(&target.path);
+    let good = |path: &Path| read(path, u64::MAX - 1).is_ok_and(|bytes| whole(&bytes));
+    // A backup that is there already was left by a program that was killed: it goes only if the file itself is good.
+    let left_behind = backup.symlink_metadata().is_ok();
+    if target.exists() && (!left_behind || good(&target.path)) {
+        if left_behind {
+            std::fs::remove_file(&backup)?;
+        }
+        // A second name for the same file, so that there is one at any moment; where that cannot be, a copy.
+        if std::fs::hard_link(&target.path, &backup).is_err() {
+            std::fs::copy(&target.path, &backup)?;
+        }
+    }
+    target.write(bytes, |file, path| file.persist(path).map_err(|e| e.error))?;
+    let has_backup = backup.symlink_metadata().is_ok();
+    if good(&target.path) {
+        if has_backup {
+            std::fs::remove_file(&backup)?;
+        }
+        return Ok(());
+    }
+    if has_backup {
+        std::fs::rename(&backup, &target.path)?;
+        sync_folder(target.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
+    }
+    Err(Error::new(ErrorKind::InvalidData, "what was written could not be read back; the file before is kept"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_file_that_cannot_be_read_back_does_not_replace_a_good_one() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("file");
+        let whole = |bytes: &[u8]| bytes.starts_with(b"good");
+        write_verified(&path, b"good 1", whole).expect("written");
+        write_verified(&path, b"bad", whole).expect_err("not good");
+        assert_eq!(std::fs::read(&path).expect("there"), b"good 1");
+        write_verified(&path, b"good 2", whole).expect("written");
+        assert_eq!(std::fs::read(&path).expect("there"), b"good 2");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "no backup is left");
+    }
+
+    #[test]
+    fn a_backup_left_by_a_killed_program_goes_only_for_a_good_file() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("file");
+        let whole = |bytes: &[u8]| bytes.starts_with(b"good");
+        std::fs::write(&path, b"broken").expect("written");
+        std::fs::write(backup_of(&path), b"good 1").expect("written");
+        write_verified(&path, b"bad", whole).expect_err("not good");
+        assert_eq!(std::fs::read(&path).expect("there"), b"good 1", "the broken one is not what is kept");
+        std::fs::write(backup_of(&path), b"good 0").expect("written");
+        write_verified(&path, b"bad", whole).expect_err("not good");
+        assert_eq!(std::fs::read(&path).expect("there"), b"good 1", "the newer good one is kept");
+    }
+}

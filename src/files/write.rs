@@ -1,0 +1,251 @@
+//! Writing: a file is there as a whole or not at all, and nothing that is not ours to replace is replaced.
+
+use std::fs::{File, Metadata};
+use std::io::{Error, ErrorKind, Result, Write};
+use std::path::{Path, PathBuf};
+use std::time::Duration;
+
+use tempfile::NamedTempFile;
+
+use super::read::check_kind;
+
+/// What the names of files that are being written begin and end with.
+const TEMPORARY: (&str, &str) = (".gdg-", ".tmp");
+
+/// A temporary file that nobody has locked for so long belongs to a program that was killed.
+const STALE: Duration = Duration::from_secs(5);
+
+/// The most symbolic links that are followed one after the other, as on Linux.
+const MOST_LINKS: usize = 40;
+
+/// Writes a file as a whole or not at all, in a folder that is made if need be. A symbolic link stays one, and an
+/// existing file keeps its permissions.
+///
+/// # Errors
+/// What the system reports; a target that is not a regular file, or write-protected.
+pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
+    Target::of(path)?.write(bytes, |file, path| file.persist(path).map_err(|e| e.error))
+}
+
+/// Writes a file at `path`, or at the first of `path-2`, `path-3` ... that is not there yet; where it did.
+///
+/// # Errors
+/// What the system reports.
+pub fn write_fresh(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
+    loop {
+        let free = unused(path);
+        let written = Target::of(&free)?.write(bytes, |file, path| file.persist_noclobber(path).map_err(|e| e.error));
+        match written {
+            // Another program was quicker.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            written => return written.map(|()| free),
+        }
+    }
+}
+
+/// `path`, or the first of `path-2`, `path-3` ... at which there is nothing, not even a backup.
+pub fn unused(path: &Path) -> PathBuf {
+    let taken = |path: &Path| path.symlink_metadata().is_ok() || super::backup_of(path).symlink_metadata().is_ok();
+    if !taken(path) {
+        return path.to_owned();
+    }
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+    let extension = path.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
+    let numbered = (2..).map(|i: u64| path.with_file_name(format!("{stem}-{i}{extension}")));
+    numbered.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
+}
+
+/// Checks that a file could be written at `path` as things are now, which changes nothing but that its folder is made.
+///
+/// # Errors
+/// Why it could not.
+pub fn check_target(path: &Path) -> Result<()> {
+    Target::of(path)?.temporary().map(|_| ())
+}
+
+/// Where a file really goes, and what is there.
+pub(super) struct Target {
+    pub path: PathBuf,
+    folder: PathBuf,
+    there: Option<Metadata>,
+}
+
+impl Target {
+    pub fn of(path: &Path) -> Result<Self> {
+        let path = followed(path)?;
+        if path.file_name().is_none() {
+            return Err(Error::new(ErrorKind::InvalidFilename, "is not the name of a file"));
+        }
+        let there = match std::fs::metadata(&path) {
+            Ok(there) => Some(there),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(error) => return Err(error),
+        };
+        if let Some(there) = &there {
+            check_kind(there.file_type())?;
+            if there.permissions().readonly() {
+                return Err(Error::new(ErrorKind::PermissionDenied, "is write-protected"));
+            }
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
+        Ok(Self { path, folder, there })
+    }
+
+    /// Whether a file is there already.
+    pub fn exists(&self) -> bool {
+        self.there.is_some()
+    }
+
+    /// Writes `bytes` beside the target and makes them the target by `persist`.
+    pub fn write<T>(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<T>) -> Result<()> {
+        let mut file = self.temporary()?;
+        file.write_all(bytes)?;
+        file.as_file().sync_all()?;
+        persist(file, &self.path)?;
+        sync_folder(&self.folder)
+    }
+
+    /// A temporary file in the target's folder, with the permissions that the target is to have.
+    fn temporary(&self) -> Result<NamedTempFile> {
+        std::fs::create_dir_all(&self.folder)?;
+        remove_stale(&self.folder);
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
+        // Temporary files are private by default; a new file is as readable as any that the user creates.
+        #[cfg(unix)]
+        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        let file = builder.tempfile_in(&self.folder)?;
+        // Others see by the lock that it is still being written. Where there are no locks, they judge by its age.
+        let _ = file.as_file().try_lock();
+        if let Some(there) = &self.there {
+            file.as_file().set_permissions(there.permissions())?;
+            // Only root can write for somebody else.
+            #[cfg(unix)]
+            {
+                use std::os::unix::fs::MetadataExt;
+                let _ = std::os::unix::fs::fchown(file.as_file(), Some(there.uid()), Some(there.gid()));
+            }
+        }
+        Ok(file)
+    }
+}
+
+/// Where the links at `path` lead, also where there is nothing yet.
+fn followed(path: &Path) -> Result<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..MOST_LINKS {
+        match path.symlink_metadata() {
+            Ok(there) if there.is_symlink() => {
+                let to = path.read_link()?;
+                path = path.parent().map_or(to.clone(), |folder| folder.join(&to));
+            }
+            _ => return Ok(path),
+        }
+    }
+    Err(Error::new(ErrorKind::InvalidInput, "is one of too many links that lead to each other"))
+}
+
+/// Makes the names in a folder survive a loss of power.
+pub(super) fn sync_folder(folder: &Path) -> Result<()> {
+    #[cfg(unix)]
+    match File::open(folder).and_then(|folder| folder.sync_all()) {
+        // Some file systems (of networks, mostly) cannot.
+        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {}
+        synced => return synced,
+    }
+    let _ = folder;
+    Ok(())
+}
+
+/// Removes what programs that were killed while they wrote have left in `folder`.
+fn remove_stale(folder: &Path) {
+    let ours = |name: &str| name.starts_with(TEMPORARY.0) && name.ends_with(TEMPORARY.1);
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(ours)) {
+        let old = |file: &File| {
+            let modified = file.metadata().and_then(|there| there.modified()).ok();
+            modified.and_then(|at| at.elapsed().ok()).is_some_and(|age| age > STALE)
+        };
+        if super::open(&entry.path()).is_ok_and(|file| old(&file) && file.try_lock().is_ok()) {
+            let _ = std::fs::remove_file(entry.path());
+        }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    use std::time::SystemTime;
+
+    use super::*;
+
+    fn folder() -> tempfile::TempDir {
+        tempfile::tempdir().expect("a folder")
+    }
+
+    fn mode(path: &Path) -> u32 {
+        path.metadata().expect("a file").permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn permissions_and_links_stay_and_nothing_is_left_behind() {
+        let folder = folder();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        std::fs::write(&real, b"old").expect("written");
+        std::fs::set_permissions(&real, PermissionsExt::from_mode(0o600)).expect("set");
+        symlink("real", &link).expect("a link");
+        write_whole(&link, b"new").expect("written");
+        assert!(link.symlink_metadata().expect("there").is_symlink());
+        assert_eq!((std::fs::read(&real).expect("there"), mode(&real)), (b"new".to_vec(), 0o600));
+        let dangling = folder.path().join("dangling");
+        symlink("sub/later", &dangling).expect("a link");
+        write_whole(&dangling, b"1").expect("written");
+        assert_eq!(std::fs::read(folder.path().join("sub/later")).expect("there"), b"1");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 4);
+    }
+
+    #[test]
+    fn what_is_no_regular_file_or_write_protected_is_left_as_it_is() {
+        let folder = folder();
+        let fifo = folder.path().join("fifo");
+        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");
+        let protected = folder.path().join("protected");
+        std::fs::write(&protected, b"mine").expect("written");
+        std::fs::set_permissions(&protected, PermissionsExt::from_mode(0o444)).expect("set");
+        let circle = folder.path().join("circle");
+        symlink("circle", &circle).expect("a link");
+        for path in [&fifo, &protected, &circle, folder.path(), Path::new("/dev/null"), Path::new("/dev/full/x")] {
+            assert!(write_whole(path, b"x").is_err() && check_target(path).is_err(), "{}", path.display());
+        }
+        assert_eq!(std::fs::read(&protected).expect("there"), b"mine");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 3);
+    }
+
+    #[test]
+    fn a_fresh_file_gets_a_name_that_nothing_has() {
+        let folder = folder();
+        let path = folder.path().join("run.v2.safetensors");
+        let names: Vec<PathBuf> = (0..3).map(|_| write_fresh(&path, b"x").expect("written")).collect();
+        let expected = ["run.v2.safetensors", "run.v2-2.safetensors", "run.v2-3.safetensors"];
+        assert_eq!(names, expected.map(|name| folder.path().join(name)));
+    }
+
+    #[test]
+    fn what_a_killed_program_left_is_removed_and_what_one_writes_is_not() {
+        let folder = folder();
+        let old = |name: &str| {
+            let file = File::create(folder.path().join(name)).expect("a file");
+            file.set_modified(SystemTime::now() - 10 * STALE).expect("set");
+            file
+        };
+        let written = old(".gdg-1.tmp");
+        written.try_lock().expect("a lock");
+        (old(".gdg-2.tmp"), old("somebody's.tmp"));
+        File::create(folder.path().join(".gdg-3.tmp")).expect("a file");
+        write_whole(&folder.path().join("file"), b"x").expect("written");
+        let mut left: Vec<_> =
+            std::fs::read_dir(folder.path()).expect("a folder").flatten().map(|entry| entry.file_name()).collect();
+        left.sort();
+        assert_eq!(left, [".gdg-1.tmp", ".gdg-3.tmp", "file", "somebody's.tmp"]);
+    }
+}

@@ -1,0 +1,50 @@
+//! The log file: what happened, for whoever looks for the cause of a mishap afterwards.
+
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use directories::ProjectDirs;
+use tracing::level_filters::LevelFilter;
+use tracing_appender::rolling::{RollingFileAppender, Rotation};
+
+use crate::cli::LogLevel;
+
+/// Days that are kept.
+const KEPT: usize = 5;
+
+static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+
+/// Opens today's log file. Where there can be none, the program goes on without.
+pub fn begin(level: LogLevel) {
+    let level = match level {
+        LogLevel::Off => return,
+        LogLevel::Error => LevelFilter::ERROR,
+        LogLevel::Warn => LevelFilter::WARN,
+        LogLevel::Info => LevelFilter::INFO,
+        LogLevel::Debug => LevelFilter::DEBUG,
+    };
+    let Some(dirs) = ProjectDirs::from("", "", "gdg-tui") else { return };
+    let folder = dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("log");
+    // The library would complain about a missing folder on standard error.
+    if std::fs::create_dir_all(&folder).is_err() {
+        return;
+    }
+    let file =
+        RollingFileAppender::builder().rotation(Rotation::DAILY).filename_prefix("gdg-tui").filename_suffix("log");
+    let Ok(file) = file.max_log_files(KEPT).build(&folder) else { return };
+    let log = tracing_subscriber::fmt().with_max_level(level).with_ansi(false).log_internal_errors(false);
+    if log.with_writer(std::sync::Mutex::new(file)).try_init().is_ok() {
+        let _ = FOLDER.set(folder);
+        tracing::info!("gdg-tui {} begins, process {}", env!("CARGO_PKG_VERSION"), std::process::id());
+    }
+}
+
+/// The folder of the log files, where there are any.
+pub fn folder() -> Option<&'static Path> {
+    FOLDER.get().map(PathBuf::as_path)
+}
+
+/// Where to look for more, to be appended to an error.
+pub fn hint() -> String {
+    folder().map_or(String::new(), |folder| format!("log: {}", folder.display()))
+}

@@ -1,0 +1,101 @@
+//! The part of a line that an error shows: files have lines of thousands of characters, or of millions.
+
+use std::ops::Range;
+
+use miette::{MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
+
+use super::plain;
+
+/// Characters shown on each side of the place that is wrong.
+const SHOWN_AROUND: usize = 36;
+
+/// The surroundings of the offending part of a line.
+#[derive(Debug, Clone)]
+pub struct Excerpt {
+    file: String,
+    /// The line's number, from 0.
+    line: usize,
+    /// Column of the excerpt's first character, from 0.
+    first_column: usize,
+    text: String,
+    /// The offending bytes within `text`.
+    span: SourceSpan,
+}
+
+impl Excerpt {
+    /// What surrounds `columns` (from 0, in characters) of line number `line` (from 0), whose text is `text`.
+    pub fn new(file: &str, (line, text): (usize, &str), columns: Range<usize>) -> Self {
+        let first_column = columns.start.saturating_sub(SHOWN_AROUND);
+        let shown: String = text.chars().skip(first_column).take(2 * SHOWN_AROUND).collect();
+        let bytes = |until: usize| -> usize { shown.chars().take(until).map(char::len_utf8).sum() };
+        let (from, to) = (bytes(columns.start - first_column), bytes(columns.end.max(columns.start) - first_column));
+        Self { file: plain(file), line, first_column, text: plain(&shown), span: (from, to - from).into() }
+    }
+
+    /// What surrounds the bytes `span` of a file's `text`, and their line and column (both from 1).
+    pub fn of(file: &str, text: &str, span: Range<usize>) -> (Self, (usize, usize)) {
+        let at = text.floor_char_boundary(span.start);
+        let (line, column) = line_and_column(text, at);
+        let from = text[..at].rfind('\n').map_or(0, |i| i + 1);
+        let rest = &text[from..];
+        let own = rest.split('\n').next().unwrap_or_default();
+        let end = text.floor_char_boundary(span.end.max(at)).min(from + own.len()).max(at);
+        let length = text[at..end].chars().take(2 * SHOWN_AROUND).count();
+        let own = own.strip_suffix('\r').unwrap_or(own);
+        (Self::new(file, (line - 1, own), column - 1..column - 1 + length), (line, column))
+    }
+
+    /// The offending bytes, to be labelled.
+    pub fn span(&self) -> SourceSpan {
+        self.span
+    }
+}
+
+/// Line and column (from 1, in characters) of a byte of `text`.
+pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
+    let before = &text[..text.floor_char_boundary(offset)];
+    let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
+    (before.matches('\n').count() + 1, column)
+}
+
+impl SourceCode for Excerpt {
+    fn read_span<'a>(
+        &'a self,
+        span: &SourceSpan,
+        context_lines_before: usize,
+        context_lines_after: usize,
+    ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
+        // Asked without context, miette wants to know where the span itself begins.
+        let alone = context_lines_before == 0 && context_lines_after == 0;
+        let from = if alone { span.offset().min(self.text.len()) } else { 0 };
+        let column = self.first_column + self.text[..from].chars().count();
+        let data = &self.text.as_bytes()[from..];
+        let contents =
+            MietteSpanContents::new_named(self.file.clone(), data, (from, data.len()).into(), self.line, column, 1);
+        Ok(Box::new(contents))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_span_of_a_file_is_shown_with_its_line_alone() {
+        let text = "{\n  \"tau\": \"x\",\r\n  \"b\": 1\n}";
+        let at = text.find("\"x\"").expect("there");
+        let (excerpt, place) = Excerpt::of("f", text, at..at + 3);
+        assert_eq!(place, (2, 10));
+        assert_eq!((excerpt.text.as_str(), excerpt.span), ("  \"tau\": \"x\",", (9, 3).into()));
+    }
+
+    #[test]
+    fn a_line_of_millions_is_cut() {
+        let text = "x".repeat(5_000_000) + "é\x1b";
+        let (excerpt, place) = Excerpt::of("f", &text, 4_000_000..5_000_000);
+        assert_eq!(place, (1, 4_000_001));
+        assert!(excerpt.text.len() <= 2 * SHOWN_AROUND);
+        let (end, _) = Excerpt::of("f", &text, text.len()..text.len() + 9);
+        assert!(end.text.ends_with("é?"), "{}", end.text);
+    }
+}

@@ -1,0 +1,162 @@
+//! What a run has to show of its past: curves, evaluations, and what happened. Checkpoints hold it; training does not
+//! depend on it.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use super::evaluate::Evaluation;
+use super::score::Success;
+
+/// Updates between two points of the curves at first.
+const POINT_EVERY_UPDATES: u64 = 50;
+
+/// Most points kept; where there would be more, every other one goes.
+const MOST_POINTS: usize = 2048;
+
+/// Most evaluations kept, likewise.
+const MOST_EVALUATIONS: usize = 1000;
+
+/// Most entries of the log kept, and characters of each; the oldest go.
+pub const MOST_ENTRIES: usize = 1000;
+const MOST_CHARACTERS: usize = 500;
+
+/// Losses at one moment.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LossPoint {
+    /// Updates done.
+    pub updates: u64,
+    /// Running means of the losses of critic, model and actor.
+    pub losses: [f32; 3],
+}
+
+/// Something that happened.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct LogEntry {
+    /// Seconds since the run, or the program that goes on with it, was opened.
+    pub seconds: f64,
+    /// Updates done by then.
+    pub updates: u64,
+    /// What it was.
+    pub text: String,
+}
+
+/// The past of a run.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct History {
+    /// Updates between two points.
+    every: u64,
+    #[serde(with = "shared")]
+    points: Arc<Vec<LossPoint>>,
+    #[serde(with = "shared")]
+    evaluations: Arc<Vec<(u64, Evaluation)>>,
+    /// What happened, oldest first.
+    pub log: Vec<LogEntry>,
+}
+
+impl Default for History {
+    fn default() -> Self {
+        Self { every: POINT_EVERY_UPDATES, points: Arc::default(), evaluations: Arc::default(), log: Vec::new() }
+    }
+}
+
+impl History {
+    /// The losses after so many updates, of which a point is kept now and then.
+    pub fn add_losses(&mut self, updates: u64, losses: [f64; 3]) {
+        if !updates.is_multiple_of(self.every) {
+            return;
+        }
+        let points = Arc::make_mut(&mut self.points);
+        points.push(LossPoint { updates, losses: losses.map(|loss| loss as f32) });
+        if points.len() > MOST_POINTS {
+            self.every *= 2;
+            points.retain(|point| point.updates.is_multiple_of(self.every));
+        }
+    }
+
+    /// An evaluation after so many updates.
+    pub fn add_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
+        let evaluations = Arc::make_mut(&mut self.evaluations);
+        evaluations.push((updates, evaluation));
+        if evaluations.len() > MOST_EVALUATIONS {
+            // The latest one stays.
+            let last = evaluations.len() - 1;
+            let mut i = 0;
+            evaluations.retain(|_| {
+                i += 1;
+                (i - 1) % 2 == last % 2
+            });
+        }
+    }
+
+    /// Losses, oldest first.
+    pub fn points(&self) -> &Arc<Vec<LossPoint>> {
+        &self.points
+    }
+
+    /// Updates and results of evaluations, oldest first.
+    pub fn evaluations(&self) -> &Arc<Vec<(u64, Evaluation)>> {
+        &self.evaluations
+    }
+
+    /// The latest evaluation in brief.
+    pub fn success(&self) -> Option<Success> {
+        self.evaluations.last().map(|(updates, evaluation)| evaluation.success(*updates))
+    }
+
+    /// Checks what came from a file.
+    ///
+    /// # Errors
+    /// What is out of its range.
+    pub fn check(&self) -> Result<(), String> {
+        let short = |entry: &LogEntry| entry.seconds.is_finite() && entry.text.chars().count() <= MOST_CHARACTERS;
+        let sound = self.every > 0
+            && self.points.len() <= MOST_POINTS
+            && self.points.iter().all(|point| point.losses.iter().all(|loss| loss.is_finite()))
+            && self.points.is_sorted_by_key(|point| point.updates)
+            && self.evaluations.len() <= MOST_EVALUATIONS
+            && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_sound())
+            && self.log.len() <= MOST_ENTRIES
+            && self.log.iter().all(short);
+        if sound { Ok(()) } else { Err("its history is out of range".to_owned()) }
+    }
+}
+
+impl LogEntry {
+    /// An entry, its text shortened to what is kept.
+    pub fn new(seconds: f64, updates: u64, text: &str) -> Self {
+        Self { seconds, updates, text: crate::text::shortened(text, MOST_CHARACTERS) }
+    }
+}
+
+/// Shared lists are stored as plain ones.
+mod shared {
+    use std::sync::Arc;
+
+    use serde::{Deserialize, Deserializer, Serialize, Serializer};
+
+    pub fn serialize<T: Serialize, S: Serializer>(list: &Arc<Vec<T>>, to: S) -> Result<S::Ok, S::Error> {
+        list.as_slice().serialize(to)
+    }
+
+    pub fn deserialize<'de, T: Deserialize<'de>, D: Deserializer<'de>>(from: D) -> Result<Arc<Vec<T>>, D::Error> {
+        Vec::deserialize(from).map(Arc::new)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn curves_are_thinned_evenly_and_keep_their_ends() {
+        let mut history = History::default();
+        let last = 40 * MOST_POINTS as u64 * POINT_EVERY_UPDATES;
+        (1..=last).for_each(|updates| history.add_losses(updates, [1.0; 3]));
+        let points = history.points();
+        assert!((MOST_POINTS / 2..=MOST_POINTS).contains(&points.len()), "{}", points.len());
+        assert!(points.windows(2).all(|pair| pair[1].updates - pair[0].updates == history.every));
+        assert!(last - points[points.len() - 1].updates < history.every);
+        history.check().expect("a sound history");
+    }
+}

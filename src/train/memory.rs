@@ -1,0 +1,119 @@
+//! Whether a run fits into the memory that there is: found out before it begins, as running out of memory ends a program
+//! without a word.
+
+use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
+
+use super::run::Run;
+use crate::env::Spec;
+use crate::learn::Learner;
+
+/// Copies of the networks' parameters that a run keeps: the value, its average and two moments; what was good last; what
+/// is packed; the copies that are published, evaluated and built graphs of.
+const COPIES_OF_PARAMETERS: u64 = 12;
+
+/// Copies of what was observed between candidates: the trainer's, and those of graphs, evaluation and viewer.
+const COPIES_OF_OBSERVED: u64 = 6;
+
+/// Bytes for each cell of a map: searches, visits, components, the picture.
+const BYTES_PER_CELL: u64 = 120;
+
+/// The program itself, its threads and buffers.
+const BASE_BYTES: u64 = 60 << 20;
+
+/// Address space that threads and allocators reserve without using it, where that is what is limited.
+const RESERVED_BYTES: u64 = 600 << 20;
+
+/// The part of the free memory that a run may take.
+const SHARE: f64 = 0.9;
+
+/// About how many bytes a run on a map of so many cells takes, saving it included.
+pub fn needed(run: &Run, spec: &Spec, cells: usize) -> u64 {
+    let (learn, bridge) = (&run.settings.learn, &run.settings.bridge);
+    let f32s = |count: u64| 4 * count;
+    let parameters = Learner::parameters(spec, learn);
+    let widest = learn.hidden.max(64) as u64;
+    // Activations and their gradients, for each of the networks that a part of a batch goes through.
+    let batch = learn.batch as u64 * widest * (learn.layers as u64 + 2) * 12;
+    let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
+    // Once as it is, twice on its way to a file.
+    let replay = 3 * slot * (learn.replay_capacity as u64 + run.settings.train.agents as u64);
+    let observed = 2 * (bridge.most_candidates() as u64).pow(2) * COPIES_OF_OBSERVED;
+    BASE_BYTES
+        + f32s(parameters * COPIES_OF_PARAMETERS)
+        + f32s(batch)
+        + replay
+        + observed
+        + cells as u64 * BYTES_PER_CELL
+}
+
+/// About how many bytes this program can still take: of the machine, of its container, of its own limits.
+pub fn available() -> u64 {
+    let mut system = System::new();
+    system.refresh_memory();
+    let mut least = system.available_memory();
+    if let Some(limits) = system.cgroup_limits() {
+        least = least.min(limits.free_memory);
+    }
+    #[cfg(unix)]
+    if let Ok((limit, _)) = nix::sys::resource::getrlimit(nix::sys::resource::Resource::RLIMIT_AS)
+        && limit != nix::sys::resource::RLIM_INFINITY
+    {
+        least = least.min(limit.saturating_sub(address_space(&mut system) + RESERVED_BYTES));
+    }
+    least
+}
+
+/// Address space that this process has taken.
+#[cfg(unix)]
+fn address_space(system: &mut System) -> u64 {
+    let Ok(own) = sysinfo::get_current_pid() else { return 0 };
+    let kind = ProcessRefreshKind::nothing().with_memory();
+    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[own]), false, kind);
+    system.process(own).map_or(0, sysinfo::Process::virtual_memory)
+}
+
+/// Checks that a run fits.
+///
+/// # Errors
+/// How much it needs, how much there is, and what makes it smaller.
+pub fn check(run: &Run, spec: &Spec, cells: usize) -> Result<(), String> {
+    let (needed, available) = (needed(run, spec, cells), available());
+    if needed as f64 <= SHARE * available as f64 {
+        return Ok(());
+    }
+    let gigabytes = |bytes: u64| bytes as f64 / 1e9;
+    Err(format!(
+        "these settings need about {:.1} GB of memory, and there are {:.1} GB: make hidden, layers, batch, candidates, \
+         replay_capacity or grid_channels smaller",
+        gigabytes(needed),
+        gigabytes(available)
+    ))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::env::{Environment, PointMaze};
+    use crate::map::builtin;
+    use crate::train::{Method, Preset};
+
+    #[test]
+    fn the_default_fits_and_what_is_beyond_all_machines_does_not() {
+        let map = builtin("fourrooms").expect("built in");
+        let cells = map.free().len();
+        let world = PointMaze::new(map.into(), 1, 0.0);
+        let run = |change: fn(&mut crate::train::Settings)| {
+            let mut settings = Preset::Default.settings();
+            change(&mut settings);
+            Run { method: Method::GdgBridge, preset: Preset::Default, seed: 0, settings }
+        };
+        let bytes = |change: fn(&mut crate::train::Settings)| needed(&run(change), world.spec(), cells);
+        let default = bytes(|_| {});
+        assert!((50_000_000..400_000_000).contains(&default), "{default}");
+        assert!(bytes(|s| (s.learn.hidden, s.learn.layers) = (4096, 8)) > 15_000_000_000);
+        assert!(bytes(|s| s.bridge.candidates = 10_000) > 5_000_000_000);
+        assert!(bytes(|s| s.learn.replay_capacity = 100_000_000) > 5_000_000_000);
+        let error = check(&run(|s| (s.learn.hidden, s.learn.layers) = (4096, 8)), world.spec(), 1 << 40);
+        assert!(error.expect_err("no machine has that much").contains("GB of memory"));
+    }
+}

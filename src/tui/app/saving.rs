@@ -1,0 +1,278 @@
+//! Where the run is saved, and leaving without losing it.
+
+use std::path::{Path, PathBuf};
+
+use miette::Report;
+
+use super::App;
+use crate::files::unused;
+use crate::logging;
+use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
+use crate::tui::config::recovered_folder;
+use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
+
+/// Training that may be lost without being asked about.
+const LOST_UNASKED_SECS: f64 = 10.0;
+
+/// Where checkpoints go.
+pub const SAVES: &str = "saves";
+
+/// Files that the command line names.
+#[derive(Default)]
+pub struct Files {
+    /// Where to save.
+    pub save: Option<SaveTo>,
+    /// The checkpoint that the run goes on from.
+    pub resumed: Option<PathBuf>,
+}
+
+/// Where the next checkpoint goes, and whether the program ends when it is there.
+pub struct Saving {
+    /// The file that belongs to the run, or that is to.
+    to: SaveTo,
+    /// The path that the command line gave.
+    named: Option<PathBuf>,
+    files: Files,
+    leaving: Leaving,
+}
+
+/// How far leaving has come.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Leaving {
+    No,
+    /// Once the checkpoint is written.
+    Saving,
+    /// The checkpoint could not be written: another place is asked for.
+    Asking,
+}
+
+impl Saving {
+    pub fn new(files: Files) -> Self {
+        let named = files.save.as_ref().map(|to| to.path().to_owned());
+        Self { to: SaveTo::Fresh(PathBuf::new()), named, files, leaving: Leaving::No }
+    }
+
+    /// Turns to the run that `snapshot` shows: a file belongs to the run that wrote or loaded it.
+    pub fn begin(&mut self, snapshot: &Snapshot) {
+        let Snapshot { map, run, saved, .. } = snapshot;
+        let name = format!("{}-{}-seed{}.safetensors", map.name(), run.method.name(), run.seed);
+        let resumed = self.files.resumed.take();
+        self.to = match (self.files.save.take(), saved, resumed, &self.named) {
+            (Some(to), ..) => to,
+            (None, Some((_, path)), ..) => SaveTo::Own(path.to_path_buf()),
+            (None, None, Some(path), _) => SaveTo::Own(path),
+            (None, None, None, Some(path)) => SaveTo::Fresh(path.clone()),
+            (None, None, None, None) => SaveTo::Fresh(Path::new(SAVES).join(name)),
+        };
+    }
+
+    /// The file of the next checkpoint, as far as it is known.
+    pub fn path(&self) -> &Path {
+        self.to.path()
+    }
+
+    /// The user stays.
+    pub fn stay(&mut self) {
+        self.leaving = Leaving::No;
+    }
+}
+
+/// What is left of a run when the interface is closed.
+pub struct Closed {
+    /// What remains on the terminal.
+    pub summary: String,
+    /// Whether saving at the end went well, where it was wanted.
+    pub saved: Result<(), Report>,
+    /// Whether something failed inside the program, or training did.
+    pub failed: bool,
+}
+
+impl App {
+    /// The file of the next checkpoint: one that is not there yet, unless it is the run's own.
+    pub fn save_path(&self) -> PathBuf {
+        match &self.saving.to {
+            SaveTo::Own(path) => path.clone(),
+            SaveTo::Fresh(path) => unused(path),
+        }
+    }
+
+    /// Saves; whether the trainer could be told.
+    pub(super) fn save(&mut self) -> bool {
+        self.notify(format!("saving {} ...", self.save_path().display()));
+        let log = self.log.entries().to_vec();
+        self.command(Command::Save(self.saving.to.clone(), log))
+    }
+
+    /// Saves to a file that the user named, and was asked about if it was there.
+    pub(super) fn save_under(&mut self, path: PathBuf) {
+        self.saving.to = SaveTo::Own(path);
+        if self.save() && self.saving.leaving == Leaving::Asking {
+            self.saving.leaving = Leaving::Saving;
+        }
+    }
+
+    /// Saves beside what the user saves.
+    pub(super) fn autosave(&mut self) {
+        let log: Vec<LogEntry> = self.log.entries().to_vec();
+        self.command(Command::Autosave(self.saving.to.path().to_owned(), log));
+    }
+
+    /// Whether so much would be lost that it is better to ask.
+    pub(super) fn would_be_missed(&self) -> bool {
+        let updates = self.snapshot.counters.updates.max(1);
+        let seconds = self.snapshot.seconds * self.unsaved_updates() as f64 / updates as f64;
+        seconds > LOST_UNASKED_SECS
+    }
+
+    /// The user wants to leave. Asked for a second time, the program does not wait for a checkpoint.
+    pub(super) fn quit(&mut self) {
+        if self.saving.leaving == Leaving::Saving {
+            self.done = true;
+        } else if self.saving.named.is_some() {
+            self.save_and_quit();
+        } else if self.would_be_missed() {
+            self.pick(lists::ways_to_quit(self.unsaved_updates(), &self.save_path(), &self.snapshot.autosaves));
+        } else {
+            self.done = true;
+        }
+    }
+
+    /// Leaves once the run is saved.
+    pub(super) fn save_and_quit(&mut self) {
+        if self.snapshot.saved.is_some() && self.unsaved_updates() == 0 {
+            self.done = true;
+            return;
+        }
+        // Its snapshots tell when the checkpoint is there.
+        self.freeze(false);
+        self.command(Command::Pause);
+        if self.save() {
+            self.saving.leaving = Leaving::Saving;
+        }
+    }
+
+    /// Takes note of what became of saving since `before`.
+    pub(super) fn on_saving(&mut self, before: &Snapshot) {
+        let now = self.snapshot.clone();
+        if let Some((_, path)) = &now.saved
+            && before.saved.as_ref().is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
+        {
+            self.saving.to = SaveTo::Own(path.to_path_buf());
+            self.done |= self.saving.leaving == Leaving::Saving;
+        }
+        if now.save_failed.0 > before.save_failed.0 && self.saving.leaving == Leaving::Saving {
+            self.saving.leaving = Leaving::Asking;
+            let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
+            let title = "not saved: save elsewhere and quit (Esc stays)";
+            let mut prompt = Prompt::new(Question::SaveAs, title, "", stem);
+            prompt.error = Some(now.save_failed.1.clone());
+            self.ask(prompt);
+        }
+    }
+
+    /// Something failed inside the program: it is shown, and what was learned is saved.
+    pub(super) fn on_failures(&mut self) {
+        for failure in crate::faults::take() {
+            let text = format!("internal error in the thread {}: {}", failure.thread, failure.what);
+            self.notify(text.clone());
+            if self.failures.is_empty() {
+                self.autosave();
+                self.show_trouble("something failed inside the program", &text);
+            }
+            self.failures.push(failure);
+        }
+    }
+
+    /// Training ended by itself and not at a limit.
+    pub(super) fn on_training_failed(&mut self, error: &str) {
+        self.notify(format!("training stopped: {error}"));
+        if self.failures.is_empty() {
+            self.show_trouble("training has stopped", error);
+        }
+    }
+
+    fn show_trouble(&mut self, title: &str, what: &str) {
+        let trouble: Picker = lists::trouble(title, what, &self.save_path(), &logging::hint());
+        self.dialogs.push(Dialog::Pick(trouble));
+    }
+
+    /// The program is told to end: what would be missed is saved.
+    pub fn on_signal(&mut self) {
+        if self.would_be_missed() && self.saving.named.is_none() {
+            self.saving.named = Some(self.saving.to.path().to_owned());
+        }
+    }
+
+    /// The file that closing saves to, if it does.
+    #[cfg(test)]
+    pub fn saves_at_end(&self) -> Option<PathBuf> {
+        self.saving.named.clone()
+    }
+
+    /// Ends training, and saves where that is wanted and has not been done.
+    pub fn close(self) -> Closed {
+        let failed = !self.failures.is_empty() || matches!(self.snapshot.phase, Phase::Failed(_));
+        let mut summary = self.summary();
+        let log = self.log.entries().to_vec();
+        let missed = self.would_be_missed();
+        let Self { saving, engine, .. } = self;
+        let snapshots = engine.snapshots();
+        let trainer = engine.stop();
+        let snapshot = snapshots.borrow().clone();
+        let wanted = saving.named.is_some();
+        let mut saved = Ok(());
+        match trainer {
+            Some(mut trainer) if wanted => {
+                let up_to_date = snapshot.saved.as_ref().is_some_and(|(at, _)| *at == trainer.counters().updates);
+                let _ = trainer.ensure_finite();
+                trainer.history_mut().log = log;
+                if !up_to_date {
+                    saved = save_somewhere(&trainer, &saving.to, &mut summary);
+                }
+            }
+            Some(_) => {}
+            None if wanted || missed => {
+                let what =
+                    "the trainer hangs, or ended by an internal error: what came after the last checkpoint is lost";
+                saved = Err(miette::miette!(help = logging::hint(), "{what}"));
+            }
+            None => {}
+        }
+        if let Some((updates, path)) = &snapshot.saved {
+            summary += &format!("\nsaved {} at update {updates}", path.display());
+        }
+        let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !missed));
+        for path in snapshot.autosaves.iter() {
+            if kept_by_user {
+                // What the user saved is newer.
+                let _ = std::fs::remove_file(path);
+            } else {
+                summary += &format!("\nautosaved {}", path.display());
+            }
+        }
+        if failed {
+            summary += &format!("\nsomething failed on the way; {}", logging::hint());
+        }
+        Closed { summary, saved, failed }
+    }
+}
+
+/// Saves where that is wanted, or else where it can be; an error where it could not be where it was wanted.
+fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Result<(), Report> {
+    let first = match train::save(trainer, to) {
+        Ok(path) => {
+            *summary += &format!("\nsaved {}", path.display());
+            return Ok(());
+        }
+        Err(error) => error,
+    };
+    let name = to.path().file_name().map(PathBuf::from).unwrap_or_default();
+    let elsewhere = [Some(PathBuf::from(SAVES)), recovered_folder()].into_iter().flatten();
+    for folder in elsewhere {
+        if let Ok(path) = train::save(trainer, &SaveTo::Fresh(folder.join(&name))) {
+            *summary += &format!("\nsaved {} instead", path.display());
+            break;
+        }
+    }
+    Err(Report::new(first))
+}

@@ -1,0 +1,326 @@
+//! Attacks on the program, with counts: a short form with the other tests, the long one by
+//! `ATTACK=long cargo test --release --test attack -- --nocapture`.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod support;
+
+use std::collections::BTreeMap;
+use std::os::unix::process::ExitStatusExt;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::time::{Duration, Instant};
+
+use gdg_tui::{map, train};
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+use support::{Session, checkpoints, headless, outcome, plain, resealed, size, some};
+
+/// How often something is tried: in the short form, and in the long one.
+fn times(short: usize, long: usize) -> usize {
+    if std::env::var("ATTACK").is_ok_and(|form| form == "long") { long } else { short }
+}
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+/// Where faults were found, so that a failure can be tried again.
+fn rng(attack: u64) -> ChaCha8Rng {
+    let seed = std::env::var("ATTACK_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(1);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(attack);
+    rng
+}
+
+fn load(path: &Path) -> train::Loaded {
+    train::load(path, 1).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn kills_at_random_moments_of_saving_never_break_a_checkpoint() {
+    let (kills, folder, mut rng) = (times(12, 300), folder(), rng(1));
+    let path = folder.path().join("kept.safetensors");
+    let mut args = vec!["trap", "--save", "kept.safetensors", "--save-every", "0.0001"];
+    let mut updates = 0;
+    for _ in 0..kills {
+        let mut child = headless(folder.path(), &args).stdout(Stdio::null()).stderr(Stdio::null()).spawn().unwrap();
+        let began = Instant::now();
+        while !path.exists() {
+            assert!(began.elapsed() < Duration::from_secs(60), "nothing is saved");
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        std::thread::sleep(Duration::from_micros(rng.random_range(0..600_000)));
+        child.kill().unwrap();
+        assert_eq!(child.wait().unwrap().signal(), Some(9));
+        let now = load(&path).trainer.counters().updates;
+        assert!(now >= updates, "update {updates} was saved, and {now} is left");
+        updates = now;
+        args = vec!["--resume", "kept.safetensors", "--save", "kept.safetensors", "--save-every", "0.0001"];
+    }
+    // What the killed programs left behind goes with the next save, once it is old enough to be nobody's.
+    std::thread::sleep(Duration::from_secs(6));
+    let stop = (updates + 1).to_string();
+    args.extend(["--max-updates", &stop, "--eval-tasks", "1"]);
+    assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
+    let left: Vec<_> = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name()).collect();
+    assert!(left.iter().all(|name| name == "kept.safetensors" || name == "home"), "{left:?}");
+    println!("{kills} kills, {updates} updates, no checkpoint broken, nothing left behind");
+}
+
+/// A small run's checkpoint at `updates`, reached by stops and resumes at the `stops`.
+fn trained(folder: &Path, name: &str, stops: &[u64]) -> PathBuf {
+    let file = format!("{name}.safetensors");
+    for (i, stop) in stops.iter().enumerate() {
+        let stop = stop.to_string();
+        let mut args = if i == 0 { vec!["trap", "--seed", "5"] } else { vec!["--resume", &file] };
+        args.extend(["--max-updates", &stop, "--eval-tasks", "1", "--save", &file]);
+        let (status, _, errors) = outcome(&mut headless(folder, &args));
+        assert_eq!(status, 0, "{errors}");
+    }
+    folder.join(file)
+}
+
+/// All tensors of a checkpoint, and its texts but for times and evaluations.
+fn contents(path: &Path) -> BTreeMap<String, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    resealed(&std::fs::read(path).unwrap(), |texts, tensors| {
+        all.extend(tensors.iter().map(|(name, (_, bytes))| (name.clone(), bytes.clone())));
+        let mut trainer: serde_json::Value = serde_json::from_str(&texts["trainer"]).unwrap();
+        trainer.as_object_mut().unwrap().remove("seconds");
+        all.insert("trainer".to_owned(), trainer.to_string().into_bytes());
+    });
+    all
+}
+
+#[test]
+fn runs_stopped_and_resumed_at_random_updates_go_on_bit_for_bit() {
+    let (rounds, folder, mut rng) = (times(3, 50), folder(), rng(2));
+    let straight = contents(&trained(folder.path(), "straight", &[900]));
+    for round in 0..rounds {
+        let mut stops: Vec<u64> = (0..rng.random_range(1..4)).map(|_| rng.random_range(1..900)).collect();
+        stops.push(900);
+        stops.sort_unstable();
+        stops.dedup();
+        let found = contents(&trained(folder.path(), &format!("round-{round}"), &stops));
+        let differ: Vec<_> =
+            straight.iter().filter(|(name, bytes)| found.get(*name) != Some(*bytes)).map(|d| d.0).collect();
+        assert!(differ.is_empty() && found.len() == straight.len(), "stopped at {stops:?}: {differ:?} differ");
+    }
+    println!("{rounds} runs stopped and resumed, all the same");
+}
+
+/// Changes some bytes, cuts, repeats or moves a part.
+fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
+    let mut bytes = bytes.to_vec();
+    for _ in 0..rng.random_range(1..6) {
+        let length = bytes.len().max(1);
+        let (a, b) = (rng.random_range(0..length), rng.random_range(0..length));
+        let (from, to) = (a.min(b).min(bytes.len()), a.max(b).min(bytes.len()));
+        match rng.random_range(0..6) {
+            0 => drop(bytes.drain(from..to)),
+            1 => {
+                let part = bytes[from..to.min(from + 2000)].to_vec();
+                bytes.splice(from..from, part);
+            }
+            2 => bytes.truncate(to),
+            3 => {
+                let number = rng.random_range(0..1000u64).to_string().into_bytes();
+                bytes.splice(from..from, number);
+            }
+            _ => {
+                if let Some(byte) = bytes.get_mut(from) {
+                    *byte = rng.random();
+                }
+            }
+        }
+    }
+    bytes
+}
+
+#[test]
+fn mutated_maps_scenarios_and_settings_are_read_or_refused() {
+    let (count, folder, mut rng) = (times(150, 1000), folder(), rng(3));
+    let grid = map::builtin("trap").unwrap();
+    let scenario: String = (0..9).map(|i| format!("0\ttrap\t53\t41\t0\t0\t{i}\t0\t{i}\n")).collect();
+    let config = serde_json::to_string_pretty(&train::Preset::Default.settings()).unwrap();
+    let (ascii, movingai) = (map::print_ascii(&grid), map::print_movingai(&grid));
+    let path = folder.path().join("file");
+    let mut taken = [0; 4];
+    for _ in 0..count {
+        for (i, text) in [&ascii, &movingai, &format!("version 1\n{scenario}"), &config].into_iter().enumerate() {
+            let bytes = mutated(text.as_bytes(), &mut rng);
+            std::fs::write(&path, &bytes).unwrap();
+            let fine = match i {
+                0 | 1 => map::load_map(&path).map(drop).map_err(|e| e.to_string()),
+                2 => map::load_scenario(&path, &grid).map(drop).map_err(|e| e.to_string()),
+                _ => {
+                    let overrides = train::Overrides { config: Some(&path), set: &[] };
+                    train::settings_from(train::Preset::Default, &overrides).map(drop).map_err(|e| e.to_string())
+                }
+            };
+            match fine {
+                Ok(()) => taken[i] += 1,
+                Err(error) => assert!(error.contains("file") && error.len() < 2_000, "{error}"),
+            }
+        }
+    }
+    println!("{count} each of maps, Moving AI maps, scenarios and settings: {taken:?} were still sound");
+}
+
+#[test]
+fn mutated_checkpoints_are_read_or_refused_and_what_is_read_trains_on() {
+    let (count, folder, mut rng) = (times(120, 1000), folder(), rng(4));
+    let good = std::fs::read(trained(folder.path(), "good", &[150])).unwrap();
+    let mut taken = 0;
+    for i in 0..count {
+        // Half of them with a checksum that is right, as somebody would make them who means harm.
+        let bytes = if i % 2 == 0 {
+            mutated(&good, &mut rng)
+        } else {
+            resealed(&good, |texts, tensors| {
+                let name = tensors.keys().nth(rng.random_range(0..tensors.len())).unwrap().clone();
+                if rng.random() {
+                    let (dtype, bytes) = tensors.get_mut(&name).unwrap();
+                    let width = dtype.bitsize() / 8;
+                    *bytes = mutated(bytes, &mut rng);
+                    bytes.truncate(bytes.len() / width * width);
+                } else {
+                    let name = ["run", "trainer", "history", "map", "learner_updates"][rng.random_range(0..5)];
+                    let changed = mutated(texts[name].as_bytes(), &mut rng);
+                    texts.insert(name.to_owned(), String::from_utf8_lossy(&changed).into_owned());
+                }
+            })
+        };
+        match train::from_bytes(&bytes, 1) {
+            Ok(mut trainer) => {
+                taken += 1;
+                let more = trainer.counters().updates + 30;
+                // It may give up, but neither hang nor panic.
+                let began = Instant::now();
+                while trainer.counters().updates < more && trainer.tick().is_ok() {
+                    assert!(began.elapsed() < Duration::from_secs(60), "number {i} trains for ever");
+                }
+            }
+            Err(error) => assert!(!error.is_empty()),
+        }
+    }
+    println!("{count} checkpoints, {taken} were still sound");
+}
+
+#[test]
+fn mutated_recordings_are_drawn_or_refused() {
+    let (count, folder, mut rng) = (times(40, 1000), folder(), rng(5));
+    let cast = "{\"version\":2,\"width\":40,\"height\":12}\n[0.1,\"o\",\"\\u001b[31mab\\u001b[2;3Hcd\"]\n[0.5,\"r\",\"30x10\"]\n[0.9,\"o\",\"x\"]\n";
+    for _ in 0..count {
+        std::fs::write(folder.path().join("a.cast"), mutated(cast.as_bytes(), &mut rng)).unwrap();
+        let began = Instant::now();
+        let mut command = plain(folder.path());
+        let (status, _, errors) =
+            outcome(command.args(["frames", "a.cast", "--at", "0.3", "--out", "out", "--overwrite"]));
+        assert!(matches!(status, 0 | 2) && began.elapsed() < Duration::from_secs(10), "{status}: {errors}");
+    }
+    println!("{count} recordings");
+}
+
+/// Everything in a folder and below, with its contents.
+fn everything(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+    let mut all = BTreeMap::new();
+    for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
+        if entry.path().is_dir() {
+            all.extend(everything(&entry.path()));
+        } else {
+            all.insert(entry.path(), std::fs::read(entry.path()).unwrap());
+        }
+    }
+    all
+}
+
+#[test]
+fn a_monkey_at_keyboard_and_mouse_breaks_nothing_and_leaves_what_is_not_its_own() {
+    let (events, outside, mut rng) = (times(500, 5000), folder(), rng(6));
+    let inside = outside.path().join("inside");
+    std::fs::create_dir(&inside).unwrap();
+    std::fs::write(outside.path().join("mine.txt"), "..S\n.G.\n").unwrap();
+    std::fs::write(outside.path().join("mine.safetensors"), "not a checkpoint").unwrap();
+    let before = std::fs::read(outside.path().join("mine.txt")).unwrap();
+    let mut session = Session::start(&inside, &["trap"]);
+    session.wait_for("training");
+    let special =
+        ["\r", "\x1b", "\t", " ", "\x7f", "\x1b[A", "\x1b[B", "\x1b[C", "\x1b[D", "\x1b[5~", "\x1b[6~", "\x15"];
+    for i in 0..events {
+        let keys = match rng.random_range(0..10) {
+            0..5 => char::from(rng.random_range(b' '..=b'~')).to_string(),
+            5..8 => special[rng.random_range(0..special.len())].to_owned(),
+            _ => {
+                let (button, x, y) = (rng.random_range(0..70), rng.random_range(1..90), rng.random_range(1..30));
+                format!("\x1b[<{button};{x};{y}M\x1b[<{button};{x};{y}m")
+            }
+        };
+        session.press(&keys);
+        if i % 10 == 0 {
+            std::thread::sleep(Duration::from_millis(5));
+        }
+        if let Some(status) = session.child.try_wait().unwrap() {
+            // It found the way out, as a user does.
+            assert!(status.exit_code() == 0, "{status:?} after {i} events:\n{}", session.shows());
+            session = Session::start(&inside, &["trap"]);
+            session.wait_for("training");
+        }
+    }
+    session.signal("TERM");
+    assert_eq!(session.end(), 143);
+    let after = everything(outside.path());
+    let strangers: Vec<_> = after.keys().filter(|path| !path.starts_with(&inside)).collect();
+    assert_eq!(strangers.len(), 2, "nothing new outside its folder: {strangers:?}");
+    assert_eq!(std::fs::read(outside.path().join("mine.txt")).unwrap(), before);
+    for path in checkpoints(&inside) {
+        load(&path);
+    }
+    println!("{events} keys and clicks");
+}
+
+#[test]
+fn resize_storms_are_survived() {
+    let (resizes, folder, mut rng) = (times(60, 500), folder(), rng(7));
+    let session = Session::start(folder.path(), &["trap"]);
+    session.wait_for("training");
+    for _ in 0..resizes {
+        let (cols, rows) = match rng.random_range(0..10) {
+            0 => (65535, 65535),
+            1 => (1, 1),
+            2 => (0, 0),
+            _ => (rng.random_range(1..300), rng.random_range(1..90)),
+        };
+        session.master.resize(size(cols, rows)).unwrap();
+        let bounded = |n: u16| some(n.clamp(1, 500));
+        session.screen.lock().unwrap().screen_mut().set_size(bounded(rows), bounded(cols));
+        std::thread::sleep(Duration::from_millis(rng.random_range(0..40)));
+    }
+    session.master.resize(size(80, 24)).unwrap();
+    session.screen.lock().unwrap().screen_mut().set_size(some(24), some(80));
+    session.wait_for("updates");
+    session.signal("TERM");
+    assert_eq!(session.end(), 143);
+    println!("{resizes} sizes");
+}
+
+#[test]
+fn many_at_once_never_take_the_same_file() {
+    let (programs, folder) = (times(6, 40), folder());
+    let done = AtomicUsize::new(0);
+    std::thread::scope(|scope| {
+        for _ in 0..programs {
+            scope.spawn(|| {
+                let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "same.safetensors"];
+                assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
+                done.fetch_add(1, Ordering::Relaxed);
+            });
+        }
+    });
+    let found = checkpoints(folder.path());
+    assert_eq!((done.into_inner(), found.len()), (programs, programs), "{found:?}");
+    found.iter().for_each(|path| drop(load(path)));
+    println!("{programs} programs side by side");
+}

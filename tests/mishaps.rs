@@ -1,0 +1,529 @@
+//! What becomes of a run when something goes wrong: nothing is lost, and everything is said.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+mod support;
+
+use std::io::{BufRead, BufReader, Read};
+use std::os::unix::fs::{PermissionsExt, symlink};
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+use gdg_tui::train;
+use serde_json::Value;
+use support::{Session, checkpoints, headless, kill, outcome, plain, resealed};
+
+/// What tests alone set.
+const FAULTS: &str = "GDG_TUI_FAULTS";
+
+fn folder() -> tempfile::TempDir {
+    tempfile::tempdir().unwrap()
+}
+
+fn assert_loads(path: &Path) -> u64 {
+    let loaded = train::load(path, 1).unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.warning.is_none(), "{:?}", loaded.warning);
+    loaded.trainer.counters().updates
+}
+
+/// A small checkpoint.
+fn checkpoint(folder: &Path) -> std::path::PathBuf {
+    let path = folder.join("small.safetensors");
+    let args = ["trap", "--max-updates", "350", "--eval-tasks", "1", "--save", "small.safetensors"];
+    let (status, _, errors) = outcome(&mut headless(folder, &args));
+    assert_eq!((status, errors.as_str()), (0, ""));
+    path
+}
+
+fn events(output: &str) -> Vec<Value> {
+    output.lines().map(|line| serde_json::from_str(line).unwrap()).collect()
+}
+
+/// A run in the background whose records can be waited for.
+struct Running {
+    child: Child,
+    out: BufReader<std::process::ChildStdout>,
+}
+
+impl Running {
+    fn start(command: &mut Command) -> Self {
+        let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
+        let out = BufReader::new(child.stdout.take().unwrap());
+        Self { child, out }
+    }
+
+    fn wait_for(&mut self, event: &str) {
+        let mut line = String::new();
+        while !line.contains(&format!("\"event\":\"{event}\"")) {
+            line.clear();
+            assert!(self.out.read_line(&mut line).unwrap() > 0, "{event} did not come");
+        }
+    }
+
+    /// Sends a signal; the exit status, and how long it took to end.
+    fn ends_by(mut self, signal: &str) -> (i32, Duration) {
+        let asked = Instant::now();
+        kill(self.child.id(), signal);
+        let mut rest = String::new();
+        self.out.read_to_string(&mut rest).unwrap();
+        (self.child.wait().unwrap().code().unwrap_or(-1), asked.elapsed())
+    }
+}
+
+/// "Within a second", on a machine that does other things too.
+const SOON: Duration = Duration::from_secs(4);
+
+#[test]
+fn closing_the_terminal_saves_the_run() {
+    let folder = folder();
+    let session = Session::start(folder.path(), &["trap"]);
+    session.wait_for("training");
+    // Less than ten seconds of training would not be missed.
+    std::thread::sleep(Duration::from_secs(13));
+    let mut child = session.hang_up();
+    let began = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status.exit_code();
+        }
+        assert!(began.elapsed() < Duration::from_secs(30), "it does not end");
+        std::thread::sleep(Duration::from_millis(20));
+    };
+    assert_eq!(status, 129);
+    let saved = checkpoints(folder.path());
+    assert_eq!(saved, [folder.path().join("saves/trap-gdg-bridge-seed0.safetensors")]);
+    assert!(assert_loads(&saved[0]) > 0);
+}
+
+#[test]
+fn a_fresh_run_leaves_the_checkpoint_of_another_alone() {
+    let folder = folder();
+    let first = checkpoint(folder.path());
+    let before = std::fs::read(&first).unwrap();
+    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "small.safetensors"];
+    let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
+    assert_eq!(status, 0);
+    assert!(
+        errors.contains("small.safetensors is another run's") && errors.contains("small-2.safetensors"),
+        "{errors}"
+    );
+    assert!(events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "small-2.safetensors"), "{output}");
+    assert_eq!(std::fs::read(&first).unwrap(), before);
+    let args =
+        ["--resume", "small.safetensors", "--max-updates", "360", "--eval-tasks", "1", "--save", "small.safetensors"];
+    let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
+    assert_eq!((status, errors.as_str()), (0, ""), "its own file");
+    assert_eq!(assert_loads(&first), 360);
+    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--overwrite", "--save", "small.safetensors"];
+    assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
+    assert_eq!(assert_loads(&first), 20);
+    assert_eq!(checkpoints(folder.path()).len(), 2);
+}
+
+#[test]
+fn a_run_that_diverges_goes_back_and_gives_up_in_order() {
+    let folder = folder();
+    let args = ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "back.safetensors"];
+    let (status, output, errors) = outcome(headless(folder.path(), &args).env(FAULTS, "loss=once@300"));
+    assert_eq!(status, 0, "{errors}");
+    let all = events(&output);
+    let recovery = all.iter().find(|e| e["event"] == "recovery").unwrap();
+    assert_eq!((&recovery["updates"], &recovery["back_to"], &recovery["times"]), (&300.into(), &0.into(), &1.into()));
+    assert!(
+        (recovery["learning_rate"].as_f64().unwrap() - 5e-4).abs() < 1e-9 && errors.contains("diverged"),
+        "{errors}"
+    );
+    let resumed = train::load(&folder.path().join("back.safetensors"), 1).unwrap().trainer;
+    assert!((resumed.run().settings.learn.learning_rate - 5e-4).abs() < 1e-9);
+    // And for good.
+    let args = ["trap", "--max-updates", "400", "--set", "learning_rate=3e38", "--save", "lost.safetensors"];
+    let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
+    assert_eq!(status, 1);
+    assert_eq!(events(&output).iter().filter(|e| e["event"] == "recovery").count(), 3, "{output}");
+    assert!(errors.contains("smaller learning_rate"), "{errors}");
+    assert_loads(&folder.path().join("lost.safetensors"));
+}
+
+#[test]
+fn divergence_is_shown_in_the_interface_and_the_program_stays_usable() {
+    let folder = folder();
+    let mut session = Session::start(folder.path(), &["trap", "--set", "learning_rate=3e38"]);
+    session.wait_for("training has stopped");
+    session.press("\x1b");
+    session.wait_until_gone("training has stopped");
+    session.press("s");
+    session.wait_for("saved saves/trap");
+    session.press("q");
+    assert_eq!(session.end(), 1);
+    assert_loads(&folder.path().join("saves/trap-gdg-bridge-seed0.safetensors"));
+}
+
+#[test]
+fn runs_without_interface_save_on_the_way() {
+    let folder = folder();
+    let path = folder.path().join("often.safetensors");
+    let mut run =
+        Running::start(&mut headless(folder.path(), &["trap", "--save", "often.safetensors", "--save-every", "0.002"]));
+    (0..3).for_each(|_| run.wait_for("saved"));
+    let (status, _) = run.ends_by("KILL");
+    assert_eq!(status, -1);
+    assert!(assert_loads(&path) > 0, "what was saved on the way is there");
+}
+
+#[test]
+fn a_place_that_cannot_be_saved_to_is_refused_before_training() {
+    let folder = folder();
+    std::fs::write(folder.path().join("file"), b"").unwrap();
+    std::fs::write(folder.path().join("protected"), b"").unwrap();
+    std::fs::set_permissions(folder.path().join("protected"), PermissionsExt::from_mode(0o444)).unwrap();
+    for path in [".", "file/below", "/dev/null", "protected", "/proc/nothing/x"] {
+        let (status, output, errors) = outcome(&mut headless(folder.path(), &["trap", "--save", path]));
+        assert_eq!((status, output.as_str()), (2, ""), "{path}: {errors}");
+        assert!(errors.contains("cannot be saved here"), "{path}: {errors}");
+    }
+}
+
+#[test]
+fn signals_are_obeyed_during_an_evaluation_and_the_run_is_saved_before_it() {
+    let folder = folder();
+    let args = ["trap", "--max-updates", "50", "--save", "kept.safetensors"];
+    let mut run = Running::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
+    run.wait_for("saved");
+    assert_eq!(assert_loads(&folder.path().join("kept.safetensors")), 50);
+    let (status, took) = run.ends_by("TERM");
+    assert!(status == 143 && took < SOON, "{status} after {took:?}");
+}
+
+#[test]
+fn a_second_signal_ends_at_once() {
+    let folder = folder();
+    let mut run = Running::start(headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"));
+    run.wait_for("start");
+    std::thread::sleep(Duration::from_millis(300));
+    kill(run.child.id(), "INT");
+    std::thread::sleep(Duration::from_millis(300));
+    let (status, took) = run.ends_by("INT");
+    assert!(status == 130 && took < SOON, "{status} after {took:?}");
+}
+
+#[test]
+fn a_signal_that_was_ignored_stays_ignored() {
+    let folder = folder();
+    let program = headless(folder.path(), &["trap"]);
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(program.get_program()).args(program.get_args());
+    shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    let mut run = Running::start(&mut shell);
+    run.wait_for("start");
+    kill(run.child.id(), "HUP");
+    run.wait_for("progress");
+    assert_eq!(run.ends_by("TERM").0, 143);
+}
+
+/// Waits for the message about an internal error, leaves by saving, and checks what is left.
+fn fails_in_the_interface(fault: &str, message: &str) {
+    let folder = folder();
+    let args = ["trap", "--set", "graph_every_updates=100", "--threads", "2"];
+    let mut session = Session::start_with(folder.path(), &args, &[(FAULTS, fault)]);
+    session.wait_for(message);
+    session.wait_for("save and quit");
+    session.press("\r");
+    assert_eq!(session.end(), 1, "{fault}");
+    let saved = folder.path().join("saves/trap-gdg-bridge-seed0.safetensors");
+    assert!(assert_loads(&saved) > 0, "{fault}");
+    let log = std::fs::read_dir(folder.path().join("gdg-tui/log")).unwrap().next().unwrap().unwrap();
+    let log = std::fs::read_to_string(log.path()).unwrap();
+    assert!(log.contains("a fault on demand") && log.contains("saved"), "{fault}: {log}");
+}
+
+#[test]
+fn a_panic_of_the_trainer_is_shown_and_the_run_saved() {
+    fails_in_the_interface("trainer=panic@800", "something failed inside");
+}
+
+#[test]
+fn a_panic_of_a_helper_in_an_update_is_shown_and_the_run_saved() {
+    fails_in_the_interface("helper=panic@3000", "something failed inside");
+}
+
+#[test]
+fn a_panic_while_a_graph_is_built_is_shown_and_the_run_saved() {
+    fails_in_the_interface("graph=panic@1", "something failed inside");
+}
+
+#[test]
+fn a_panic_of_the_viewer_is_shown_and_the_run_saved() {
+    fails_in_the_interface("viewer=panic@20", "something failed inside");
+}
+
+#[test]
+fn a_panic_of_an_evaluation_is_shown_and_the_run_saved() {
+    fails_in_the_interface("evaluation=panic@1", "something failed inside");
+}
+
+#[test]
+fn a_panic_of_the_interface_gives_the_terminal_back_and_saves_the_run() {
+    let folder = folder();
+    let args = ["trap", "--save", "kept.safetensors"];
+    let mut session = Session::start_with(folder.path(), &args, &[(FAULTS, "interface=panic@25")]);
+    assert_eq!(session.status(), 1);
+    session.assert_given_back();
+    assert!(session.shows().contains("internal error"), "{}", session.shows());
+    assert_loads(&folder.path().join("kept.safetensors"));
+}
+
+#[test]
+fn threads_that_hang_for_a_while_leave_the_interface_alive() {
+    for thread in ["trainer", "viewer", "evaluation", "graph"] {
+        let folder = folder();
+        let fault = format!("{thread}=delay:3000@1");
+        let mut session = Session::start_with(folder.path(), &["trap"], &[(FAULTS, &fault)]);
+        session.wait_for("quit");
+        session.press("?");
+        session.wait_for("pause training, or go on");
+        session.press("\x1b");
+        session.wait_until_gone("pause training, or go on");
+        session.press("q");
+        assert_eq!(session.end(), 0, "{thread}");
+    }
+}
+
+#[test]
+fn panics_without_the_interface_are_errors_and_the_run_is_saved() {
+    for (fault, updates) in [("trainer=panic@500", 1..500), ("graph=panic@1", 1..400), ("evaluation=panic@1", 400..401)]
+    {
+        let folder = folder();
+        let args = ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "kept.safetensors"];
+        let (status, _, errors) = outcome(headless(folder.path(), &args).env(FAULTS, fault));
+        assert_eq!(status, 1, "{fault}: {errors}");
+        assert!(errors.contains("internal error") && errors.contains("log"), "{fault}: {errors}");
+        let saved = assert_loads(&folder.path().join("kept.safetensors"));
+        assert!(updates.contains(&saved), "{fault}: {saved}");
+    }
+}
+
+#[test]
+fn a_killed_or_aborted_program_leaves_the_terminal_as_it_was() {
+    for signal in ["KILL", "ABRT"] {
+        let folder = folder();
+        let mut session = Session::start(folder.path(), &["trap"]);
+        session.wait_for("training");
+        session.signal(signal);
+        session.status();
+        let began = Instant::now();
+        while !session.raw.lock().unwrap().ends_with(b"\x1b[?25h") {
+            assert!(began.elapsed() < Duration::from_secs(10), "the cursor does not come back after {signal}");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        session.assert_given_back();
+        let modes = session.master.get_termios().unwrap();
+        assert!(format!("{:?}", modes.local_flags).contains("ECHO |"), "what is typed shows again");
+    }
+}
+
+#[test]
+fn what_does_not_fit_into_memory_is_refused_with_what_it_needs() {
+    let folder = folder();
+    let limited = |args: &[&str]| {
+        let mut shell = Command::new("sh");
+        let program = plain(folder.path());
+        shell.args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\""]).arg(program.get_program()).args(args);
+        shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+        outcome(shell.current_dir(folder.path()))
+    };
+    for setting in ["hidden=4096", "candidates=10000", "replay_capacity=100000000"] {
+        let (status, output, errors) = limited(&["--no-ui", "trap", "--set", "layers=8", "--set", setting]);
+        assert_eq!((status, output.as_str()), (2, ""), "{setting}: {errors}");
+        assert!(errors.contains("GB of memory"), "{setting}: {errors}");
+    }
+    let (status, _, errors) = limited(&["--no-ui", "trap", "--max-updates", "50", "--eval-tasks", "1"]);
+    assert_eq!(status, 0, "the default fits: {errors}");
+}
+
+#[test]
+fn a_damaged_checkpoint_falls_back_to_the_one_before() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    let mut bytes = std::fs::read(&path).unwrap();
+    std::fs::copy(&path, folder.path().join("small.safetensors.bak")).unwrap();
+    let middle = bytes.len() / 2;
+    bytes[middle] ^= 1;
+    std::fs::write(&path, &bytes).unwrap();
+    let args = ["--resume", "small.safetensors", "--max-updates", "360", "--eval-tasks", "1"];
+    let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
+    assert_eq!(status, 0, "{errors}");
+    assert!(errors.contains("small.safetensors is damaged") && errors.contains("small.safetensors.bak"), "{errors}");
+    assert_eq!(events(&output)[0]["updates"], 350);
+    std::fs::remove_file(folder.path().join("small.safetensors.bak")).unwrap();
+    let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
+    assert!(status == 2 && errors.contains("checksum"), "{errors}");
+}
+
+#[test]
+fn curves_evaluations_and_log_are_there_after_resuming() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    let history = train::load(&path, 1).unwrap().trainer.history().clone();
+    assert_eq!(history.points().iter().map(|p| p.updates).collect::<Vec<_>>(), [50, 100, 150, 200, 250, 300, 350]);
+    assert_eq!(history.evaluations().iter().map(|(at, _)| *at).collect::<Vec<_>>(), [350]);
+    let mut session = Session::start(folder.path(), &["--resume", "small.safetensors"]);
+    session.wait_for("training");
+    session.press(" ");
+    session.wait_for("paused");
+    session.press("s");
+    session.wait_for("saved small.safetensors");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+    let again = train::load(&path, 1).unwrap().trainer.history().clone();
+    assert_eq!(again.points()[..7], history.points()[..]);
+    assert!(again.log.iter().any(|entry| entry.text.contains("gdg-bridge on trap")), "{:?}", again.log);
+}
+
+#[test]
+fn a_checkpoints_names_and_numbers_are_not_trusted() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    let good = std::fs::read(&path).unwrap();
+    std::fs::write(
+        &path,
+        resealed(&good, |texts, _| drop(texts.insert("map_name".into(), "../../evil/\x1b[2Jx".into()))),
+    )
+    .unwrap();
+    let loaded = train::load(&path, 1).unwrap().trainer;
+    assert_eq!(loaded.map().name(), "[2Jx");
+    assert_eq!(train::describe(&path).unwrap().map, "[2Jx");
+    let floats = |values: &[f32]| values.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let cases: Vec<(&str, Box<dyn Fn(&mut Vec<u8>)>, &str)> = vec![
+        ("graph.lengths", Box::new(move |b| b[..4].copy_from_slice(&floats(&[f32::NAN]))), "impossible length"),
+        ("graph.lengths", Box::new(move |b| b[..4].copy_from_slice(&floats(&[-5.0]))), "impossible length"),
+        ("bridge.spacing", Box::new(move |b| b.copy_from_slice(&floats(&[0.0]))), "out of range"),
+        ("bridge.spacing", Box::new(move |b| b.copy_from_slice(&floats(&[-1.0]))), "out of range"),
+        ("bridge.states", Box::new(move |b| b[..4].copy_from_slice(&floats(&[f32::INFINITY]))), "out of range"),
+        ("critic0.dense", Box::new(move |b| b[..4].copy_from_slice(&floats(&[f32::NAN]))), "not finite"),
+        ("actor.table", Box::new(move |b| b[..4].copy_from_slice(&floats(&[f32::INFINITY]))), "not finite"),
+        ("replay.states", Box::new(move |b| b[..4].copy_from_slice(&floats(&[f32::NAN]))), "out of range"),
+        ("replay.left", Box::new(|b| b.fill(0xff)), "out of range"),
+        ("replay.episode", Box::new(|b| b.fill(0xff)), "out of range"),
+    ];
+    for (tensor, change, expected) in cases {
+        let bytes = resealed(&good, |_, tensors| change(&mut tensors.get_mut(tensor).unwrap().1));
+        let error = train::from_bytes(&bytes, 1).err().unwrap_or_else(|| panic!("{tensor} is taken"));
+        assert!(error.contains(expected), "{tensor}: {error}");
+    }
+    for (text, from, to) in [
+        ("trainer", "\"seconds\":", "\"seconds\":-"),
+        ("trainer", "\"updates\":", "\"updates\":9999999999999999"),
+        ("run", "\"gdg-bridge\"", "\"\\u001b[2J\""),
+        ("run", "\"hidden\":16", "\"hidden\":0"),
+        ("history", "\"every\":50", "\"every\":0"),
+    ] {
+        let bytes = resealed(&good, |texts, _| {
+            let changed = texts[text].replacen(from, to, 1);
+            assert_ne!(changed, texts[text], "{from}");
+            texts.insert(text.to_owned(), changed);
+        });
+        assert!(train::from_bytes(&bytes, 1).is_err(), "{text} with {to}");
+        std::fs::write(&path, bytes).unwrap();
+        let (status, _, errors) = outcome(&mut headless(folder.path(), &["--resume", "small.safetensors"]));
+        assert!(status == 2 && !errors.contains('\x1b'), "{errors:?}");
+    }
+}
+
+#[test]
+fn nothing_blocks_on_what_is_no_regular_file() {
+    let folder = folder();
+    nix::unistd::mkfifo(&folder.path().join("fifo"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+    symlink("/dev/zero", folder.path().join("zero")).unwrap();
+    for file in ["fifo", "zero"] {
+        for args in [
+            &["check", file][..],
+            &["--no-ui", file],
+            &["--no-ui", "--resume", file],
+            &["--no-ui", "--config", file],
+            &["--no-ui", "trap", "--scen", file],
+            &["frames", file, "--at", "1"],
+        ] {
+            let began = Instant::now();
+            let (status, _, errors) = outcome(plain(folder.path()).args(args));
+            assert_eq!(status, 2, "{args:?}: {errors}");
+            assert!(errors.contains("not a regular file") && began.elapsed() < SOON, "{args:?}: {errors}");
+        }
+    }
+    std::fs::create_dir(folder.path().join("saves")).unwrap();
+    std::fs::rename(folder.path().join("fifo"), folder.path().join("saves/fifo.safetensors")).unwrap();
+    let mut session = Session::start(folder.path(), &["trap"]);
+    session.wait_for("training");
+    session.press("L");
+    session.wait_for("not a regular file");
+    session.press("\x1b");
+    session.wait_until_gone("not a regular file");
+    session.press("q");
+    assert_eq!(session.end(), 0);
+}
+
+#[test]
+fn a_private_checkpoint_stays_private_and_a_link_a_link() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o600)).unwrap();
+    symlink("small.safetensors", folder.path().join("link.safetensors")).unwrap();
+    let args =
+        ["--resume", "link.safetensors", "--max-updates", "360", "--eval-tasks", "1", "--save", "link.safetensors"];
+    assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
+    assert_eq!(path.metadata().unwrap().permissions().mode() & 0o777, 0o600);
+    assert!(folder.path().join("link.safetensors").symlink_metadata().unwrap().is_symlink());
+    assert_eq!(assert_loads(&path), 360);
+}
+
+#[test]
+fn nothing_from_outside_acts_on_the_terminal() {
+    let folder = folder();
+    let evil = "evil\x1b]0;title\x07\u{9b}31m\u{202e}.txt";
+    std::fs::write(folder.path().join(evil), "..x\n").unwrap();
+    std::fs::write(folder.path().join("evil.json"), "{\"tau\x1b[2J\": 1,\n \"batch\": \"\u{9b}31m\"}").unwrap();
+    std::fs::write(folder.path().join("good\u{9b}31m.txt"), "S.G\n...\n").unwrap();
+    for args in [
+        &["check", evil][..],
+        &["--no-ui", evil],
+        &["--no-ui", "\x1b[2Jno/such"],
+        &["--no-ui", "--config", "evil.json"],
+        &["--no-ui", "--set", "tau=\x1b[2J"],
+        &["--no-ui", "--set", "\x1b[2J=1"],
+        &["--no-ui", "--seed", "\x1b[2J"],
+        &["--no-ui", "--resume", evil],
+        &["check", "good\u{9b}31m.txt"],
+        &["--no-ui", "good\u{9b}31m.txt", "--max-updates", "2", "--eval-tasks", "1", "--set", "hidden=8"],
+    ] {
+        let (_, output, errors) = outcome(plain(folder.path()).args(args));
+        let acts = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
+        assert!(!output.is_empty() || !errors.is_empty());
+        assert!(!output.contains(acts) && !errors.contains(acts), "{args:?}: {output:?} {errors:?}");
+    }
+}
+
+#[test]
+fn quotations_of_huge_lines_are_short() {
+    let folder = folder();
+    let line = "x".repeat(50_000_000);
+    for text in [format!("{{\"{line}\": 1}}"), format!("{{\"tau\": \"{line}\"}}"), format!("{{\"tau\": {line}}}")] {
+        std::fs::write(folder.path().join("long.json"), text).unwrap();
+        let (status, _, errors) = outcome(plain(folder.path()).args(["--no-ui", "--config", "long.json"]));
+        assert_eq!(status, 2);
+        assert!(errors.len() < 5_000, "{} bytes of error", errors.len());
+    }
+}
+
+#[test]
+fn a_full_standard_error_changes_no_exit_status() {
+    let folder = folder();
+    let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+    for (args, expected) in [(&["--no-ui", "nomap"][..], 2), (&["--nonsense"], 2), (&["check", "nomap"], 2)] {
+        let status = plain(folder.path()).args(args).stderr(full()).stdout(Stdio::null()).status().unwrap();
+        assert_eq!(status.code(), Some(expected), "{args:?}");
+    }
+    let args = ["trap", "--max-updates", "30", "--eval-tasks", "1", "--save", "kept.safetensors"];
+    let status = headless(folder.path(), &args).stdout(full()).stderr(Stdio::null()).status().unwrap();
+    assert_eq!(status.code(), Some(1), "records could not be written");
+    assert!(folder.path().join("kept.safetensors").is_file(), "but the run is kept");
+}

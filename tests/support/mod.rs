@@ -1,0 +1,249 @@
+//! The real program, on a pseudo-terminal or without; checkpoints with something else in them.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(dead_code, reason = "not every test uses all of it")]
+
+use std::io::{Read, Write};
+use std::num::NonZero;
+use std::path::{Path, PathBuf};
+use std::process::Command;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex};
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use std::collections::BTreeMap;
+
+use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
+use safetensors::tensor::{Dtype, SafeTensors, TensorView};
+
+/// The program on a terminal of its own.
+pub struct Session {
+    pub child: Box<dyn Child + Send + Sync>,
+    pub master: Box<dyn MasterPty + Send>,
+    pub keys: Box<dyn Write + Send>,
+    pub screen: Arc<Mutex<vt100::Parser>>,
+    /// Everything that the program wrote.
+    pub raw: Arc<Mutex<Vec<u8>>>,
+    reader: JoinHandle<()>,
+    hangs_up: Arc<AtomicBool>,
+}
+
+/// A size.
+pub fn some(n: u16) -> NonZero<u16> {
+    NonZero::new(n).unwrap()
+}
+
+/// A size.
+pub fn size(cols: u16, rows: u16) -> PtySize {
+    PtySize { rows, cols, pixel_width: 0, pixel_height: 0 }
+}
+
+impl Session {
+    pub fn start(folder: &Path, args: &[&str]) -> Self {
+        Self::start_with(folder, args, &[])
+    }
+
+    /// The same with variables of the environment.
+    pub fn start_with(folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
+        let pty = native_pty_system().openpty(size(80, 24)).unwrap();
+        let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        command.args(args);
+        // A checkpoint carries its own settings.
+        if !args.contains(&"--resume") {
+            command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "replay_capacity=20000"]);
+        }
+        command.cwd(folder);
+        command.env("TERM", "xterm-256color");
+        // Neither the configuration nor the recent maps of whoever runs the tests.
+        for name in ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME"] {
+            command.env(name, folder);
+        }
+        variables.iter().for_each(|(name, value)| command.env(name, value));
+        let child = pty.slave.spawn_command(command).unwrap();
+        let screen = Arc::new(Mutex::new(vt100::Parser::new(some(24), some(80), 0)));
+        let raw = Arc::new(Mutex::new(Vec::new()));
+        let mut reader = pty.master.try_clone_reader().unwrap();
+        let (parser, bytes) = (screen.clone(), raw.clone());
+        let hangs_up = Arc::new(AtomicBool::new(false));
+        let ends = hangs_up.clone();
+        let reader = std::thread::spawn(move || {
+            let mut chunk = [0; 4096];
+            while let (Ok(n @ 1..), false) = (reader.read(&mut chunk), ends.load(Ordering::Relaxed)) {
+                parser.lock().unwrap().process(&chunk[..n]);
+                bytes.lock().unwrap().extend(&chunk[..n]);
+            }
+        });
+        let keys = pty.master.take_writer().unwrap();
+        Self { child, master: pty.master, keys, screen, raw, reader, hangs_up }
+    }
+
+    /// Presses keys; a program that has ended takes none.
+    pub fn press(&mut self, keys: &str) {
+        let _ = self.keys.write_all(keys.as_bytes()).and_then(|()| self.keys.flush());
+    }
+
+    pub fn shows(&self) -> String {
+        self.screen.lock().unwrap().screen().contents()
+    }
+
+    pub fn wait_for(&self, text: &str) {
+        let began = Instant::now();
+        while !self.shows().contains(text) {
+            assert!(began.elapsed() < Duration::from_secs(60), "{text:?} did not come:\n{}", self.shows());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    pub fn wait_until_gone(&self, text: &str) {
+        self.wait(|session| !session.shows().contains(text));
+    }
+
+    pub fn wait(&self, is: impl Fn(&Self) -> bool) {
+        let began = Instant::now();
+        while !is(self) {
+            assert!(began.elapsed() < Duration::from_secs(60), "it did not come about:\n{}", self.shows());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Waits for a question, which is asked only where much would be lost.
+    pub fn wait_for_end_or(&mut self, text: &str) {
+        let began = Instant::now();
+        while !self.shows().contains(text) && self.child.try_wait().unwrap().is_none() {
+            assert!(began.elapsed() < Duration::from_secs(60), "neither came:\n{}", self.shows());
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Closes the terminal, as the window of one is closed; the program is left to itself.
+    pub fn hang_up(self) -> Box<dyn Child + Send + Sync> {
+        self.hangs_up.store(true, Ordering::Relaxed);
+        // The next frame ends it.
+        self.reader.join().unwrap();
+        self.child
+    }
+
+    /// Sends a signal by its name.
+    pub fn signal(&self, name: &str) {
+        kill(self.child.process_id().unwrap(), name);
+    }
+
+    /// Waits for the program's end; its exit status.
+    pub fn status(&mut self) -> u32 {
+        let began = Instant::now();
+        loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                return status.exit_code();
+            }
+            if began.elapsed() > Duration::from_secs(60) {
+                let shown = self.shows();
+                self.child.kill().unwrap();
+                panic!("it did not end:\n{shown}");
+            }
+            std::thread::sleep(Duration::from_millis(10));
+        }
+    }
+
+    /// Checks that the terminal was given back: every mode that was switched on was switched off afterwards.
+    pub fn assert_given_back(&self) {
+        // What was written last is still on its way.
+        std::thread::sleep(Duration::from_millis(200));
+        let raw = self.raw.lock().unwrap();
+        let last = |sequence: &[u8]| raw.windows(sequence.len()).rposition(|w| w == sequence);
+        for (taken, given_back) in [
+            (&b"\x1b[?1049h"[..], &b"\x1b[?1049l"[..]),
+            (b"\x1b[?1000h", b"\x1b[?1000l"),
+            (b"\x1b[?2004h", b"\x1b[?2004l"),
+            (b"\x1b[?25l", b"\x1b[?25h"),
+        ] {
+            assert!(last(taken).is_some() && last(given_back) > last(taken), "{given_back:?} is missing");
+        }
+    }
+
+    /// Waits for the program's end, which gives the terminal back; its exit status.
+    pub fn end(mut self) -> u32 {
+        let status = self.status();
+        self.assert_given_back();
+        status
+    }
+}
+
+/// Sends a signal by its name.
+pub fn kill(process: u32, name: &str) {
+    let sent = Command::new("kill").args([format!("-{name}"), process.to_string()]).status().unwrap();
+    assert!(sent.success(), "kill -{name} {process}");
+}
+
+/// The program without an interface, in `folder`, with nothing of whoever runs the tests.
+pub fn headless(folder: &Path, args: &[&str]) -> Command {
+    let mut command = plain(folder);
+    command.arg("--no-ui").args(args);
+    if !args.contains(&"--resume") {
+        command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "replay_capacity=20000"]);
+        command.args(["--set", "warmup_env_steps=500", "--set", "graph_every_updates=100"]);
+    }
+    command
+}
+
+/// The program with its working folder and home in `folder`.
+pub fn plain(folder: &Path) -> Command {
+    let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    command.current_dir(folder).env("NO_COLOR", "1");
+    for name in ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME", "XDG_DATA_HOME"] {
+        command.env(name, folder.join("home"));
+    }
+    command
+}
+
+/// What a command came to: its exit status, and what it wrote to standard output and standard error.
+pub fn outcome(command: &mut Command) -> (i32, String, String) {
+    let output = command.stdin(std::process::Stdio::null()).output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    (output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr))
+}
+
+/// All checkpoints below `folder`.
+pub fn checkpoints(folder: &Path) -> Vec<PathBuf> {
+    let mut found = Vec::new();
+    for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
+        let path = entry.path();
+        if path.is_dir() {
+            found.extend(checkpoints(&path));
+        } else if path.extension().is_some_and(|e| e == "safetensors") {
+            found.push(path);
+        }
+    }
+    found.sort();
+    found
+}
+
+/// A checkpoint's bytes with its texts and tensors changed and the checksum made right again.
+pub fn resealed(
+    bytes: &[u8],
+    change: impl FnOnce(&mut BTreeMap<String, String>, &mut BTreeMap<String, (Dtype, Vec<u8>)>),
+) -> Vec<u8> {
+    let (_, header) = SafeTensors::read_metadata(bytes).unwrap();
+    let mut texts: BTreeMap<String, String> = header.metadata().clone().unwrap().into_iter().collect();
+    let tensors = SafeTensors::deserialize(bytes).unwrap();
+    let mut tensors: BTreeMap<String, (Dtype, Vec<u8>)> =
+        tensors.iter().map(|(name, view)| (name.to_owned(), (view.dtype(), view.data().to_vec()))).collect();
+    texts.remove("checksum");
+    change(&mut texts, &mut tensors);
+    let mut sum = crc32fast::Hasher::new();
+    let mut add = |bytes: &[u8]| {
+        sum.update(&(bytes.len() as u64).to_le_bytes());
+        sum.update(bytes);
+    };
+    texts.iter().flat_map(|(name, text)| [name, text]).for_each(|text| add(text.as_bytes()));
+    for (name, (dtype, bytes)) in &tensors {
+        add(name.as_bytes());
+        add(format!("{dtype:?}").as_bytes());
+        add(bytes);
+    }
+    texts.insert("checksum".to_owned(), format!("{:08x}", sum.finalize()));
+    let views = tensors.iter().map(|(name, (dtype, bytes))| {
+        (name.as_str(), TensorView::new(*dtype, vec![bytes.len() * 8 / dtype.bitsize()], bytes).unwrap())
+    });
+    safetensors::serialize(views, Some(texts.into_iter().collect())).unwrap()
+}
