@@ -4,28 +4,50 @@
 //! [`Replay`] goes into [`Learner::update`]; a [`Policy`] is a frozen copy of the networks for planning, evaluation
 //! and display.
 
+#[forbid(unsafe_code)]
 mod adam;
+#[forbid(unsafe_code)]
 mod batch;
+#[forbid(unsafe_code)]
 mod dense;
+#[forbid(unsafe_code)]
 mod encoder;
+#[forbid(unsafe_code)]
 mod fused;
+#[forbid(unsafe_code)]
 mod gradient;
+#[forbid(unsafe_code)]
 mod grid;
 pub mod kernel;
+#[forbid(unsafe_code)]
 mod learner;
+#[forbid(unsafe_code)]
 mod losses;
+#[forbid(unsafe_code)]
 mod mlp;
+#[forbid(unsafe_code)]
 mod network;
+#[forbid(unsafe_code)]
 mod policy;
+#[forbid(unsafe_code)]
 pub mod product;
+#[forbid(unsafe_code)]
 mod profile;
+#[forbid(unsafe_code)]
 mod reference;
+#[forbid(unsafe_code)]
 mod replay;
+#[forbid(unsafe_code)]
 mod settings;
+#[forbid(unsafe_code)]
 mod state;
+#[forbid(unsafe_code)]
 mod table;
+#[forbid(unsafe_code)]
 mod tape;
+#[forbid(unsafe_code)]
 mod team;
+#[forbid(unsafe_code)]
 mod touched;
 
 pub use batch::{Batch, BatchSampler};

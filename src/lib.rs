@@ -38,22 +38,40 @@
 //! resumed or not. Each purpose has its own random stream; a batch is split into parts that do not depend on the number
 //! of threads and are summed in their order.
 
+#[forbid(unsafe_code)]
 pub mod ablate;
+#[forbid(unsafe_code)]
 pub mod bench;
+#[forbid(unsafe_code)]
 pub mod bridge;
+#[forbid(unsafe_code)]
 pub mod cli;
+#[forbid(unsafe_code)]
 pub mod env;
+#[forbid(unsafe_code)]
 pub mod facts;
+#[forbid(unsafe_code)]
 pub mod faults;
+#[forbid(unsafe_code)]
 pub mod files;
+#[forbid(unsafe_code)]
 pub mod frames;
+#[forbid(unsafe_code)]
 pub mod headless;
 pub mod learn;
+#[forbid(unsafe_code)]
 pub mod logging;
+#[forbid(unsafe_code)]
 pub mod map;
+#[forbid(unsafe_code)]
 pub mod report;
+#[forbid(unsafe_code)]
 pub mod setup;
+#[forbid(unsafe_code)]
 pub mod signals;
+#[forbid(unsafe_code)]
 pub mod text;
+#[forbid(unsafe_code)]
 pub mod train;
+#[forbid(unsafe_code)]
 pub mod tui;

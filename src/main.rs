@@ -1,4 +1,5 @@
 //! The binary: picks a front end and turns errors into messages and exit statuses.
+#![forbid(unsafe_code)]
 
 use std::io::IsTerminal;
 use std::process::ExitCode;
