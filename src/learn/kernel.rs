@@ -258,14 +258,138 @@ impl pulp::WithSimd for Peak {
 mod tests {
     use super::*;
 
+    /// More than the registers hold, whatever they are, by more than one of every part of them.
+    const LENGTHS: std::ops::RangeInclusive<usize> = 0..=70;
+
+    /// Exact in f32, of both signs, and 0 among them; no other call's for another `seed`.
+    fn numbers(length: usize, seed: usize) -> Vec<f32> {
+        (0..length).map(|i| ((i * 31 + seed * 13) % 23) as f32 * 0.125 - 1.375).collect()
+    }
+
+    fn assert_close(found: &[f32], right: impl Iterator<Item = f64>, what: &str) {
+        let right: Vec<f64> = right.collect();
+        assert_eq!(found.len(), right.len(), "{what}");
+        let off = found.iter().zip(&right).map(|(f, r)| (f64::from(*f) - r).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-4, "{what}: off by {off}");
+    }
+
     #[test]
     fn a_transpose_has_rows_and_columns_exchanged_whatever_the_size() {
-        for (rows, cols) in [(1, 1), (3, 5), (8, 8), (16, 24), (17, 9), (8, 31), (40, 7), (54, 128)] {
-            let x: Vec<f32> = (0..rows * cols).map(|i| i as f32).collect();
-            let mut out = vec![f32::NAN; (rows + 2) * cols];
-            transpose(&x, (rows, cols), &mut out, rows + 2);
-            let right = (0..rows).all(|r| (0..cols).all(|c| out[c * (rows + 2) + r] == x[r * cols + c]));
-            assert!(right, "{rows} x {cols}");
+        let odd = (0..=26).flat_map(|rows| (0..=26).map(move |cols| (rows, cols)));
+        for (rows, cols) in odd.chain([(40, 7), (8, 70), (70, 8), (54, 128)]) {
+            for stride in [rows, rows + 1, rows + 8] {
+                let x: Vec<f32> = (0..rows * cols).map(|i| i as f32).collect();
+                let mut out = vec![-1.0; stride * cols];
+                transpose(&x, (rows, cols), &mut out, stride);
+                // What lies between a row's end and the next one's beginning is nobody's.
+                let right = |c, r| if r < rows { x[r * cols + c] } else { -1.0 };
+                let all = (0..cols).all(|c| (0..stride).all(|r| out[c * stride + r] == right(c, r)));
+                assert!(all, "{rows} x {cols} to rows of {stride}");
+            }
         }
+    }
+
+    #[test]
+    #[should_panic(expected = "range end index 64")]
+    fn a_transpose_of_too_few_numbers_is_refused() {
+        transpose(&[0.0; 63], (8, 8), &mut [0.0; 64], 8);
+    }
+
+    #[test]
+    #[should_panic(expected = "range end index 64")]
+    fn a_transpose_to_too_little_room_is_refused() {
+        transpose(&[0.0; 64], (8, 8), &mut [0.0; 63], 8);
+    }
+
+    #[test]
+    #[should_panic(expected = "9 numbers in rows of 8")]
+    fn a_transpose_to_rows_that_overlap_is_refused() {
+        transpose(&[0.0; 72], (9, 8), &mut [0.0; 72], 8);
+    }
+
+    #[test]
+    fn loops_over_elements_reach_every_one_at_any_length() {
+        for n in LENGTHS {
+            let (a, b) = (numbers(n, 1), numbers(n, 2));
+            let changed = |change: fn(&mut [f32], &[f32])| {
+                let mut a = a.clone();
+                change(&mut a, &b);
+                a
+            };
+            let pairs = || a.iter().zip(&b);
+            let masked: Vec<f32> = pairs().map(|(d, y)| if *y > 0.0 { *d } else { 0.0 }).collect();
+            assert_eq!(changed(relu_backward), masked, "{n} masked");
+            assert_eq!(changed(add_into), pairs().map(|(s, p)| s + p).collect::<Vec<_>>(), "{n} added");
+            let average: Vec<f32> = pairs().map(|(a, w)| a + 0.25 * (w - a)).collect();
+            assert_eq!(changed(|a, w| soft_update(a, w, 0.25)), average, "{n} averaged");
+        }
+    }
+
+    #[test]
+    fn adam_steps_are_the_papers_at_any_length() {
+        let rate = AdamRate { rate: 0.01, epsilon: 1e-6 };
+        for n in LENGTHS {
+            let (w, m, g) = (numbers(n, 1), numbers(n, 2), numbers(n, 3));
+            let v: Vec<f32> = numbers(n, 4).iter().map(|v| v * v).collect();
+            let (mut w1, mut m1, mut v1) = (w.clone(), m.clone(), v.clone());
+            adam(&mut w1, &mut m1, &mut v1, &g, rate);
+            let (b1, b2) = (f64::from(BETA.0), f64::from(BETA.1));
+            let of = |numbers: &[f32], i: usize| f64::from(numbers[i]);
+            let m_right = |i| b1 * of(&m, i) + (1.0 - b1) * of(&g, i);
+            let v_right = |i| b2 * of(&v, i) + (1.0 - b2) * of(&g, i).powi(2);
+            assert_close(&m1, (0..n).map(m_right), "first moments");
+            assert_close(&v1, (0..n).map(v_right), "second moments");
+            let step = |i| f64::from(rate.rate) * m_right(i) / (v_right(i).sqrt() + f64::from(rate.epsilon));
+            assert_close(&w1, (0..n).map(|i| of(&w, i) - step(i)), "weights");
+
+            let (mut w2, mut m2, mut v2) = (w, m, v);
+            adam_few(&mut w2, &mut m2, &mut v2, &g, rate);
+            assert_eq!((w1, m1, v1), (w2, m2, v2), "{n} without a dispatch");
+        }
+    }
+
+    #[test]
+    fn moments_too_small_to_matter_are_0() {
+        let (mut w, mut m, mut v) = ([1.0], [1e-20], [1e-20]);
+        adam(&mut w, &mut m, &mut v, &[0.0], AdamRate { rate: 0.01, epsilon: 1e-6 });
+        assert_eq!((w, m, v), ([1.0], [0.0], [0.0]));
+    }
+
+    #[test]
+    fn sums_and_thin_layers_are_right_for_any_width() {
+        for (inputs, rows) in LENGTHS.skip(1).flat_map(|inputs| [0, 1, 2, 7].map(|rows| (inputs, rows))) {
+            let x = numbers(rows * inputs, 1);
+            let x_at = |r: usize, h: usize| f64::from(x[r * inputs + h]);
+            let mut sums = vec![f32::NAN; inputs];
+            column_sums(&x, &mut sums);
+            assert_close(&sums, (0..inputs).map(|h| (0..rows).map(|r| x_at(r, h)).sum()), "sums");
+            for outputs in 1..=5 {
+                let (w, bias, dy) = (numbers(outputs * inputs, 2), numbers(outputs, 3), numbers(rows * outputs, 4));
+                let w_at = |o: usize, h: usize| f64::from(w[o * inputs + h]);
+                let dy_at = |r: usize, o: usize| f64::from(dy[r * outputs + o]);
+
+                let mut y = vec![f32::NAN; rows * outputs];
+                thin_forward(&x, &w, &bias, &mut y);
+                let dot = |r, o| (0..inputs).map(|h| x_at(r, h) * w_at(o, h)).sum::<f64>();
+                let right = |i: usize| f64::from(bias[i % outputs]) + dot(i / outputs, i % outputs);
+                assert_close(&y, (0..rows * outputs).map(right), "forward");
+
+                let mut dx = vec![f32::NAN; rows * inputs];
+                thin_backward_input(&dy, &w, outputs, &mut dx);
+                let right = |i: usize| (0..outputs).map(|o| dy_at(i / inputs, o) * w_at(o, i % inputs)).sum::<f64>();
+                assert_close(&dx, (0..rows * inputs).map(right), "inputs' gradient");
+
+                let (mut dw, mut db) = (vec![f32::NAN; outputs * inputs], vec![f32::NAN; outputs]);
+                thin_backward_weights(&dy, &x, &mut dw, &mut db);
+                let right = |i: usize| (0..rows).map(|r| dy_at(r, i / inputs) * x_at(r, i % inputs)).sum::<f64>();
+                assert_close(&dw, (0..outputs * inputs).map(right), "weights' gradient");
+                assert_close(&db, (0..outputs).map(|o| (0..rows).map(|r| dy_at(r, o)).sum()), "biases' gradient");
+            }
+        }
+    }
+
+    #[test]
+    fn a_core_multiplies_and_adds() {
+        assert!(multiply_add_gflops() > 0.0);
     }
 }

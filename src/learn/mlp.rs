@@ -175,3 +175,121 @@ impl Mlp {
         acts.d_hidden = [d, d_below];
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Exact in f32, of both signs; no other call's for another `seed`.
+    fn numbers(length: usize, seed: usize) -> Vec<f32> {
+        (0..length).map(|i| ((i * 31 + seed * 13) % 23) as f32 * 0.0625 - 0.65625).collect()
+    }
+
+    /// The same by plain loops, in f64.
+    struct Plain<'a> {
+        mlp: &'a Mlp,
+        parameters: &'a [f32],
+    }
+
+    impl Plain<'_> {
+        fn at(&self, range: Range<usize>, index: usize) -> f64 {
+            f64::from(self.parameters[range][index])
+        }
+
+        fn weight(&self, layer: usize, from: usize, to: usize) -> f64 {
+            self.at(self.mlp.weights(layer), from * self.mlp.hidden + to)
+        }
+
+        fn output_weight(&self, from: usize, to: usize) -> f64 {
+            self.at(self.mlp.output_weights(), to * self.mlp.hidden + from)
+        }
+
+        /// Inputs, outputs of each layer, and outputs, of one row.
+        fn forward(&self, x: &[f32]) -> Vec<Vec<f64>> {
+            let mut values = vec![x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>()];
+            for layer in 0..self.mlp.layers {
+                let inputs = || values[layer].iter().enumerate();
+                let sum = |to| inputs().map(|(from, x)| x * self.weight(layer, from, to)).sum::<f64>();
+                let unit = |to| f64::max(0.0, self.at(self.mlp.bias(layer), to) + sum(to));
+                let outputs = (0..self.mlp.hidden).map(unit).collect();
+                values.push(outputs);
+            }
+            let last = &values[self.mlp.layers];
+            let sum = |to| last.iter().enumerate().map(|(from, x)| x * self.output_weight(from, to)).sum::<f64>();
+            let outputs = (0..self.mlp.outputs).map(|to| self.at(self.mlp.output_bias(), to) + sum(to)).collect();
+            values.push(outputs);
+            values
+        }
+
+        /// Adds one row's gradient to `gradient`; the inputs' gradient.
+        fn backward(&self, values: &[Vec<f64>], dy: &[f32], gradient: &mut [f64]) -> Vec<f64> {
+            let Mlp { hidden, layers, .. } = *self.mlp;
+            let mut d = vec![0.0; hidden];
+            for (to, dy) in dy.iter().map(|dy| f64::from(*dy)).enumerate() {
+                gradient[self.mlp.output_bias()][to] += dy;
+                for from in 0..hidden {
+                    gradient[self.mlp.output_weights()][to * hidden + from] += values[layers][from] * dy;
+                    d[from] += self.output_weight(from, to) * dy;
+                }
+            }
+            for layer in (0..layers).rev() {
+                let mut below = vec![0.0; self.mlp.layer_inputs(layer)];
+                for to in (0..hidden).filter(|to| values[layer + 1][*to] > 0.0) {
+                    gradient[self.mlp.bias(layer)][to] += d[to];
+                    for (from, below) in below.iter_mut().enumerate() {
+                        gradient[self.mlp.weights(layer)][from * hidden + to] += values[layer][from] * d[to];
+                        *below += self.weight(layer, from, to) * d[to];
+                    }
+                }
+                d = below;
+            }
+            d
+        }
+    }
+
+    fn assert_close(found: &[f32], right: &[f64], what: &str) {
+        assert_eq!(found.len(), right.len(), "{what}");
+        for (i, (found, right)) in found.iter().zip(right).enumerate() {
+            assert!((f64::from(*found) - right).abs() < 1e-4 * (1.0 + right.abs()), "{what} {i}: {found}, not {right}");
+        }
+    }
+
+    /// A perceptron on `rows` rows, forward and backward, with the inputs' gradient from column `from` on.
+    fn check(mlp: &Mlp, rows: usize, from: usize, (acts, packed): (&mut Activations, &mut Packed)) {
+        let what = |part: &str| format!("{part} of {mlp:?}, {rows} rows");
+        let (parameters, x, dy) =
+            (numbers(mlp.parameters(), 1), numbers(rows * mlp.inputs, 2), numbers(rows * mlp.outputs, 3));
+        let (mut y, mut gradient) = (vec![f32::NAN; rows * mlp.outputs], vec![f32::NAN; mlp.parameters()]);
+        let mut dx = vec![f32::NAN; rows * (mlp.inputs - from)];
+        mlp.pack(&parameters, true, packed);
+        mlp.forward((&parameters, packed), &x, &mut y, acts);
+        let wanted = Wanted { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
+        mlp.backward((&parameters, packed), &x, &dy, acts, wanted);
+
+        let plain = Plain { mlp, parameters: &parameters };
+        let (mut y_right, mut gradient_right, mut dx_right) = (vec![], vec![0.0; mlp.parameters()], vec![]);
+        for (x, dy) in x.chunks(mlp.inputs).zip(dy.chunks(mlp.outputs)) {
+            let values = plain.forward(x);
+            dx_right.extend(&plain.backward(&values, dy, &mut gradient_right)[from..]);
+            y_right.extend(&values[mlp.layers + 1]);
+        }
+        assert_close(&y, &y_right, &what("outputs"));
+        assert_close(&gradient, &gradient_right, &what("gradient"));
+        assert_close(&dx, &dx_right, &what("inputs' gradient"));
+    }
+
+    #[test]
+    fn a_perceptron_and_its_gradients_are_those_of_plain_loops_at_odd_sizes() {
+        // What is kept between passes grows and is used again by smaller ones.
+        let mut kept = (Activations::default(), Packed::default());
+        for (hidden, layers) in [1, 2, 7, 8, 15, 16, 17, 31, 33, 64, 70].into_iter().zip([1, 2, 3].into_iter().cycle())
+        {
+            for (inputs, outputs) in [(1, 1), (3, 2), (4, 4), (9, 3), (33, 1)] {
+                for (rows, from) in [(1, 0), (5, inputs / 2), (16, inputs - 1), (37, inputs / 3)] {
+                    let mlp = Mlp { inputs, hidden, layers, outputs };
+                    check(&mlp, rows, from, (&mut kept.0, &mut kept.1));
+                }
+            }
+        }
+    }
+}

@@ -259,9 +259,9 @@ mod tests {
     #[test]
     fn products_of_all_forms_and_odd_sizes_are_right() {
         let number = |i: usize| ((i * 7919) % 23) as f32 * 0.25 - 2.5;
-        for (rows, depth, columns) in
-            [(1, 1, 1), (1, 5, 3), (7, 3, 33), (12, 16, 32), (13, 9, 65), (29, 40, 72), (64, 31, 128)]
-        {
+        // Tiles of every height, panels that are full, begun and none, and what the networks have.
+        let odd = (0..=17).flat_map(|rows| (0..=70).map(move |columns| (rows, 1 + (rows + columns) % 5, columns)));
+        for (rows, depth, columns) in odd.chain([(12, 16, 32), (13, 9, 65), (29, 40, 72), (64, 31, 128)]) {
             let a: Vec<f32> = (0..rows * depth).map(number).collect();
             let b: Vec<f32> = (0..depth * columns).map(|i| number(i + 5)).collect();
             let bias: Vec<f32> = (0..columns).map(number).collect();
@@ -307,5 +307,32 @@ mod tests {
             panels.product(Left::Rows(&a[r * depth..][..depth]), 1, 0, &mut one);
             assert_eq!(one, all[r * columns..][..columns], "row {r}");
         }
+    }
+
+    #[test]
+    fn columns_beyond_the_last_stay_zero_when_a_panel_is_used_again() {
+        let (depth, columns) = (3, 5);
+        let mut panels = Panels::default();
+        for size in [columns, 2 * columns, columns] {
+            panels.pack(&vec![1.0; depth * size], depth, size);
+            panels.pack_transposed(&vec![1.0; depth * size], depth, size);
+        }
+        assert_eq!(panels.data.iter().sum::<f32>(), (depth * columns) as f32);
+    }
+
+    #[test]
+    #[should_panic(expected = "11 numbers for 4 x 3")]
+    fn a_left_hand_side_that_is_too_short_is_refused() {
+        let mut panels = Panels::default();
+        panels.pack(&[1.0; 6], 3, 2);
+        panels.product(Left::Columns(&[1.0; 11]), 4, 0, &mut [0.0; 8]);
+    }
+
+    #[test]
+    #[should_panic(expected = "7 numbers for 4 x 2")]
+    fn a_result_that_is_too_short_is_refused() {
+        let mut panels = Panels::default();
+        panels.pack(&[1.0; 6], 3, 2);
+        panels.product(Left::Rows(&[1.0; 12]), 4, 0, &mut [0.0; 7]);
     }
 }
