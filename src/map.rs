@@ -6,6 +6,7 @@ mod ascii;
 mod builtin;
 mod distance;
 mod error;
+mod flood;
 mod grid;
 mod load;
 mod movingai;

@@ -320,6 +320,20 @@ fn maps_lists_and_check_judges() {
     assert!(String::from_utf8_lossy(&bad.stderr).contains("short-row.txt:2:3"));
 }
 
+/// The largest map there can be; the limit leaves room for a busy machine.
+#[test]
+fn check_of_the_largest_map_takes_seconds() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = folder.path().join("open.txt");
+    std::fs::write(&map, format!("{}\n", ".".repeat(4096)).repeat(4096)).unwrap();
+    let began = Instant::now();
+    let output = gdg().arg("check").arg(&map).output().unwrap();
+    assert!(began.elapsed() < Duration::from_secs(20), "it took {:?}", began.elapsed());
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("farthest:   at least 4095 steps") && text.contains("components: 1,"), "{text}");
+    assert!(output.stderr.is_empty(), "where standard error is no terminal nothing turns there");
+}
+
 #[test]
 fn help_tells_how_to_begin() {
     let help = gdg().arg("--help").output().unwrap();
