@@ -336,3 +336,26 @@ fn a_signal_gives_the_terminal_back_and_keeps_the_checkpoint() {
         std::fs::remove_file(folder.path().join("kept.safetensors")).unwrap();
     }
 }
+
+#[test]
+fn check_shows_on_a_terminal_that_it_works() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("large.txt"), format!("{}\n", ".".repeat(1024)).repeat(1024)).unwrap();
+    let pty = native_pty_system().openpty(size(80, 24)).unwrap();
+    let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    command.args(["check", "large.txt"]);
+    command.cwd(folder.path());
+    command.env("TERM", "xterm-256color");
+    let mut child = pty.slave.spawn_command(command).unwrap();
+    drop(pty.slave);
+    let mut shown = Vec::new();
+    // A terminal that nobody holds any more ends with an error.
+    let _ = pty.master.try_clone_reader().unwrap().read_to_end(&mut shown);
+    assert!(child.wait().unwrap().success());
+    let shown = String::from_utf8_lossy(&shown);
+    assert!(shown.contains("measuring the map"), "{shown}");
+    let mut screen = vt100::Parser::new(some(24), some(80), 0);
+    screen.process(shown.as_bytes());
+    let left = screen.screen().contents();
+    assert!(left.starts_with("map:        large") && !left.contains("measuring"), "{left}");
+}
