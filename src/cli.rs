@@ -106,11 +106,14 @@ pub struct FramesArgs {
     /// A recording, as --record makes them
     pub cast: PathBuf,
     /// Moments to draw, in seconds from its beginning
-    #[arg(long, value_name = "S", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "S", value_delimiter = ',', required = true, value_parser = seconds)]
     pub at: Vec<f64>,
     /// Where the pictures go: one FILE-SECONDS.png for each moment
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub out: PathBuf,
+    /// Replace pictures that are there already
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 /// Everything about a training run.
@@ -289,7 +292,10 @@ impl From<PresetArg> for Preset {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|s| *s >= 0.0 && f64::is_finite(*s)).ok_or_else(|| "a number of seconds".to_owned())
+    text.parse()
+        .ok()
+        .filter(|s| *s >= 0.0 && f64::is_finite(*s))
+        .ok_or_else(|| "a number of seconds, 0 or more".to_owned())
 }
 
 fn share(text: &str) -> Result<f64, String> {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
 
-use miette::{IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report, miette};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::cli::{EditAt, TrainArgs};
@@ -107,6 +107,17 @@ fn load_edits(args: &TrainArgs, map: &Grid) -> Result<Vec<(u64, Arc<Grid>)>, Rep
         Ok((edit.updates, Arc::new(new)))
     };
     args.edit_at.iter().map(load).collect()
+}
+
+/// Refuses the name of a file that is there already, unless it may be replaced.
+///
+/// # Errors
+/// That it is there.
+pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
+    if overwrite || path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    Err(miette!(help = "give another name, or --overwrite", "{}: there is such a file", path.display()))
 }
 
 /// A map error as a report.

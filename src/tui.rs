@@ -49,6 +49,7 @@ pub use config::{UiConfig, load as load_config, template as config_template};
 pub use export::{Paper, png_of};
 pub use keymap::Keymap;
 pub use measure::Watched;
+pub use record::LARGEST_SCREEN;
 use record::Recorder;
 use terminal::Terminal;
 use viewer::Viewer;

@@ -344,6 +344,37 @@ fn help_tells_how_to_begin() {
 }
 
 #[test]
+fn frames_writes_nothing_that_was_not_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = |cast: &str, more: &[&str]| {
+        std::fs::write(folder.path().join("run.cast"), cast).unwrap();
+        let output = gdg().current_dir(&folder).args(["frames", "run.cast"]).args(more).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        (output.status.code(), error)
+    };
+    let cast = "{\"version\":2,\"width\":4,\"height\":1}\n[3.5,\"o\",\"ab\"]\n";
+    let huge = "{\"version\":2,\"width\":65535,\"height\":65535}\n";
+    for (cast, more, expected) in [
+        (huge, &["--at", "0"][..], "run.cast:1: a screen of 65535 x 65535 characters is too large"),
+        ("", &["--at", "0"], "run.cast: is empty"),
+        (cast, &["--at", "1,500"], "run.cast: nothing is shown at 500 s: the recording is 3.5 s long"),
+        (cast, &["--at=-1"], "a number of seconds, 0 or more"),
+        (cast, &["--at", "inf"], "a number of seconds, 0 or more"),
+    ] {
+        let (status, error) = frames(cast, more);
+        assert_eq!(status, Some(2), "{more:?}: {error}");
+        assert!(error.contains(expected), "{expected:?} is not in {error}");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is written");
+    }
+    assert_eq!(frames(cast, &["--at", "1,3.5"]).0, Some(0));
+    let (status, error) = frames(cast, &["--at", "0,1"]);
+    assert_eq!(status, Some(2));
+    assert!(error.contains("run-1.png: there is such a file") && error.contains("--overwrite"), "{error}");
+    assert!(!folder.path().join("run-0.png").exists());
+    assert_eq!(frames(cast, &["--at", "0,1", "--overwrite"]).0, Some(0));
+}
+
+#[test]
 fn bench_measures_everything_it_promises() {
     let output = gdg().args(["bench", "--runs", "1", "--json"]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));

@@ -257,16 +257,17 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     };
     let cast = std::fs::read_to_string(folder.path().join("run.cast")).unwrap();
     let mut screen = vt100::Parser::new(some(24), some(80), 0);
-    let mut seen = false;
+    let (mut seen, mut end) = (false, 0.0);
     for line in cast.lines().skip(1) {
-        let (_, kind, text): (f64, String, String) = serde_json::from_str(line).unwrap();
+        let (seconds, kind, text): (f64, String, String) = serde_json::from_str(line).unwrap();
+        end = seconds;
         if kind == "o" {
             screen.process(text.as_bytes());
             seen |= screen.screen().contents().contains("loss of D");
         }
     }
     assert!(seen, "the recording shows what was on the screen");
-    let told = run(&["frames", "run.cast", "--at", "0.2,0.5", "--out", "pictures"]);
+    let told = run(&["frames", "run.cast", "--at", &format!("0,{end}"), "--out", "pictures"]);
     assert_eq!(told.lines().count(), 2);
     assert!(told.lines().all(|file| folder.path().join(file).is_file()), "{told}");
     for shell in ["bash", "zsh", "fish"] {

@@ -9,6 +9,9 @@ use std::time::Instant;
 use miette::{IntoDiagnostic, Report, WrapErr};
 use serde_json::json;
 
+/// Columns and rows of the largest screen that is recorded or drawn: more than any real terminal has.
+pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
+
 /// A recording in progress.
 pub struct Recorder {
     file: BufWriter<File>,
