@@ -98,6 +98,9 @@ pub struct AblateArgs {
     /// Write all results as JSON too
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Replace the JSON file if it is there already
+    #[arg(long, requires = "json")]
+    pub overwrite: bool,
 }
 
 /// What to draw.

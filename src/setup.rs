@@ -1,5 +1,7 @@
 //! From the command line to a run that can begin: what both front ends need first.
 
+use std::fs::File;
+use std::io::ErrorKind;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::AtomicUsize;
@@ -114,10 +116,23 @@ fn load_edits(args: &TrainArgs, map: &Grid) -> Result<Vec<(u64, Arc<Grid>)>, Rep
 /// # Errors
 /// That it is there.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
-    if overwrite || path.symlink_metadata().is_err() {
-        return Ok(());
-    }
-    Err(miette!(help = "give another name, or --overwrite", "{}: there is such a file", path.display()))
+    if overwrite || path.symlink_metadata().is_err() { Ok(()) } else { Err(taken(path)) }
+}
+
+/// Creates a file; one that is there already is emptied where it may be replaced.
+///
+/// # Errors
+/// That it is there, or what the file system reports.
+pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
+    let file = if overwrite { File::create(path) } else { File::create_new(path) };
+    file.map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => taken(path),
+        _ => miette!("{}: cannot be written: {error}", path.display()),
+    })
+}
+
+fn taken(path: &Path) -> Report {
+    miette!(help = "give another name, or --overwrite", "{}: there is such a file", path.display())
 }
 
 /// A map error as a report.

@@ -141,6 +141,29 @@ fn ablate_gives_a_table_and_json() {
     let all = all.as_array().unwrap();
     assert_eq!(all.len(), table.lines().filter(|l| l.starts_with("| ")).count() - 1, "a row for each, below the head");
     assert!(all.iter().all(|o| o["evaluation"]["greedy"]["success"].is_number()));
+    command.arg("--overwrite").assert().success();
+}
+
+#[test]
+fn ablate_looks_at_the_place_of_its_json_before_it_works() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("there.json"), "mine").unwrap();
+    for (json, more, expected) in [
+        ("there.json", None, "there.json: there is such a file"),
+        ("no/such.json", None, "no/such.json: cannot be written"),
+        (".", Some("--overwrite"), ".: cannot be written"),
+    ] {
+        let began = Instant::now();
+        let mut command = gdg();
+        // Hours of work.
+        command.current_dir(&folder).args(["ablate", "trap", "--updates", "10000000", "--json", json]).args(more);
+        let output = command.timeout(Duration::from_secs(60)).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{json}: {error}");
+        assert!(error.contains(expected) && began.elapsed() < Duration::from_secs(30), "{error}");
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("there.json")).unwrap(), "mine");
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is left behind");
 }
 
 #[test]
