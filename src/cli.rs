@@ -198,6 +198,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
     pub record: Option<PathBuf>,
 
+    /// Replace files that are there already: recordings, and with --save checkpoints of other runs
+    #[arg(long)]
+    pub overwrite: bool,
+
     /// Your own theme, keys and so on, instead of those in the usual place
     #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
     pub ui_config: Option<PathBuf>,

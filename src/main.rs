@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use clap::{CommandFactory, Parser};
 use gdg_tui::cli::{Cli, Command};
 use gdg_tui::map::{print_ascii, random};
-use gdg_tui::{ablate, bench, facts, frames, headless, setup};
+use gdg_tui::{ablate, bench, facts, frames, headless, setup, tui};
 use miette::Report;
 
 /// Exit status of what fails while running.
@@ -67,14 +67,21 @@ fn train(cli: &Cli) -> u8 {
         };
     }
     if args.print_config_template {
-        return print(&gdg_tui::tui::config_template());
+        return print(&tui::config_template());
     }
     let headless = args.no_ui || !std::io::stdout().is_terminal();
     let setup = match setup::prepare(args) {
         Ok(setup) => setup,
         Err(error) => return fail(&error, BAD_INPUT),
     };
-    let result = if headless { headless::run(setup, args) } else { gdg_tui::tui::run(setup, args) };
+    let result = if headless {
+        headless::run(setup, args)
+    } else {
+        match tui::prepare(args) {
+            Ok(prepared) => tui::run(setup, prepared, args),
+            Err(error) => return fail(&error, BAD_INPUT),
+        }
+    };
     result.unwrap_or_else(|error| fail(&error, FAILED))
 }
 

@@ -64,14 +64,28 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// The latter while training waits and only the walking agent moves: a program that waits should cost little.
 const IDLE_FRAME: Duration = Duration::from_millis(130);
 
+/// What the interface needs of files.
+pub struct Prepared {
+    config: (UiConfig, Keymap),
+    recorder: Option<Recorder>,
+}
+
+/// Reads the configuration and begins the recording: before anything else, as both can be wrong.
+///
+/// # Errors
+/// What is wrong with the one file, or that the other is there already or cannot be written.
+pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
+    let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
+    let recorder = args.record.as_deref().map(|path| Recorder::begin(path, args.overwrite)).transpose()?;
+    Ok(Prepared { config, recorder })
+}
+
 /// Opens the trainer; the exit status once it is closed.
 ///
 /// # Errors
 /// What the terminal, training or saving report.
-pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
+pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainArgs) -> Result<u8, Report> {
     let signal = ending_signals()?;
-    let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
-    let recorder = args.record.as_deref().map(Recorder::begin).transpose()?;
     let engine = Engine::start(setup.trainer, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut app = App::new(engine, viewer, config, args.save.clone());

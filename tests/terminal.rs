@@ -270,6 +270,17 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     let told = run(&["frames", "run.cast", "--at", &format!("0,{end}"), "--out", "pictures"]);
     assert_eq!(told.lines().count(), 2);
     assert!(told.lines().all(|file| folder.path().join(file).is_file()), "{told}");
+    // Another run does not replace it unless it is asked to.
+    let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
+    again.wait_for("run.cast: there is such a file");
+    assert_eq!(again.child.wait().unwrap().exit_code(), 2);
+    assert!(!again.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"), "the terminal is left alone");
+    assert_eq!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
+    let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast", "--overwrite"]);
+    again.wait_for("updates");
+    again.press("q");
+    assert_eq!(again.end(), 0);
+    assert_ne!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
     for shell in ["bash", "zsh", "fish"] {
         assert!(run(&["completions", shell]).contains("max-updates"));
     }
@@ -289,8 +300,9 @@ fn a_configuration_sets_keys_and_theme_and_its_mistakes_are_told() {
     session.press("q");
     assert_eq!(session.end(), 0);
     std::fs::write(folder.path().join("wrong.toml"), "theme = \"dark\"\nkeys = 3\n").unwrap();
-    let session = Session::start(folder.path(), &["trap", "--ui-config", "wrong.toml"]);
+    let mut session = Session::start(folder.path(), &["trap", "--ui-config", "wrong.toml"]);
     session.wait_for("wrong.toml:2:8:");
+    assert_eq!(session.child.wait().unwrap().exit_code(), 2);
 }
 
 #[test]
