@@ -170,7 +170,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub eval_every_updates: Option<u64>,
 
-    /// Go on with another map of the same size from that update on (repeatable; without the interface)
+    /// Go on with another map of the same size from that update on, 0 for the beginning (repeatable; without the interface)
     #[arg(long, value_name = "UPDATES:FILE", value_parser = edit_at, requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 

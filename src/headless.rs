@@ -77,6 +77,8 @@ struct Session<'a> {
 impl Session<'_> {
     /// Trains until a limit or a signal ends it.
     fn train(&mut self, signal: &AtomicUsize) -> Result<EndReason, Report> {
+        // What is to be changed at the update that the run begins with comes before its first step.
+        self.edit(self.setup.trainer.counters().updates)?;
         loop {
             if signal.load(Ordering::Relaxed) != 0 {
                 return Ok(EndReason::Interrupted);

@@ -66,7 +66,7 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     };
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
-    let edits = load_edits(args, trainer.map())?;
+    let edits = load_edits(args, &trainer)?;
     Ok(Setup { trainer, scenario, edits, threads })
 }
 
@@ -97,9 +97,17 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
     map::load_map(path).map_err(report)
 }
 
-/// The maps that a run is to change to, and when; all are read before it begins.
-fn load_edits(args: &TrainArgs, map: &Grid) -> Result<Vec<(u64, Arc<Grid>)>, Report> {
+/// The maps that a run is to change to, and when; all are read before it begins, and it must come to them.
+fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<(u64, Arc<Grid>)>, Report> {
+    let (map, begun) = (trainer.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
+        let never = |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
+        if edit.updates < begun {
+            return Err(never(format!("the run goes on from update {begun}, give that or a later one")));
+        }
+        if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
+            return Err(never(format!("the run ends at update {most}, give that or an earlier one")));
+        }
         let new = map::load_map(&edit.file).map_err(report)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let what = format!("is {} x {} cells", new.width(), new.height());

@@ -438,3 +438,49 @@ fn a_map_can_be_edited_at_an_update() {
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(error.contains("plain.txt") && error.contains("53 x 41"), "{error}");
 }
+
+#[test]
+fn edits_at_the_first_update_of_a_run_come_before_its_first_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
+    let at = |updates: u64, name: &str| {
+        let path = folder.path().join(name).with_extension("txt");
+        std::fs::write(&path, trap.replace('#', ".")).unwrap();
+        format!("{updates}:{}", path.display())
+    };
+    let edits = |all: &[Value]| -> Vec<(u64, String)> {
+        let edits = all.iter().filter(|r| r["event"] == "edit");
+        edits.map(|r| (r["updates"].as_u64().unwrap(), r["map"].as_str().unwrap().to_owned())).collect()
+    };
+    let saved = folder.path().join("saved.safetensors");
+    let saved = saved.to_str().unwrap();
+    let (first, second, third) = (at(0, "first"), at(0, "second"), at(40, "third"));
+    let all = run(&[
+        &["trap", "--max-updates", "40", "--eval-tasks", "1", "--save", saved][..],
+        &["--edit-at", &third, "--edit-at", &second, "--edit-at", &first],
+    ]
+    .concat());
+    // Those at the same update come in the order in which they are given.
+    assert_eq!(edits(&all), [(0, "second".to_owned()), (0, "first".to_owned()), (40, "third".to_owned())]);
+    let order: Vec<&str> = all.iter().map(|r| r["event"].as_str().unwrap()).collect();
+    assert_eq!(order, ["start", "edit", "edit", "edit", "evaluation", "end"]);
+    assert_eq!(all[1]["transitions_removed"], 0, "there are none yet");
+
+    let resume = |at: &str, most: &str| {
+        let args = ["--no-ui", "--resume", saved, "--eval-tasks", "1", "--edit-at", at, "--max-updates", most];
+        let output = gdg().args(args).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        (output.status.code(), error, edits(&records(&output.stdout)))
+    };
+    assert_eq!(resume(&at(40, "again"), "60"), (Some(0), String::new(), vec![(40, "again".to_owned())]));
+    assert_eq!(resume(&at(60, "again"), "60"), (Some(0), String::new(), vec![(60, "again".to_owned())]));
+    for (at, expected) in [
+        (at(39, "late"), "the run goes on from update 40"),
+        (at(0, "late"), "the run goes on from update 40"),
+        (at(61, "late"), "the run ends at update 60"),
+    ] {
+        let (status, error, edits) = resume(&at, "60");
+        assert_eq!((status, edits.len()), (Some(2), 0), "{error}");
+        assert!(error.contains(expected) && error.contains("--edit-at"), "{error}");
+    }
+}
