@@ -1,5 +1,8 @@
 //! `gdg-tui ablate`: what each piece of the default preset is worth, by switching it off.
 
+use std::fs::OpenOptions;
+use std::io::Write;
+use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
@@ -9,7 +12,7 @@ use serde::Serialize;
 
 use crate::cli::AblateArgs;
 use crate::map::{Diameter, Grid};
-use crate::setup::{find_map, threads};
+use crate::setup::{create, find_map, refuse_existing, threads};
 use crate::text::tell;
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Run, Trainer, settings_from};
 
@@ -62,8 +65,11 @@ struct Outcome {
 /// Trains every variant and gives the table as Markdown.
 ///
 /// # Errors
-/// What is wrong with the map, or what candle or writing the JSON file report.
+/// What is wrong with the map, that the JSON file is there already or cannot be written, or what candle reports.
 pub fn run(args: &AblateArgs) -> Result<String, Report> {
+    if let Some(path) = &args.json {
+        check_place(path, args.overwrite)?;
+    }
     let map = Arc::new(find_map(&args.map)?);
     let diameter = Diameter::of(&map).steps;
     let runs: Vec<(&Variant, u64)> =
@@ -95,13 +101,28 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
     let mut outcomes = outcomes.into_inner();
     let place = |name: &str| VARIANTS.iter().position(|v| v.name == name);
     outcomes.sort_by_key(|o| (place(o.variant), o.seed));
+    let table = table(&map, &outcomes, args);
     if let Some(path) = &args.json {
-        let json = serde_json::to_string_pretty(&outcomes).into_diagnostic()?;
-        std::fs::write(path, json + "\n")
-            .into_diagnostic()
-            .wrap_err_with(|| format!("cannot write {}", path.display()))?;
+        // Whatever has become of the place meanwhile, the table is told.
+        write_json(path, args.overwrite, &outcomes).inspect_err(|_| {
+            let _ = std::io::stdout().write_all(table.as_bytes());
+        })?;
     }
-    Ok(table(&map, &outcomes, args))
+    Ok(table)
+}
+
+/// Looks whether a file can be created, which is to be known before the work begins.
+fn check_place(path: &Path, overwrite: bool) -> Result<(), Report> {
+    refuse_existing(path, overwrite)?;
+    let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let tried = if path.exists() { OpenOptions::new().write(true).open(path) } else { tempfile::tempfile_in(folder) };
+    tried.map(drop).into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))
+}
+
+fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), Report> {
+    let json = serde_json::to_string_pretty(outcomes).into_diagnostic()? + "\n";
+    let what = || format!("{}: cannot be written", path.display());
+    create(path, overwrite)?.write_all(json.as_bytes()).into_diagnostic().wrap_err_with(what)
 }
 
 fn train(

@@ -101,6 +101,9 @@ pub struct AblateArgs {
     /// Write all results as JSON too
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
+    /// Replace the JSON file if it is there already
+    #[arg(long, requires = "json")]
+    pub overwrite: bool,
 }
 
 /// What to draw.
@@ -109,11 +112,14 @@ pub struct FramesArgs {
     /// A recording, as --record makes them
     pub cast: PathBuf,
     /// Moments to draw, in seconds from its beginning
-    #[arg(long, value_name = "S", value_delimiter = ',', required = true)]
+    #[arg(long, value_name = "S", value_delimiter = ',', required = true, value_parser = seconds)]
     pub at: Vec<f64>,
     /// Where the pictures go: one FILE-SECONDS.png for each moment
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub out: PathBuf,
+    /// Replace pictures that are there already
+    #[arg(long)]
+    pub overwrite: bool,
 }
 
 /// Everything about a training run.
@@ -167,7 +173,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub eval_every_updates: Option<u64>,
 
-    /// Go on with another map of the same size from that update on (repeatable; without the interface)
+    /// Go on with another map of the same size from that update on, 0 for the beginning (repeatable; without the interface)
     #[arg(long, value_name = "UPDATES:FILE", value_parser = edit_at, requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
@@ -319,7 +325,10 @@ impl From<PresetArg> for Preset {
 }
 
 fn seconds(text: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|s| *s >= 0.0 && f64::is_finite(*s)).ok_or_else(|| "a number of seconds".to_owned())
+    text.parse()
+        .ok()
+        .filter(|s| *s >= 0.0 && f64::is_finite(*s))
+        .ok_or_else(|| "a number of seconds, 0 or more".to_owned())
 }
 
 fn minutes(text: &str) -> Result<f64, String> {

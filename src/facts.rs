@@ -1,7 +1,9 @@
 //! `gdg-tui maps` and `gdg-tui check`: facts about maps.
 
 use std::path::Path;
+use std::time::Duration;
 
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::Report;
 
 use crate::map::{self, BUILTIN, Diameter, Grid, MapError, StepSearch};
@@ -23,6 +25,7 @@ pub fn list() -> String {
 /// # Errors
 /// What is wrong with the file.
 pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
+    let _spinner = Spinner::start("measuring the map");
     if file.extension().is_none_or(|e| e != "scen") {
         return Ok(facts(&map::load_map(file).map_err(report)?));
     }
@@ -68,7 +71,7 @@ fn facts(grid: &Grid) -> String {
             components.sizes.len(),
             100.0 * largest as f64 / free as f64
         ),
-        format!("farthest:   {} steps", farthest(Diameter::of(grid))),
+        format!("farthest:   {} steps", farthest(Diameter::within(grid, &components))),
     ];
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
         lines.push(format!("marked:     {} starts, {} goals", grid.starts().len(), grid.goals().len()));
@@ -78,4 +81,23 @@ fn facts(grid: &Grid) -> String {
 
 fn farthest(diameter: Diameter) -> String {
     if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
+}
+
+/// Shows that work goes on: on standard error, where that is a terminal, and as long as this lives.
+struct Spinner(ProgressBar);
+
+impl Spinner {
+    fn start(what: &'static str) -> Self {
+        // Indicatif draws nothing where standard error is no terminal.
+        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(what);
+        bar.enable_steady_tick(Duration::from_millis(100));
+        Self(bar)
+    }
+}
+
+impl Drop for Spinner {
+    fn drop(&mut self) {
+        self.0.finish_and_clear();
+    }
 }

@@ -1,70 +1,195 @@
 //! Pictures of single moments of a recording of the screen.
 
-use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Read};
+use std::num::NonZero;
 use std::path::{Path, PathBuf};
 
-use miette::{IntoDiagnostic, Report, WrapErr};
+use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier, Style};
 use serde::Deserialize;
-use std::num::NonZero;
 
 use crate::cli::FramesArgs;
-use crate::files::{read_text, write_whole};
-use crate::tui::{Paper, png_of};
+use crate::files::{self, write_whole};
+use crate::setup::refuse_existing;
+use crate::tui::{LARGEST_SCREEN, Paper, png_of};
 
-/// The largest recording that is read: some hours of a large screen.
-const MAX_BYTES: u64 = 1 << 30;
+/// The longest line of a recording, in bytes: on the largest screen a frame with two colours of its own in every cell
+/// takes half of that.
+const LINE_BYTES: u64 = 64 << 20;
 
 /// A recording's first line.
 #[derive(Deserialize)]
 struct Head {
-    width: u16,
-    height: u16,
+    version: u64,
+    width: u64,
+    height: u64,
+}
+
+/// What a recording's other lines tell.
+enum Change {
+    Output(String),
+    Resize {
+        columns: u16,
+        rows: u16,
+    },
+    /// What is not to be seen.
+    Other,
+}
+
+/// A recording, read line by line: it can be longer than there is memory.
+struct Cast {
+    name: String,
+    file: BufReader<File>,
+    /// The latest line, and its number from 1.
+    line: Vec<u8>,
+    number: usize,
 }
 
 /// Draws the moments that `args` ask for; what was written, line by line.
 ///
 /// # Errors
-/// A file that cannot be read or written, or is no recording: with its line.
+/// A file that cannot be read or written, or is no recording: with its line. Moments after its end, and pictures that
+/// are there already: then nothing is written.
 pub fn run(args: &FramesArgs) -> Result<String, Report> {
-    let name = args.cast.to_string_lossy();
-    let text =
-        read_text(&args.cast, MAX_BYTES).into_diagnostic().wrap_err_with(|| format!("{name}: cannot be read"))?;
     let mut moments = args.at.clone();
     moments.sort_by(f64::total_cmp);
-    let mut screen = None;
+    moments.dedup();
+    let name = args.cast.to_string_lossy();
+    let seconds = length(&args.cast)?;
+    if let Some(at) = moments.iter().find(|at| !(0.0..=seconds).contains(*at)) {
+        let right = format!("give moments from 0 to {seconds}");
+        return Err(miette!(help = right, "{name}: nothing is shown at {at} s: the recording is {seconds} s long"));
+    }
+    for at in &moments {
+        refuse_existing(&picture(args, *at), args.overwrite)?;
+    }
+    let mut written = Vec::new();
+    play(&args.cast, moments, |screen, at| {
+        written.push(write(screen, args, at)?);
+        Ok(())
+    })?;
+    Ok(written.iter().map(|path| format!("{}\n", path.display())).collect())
+}
+
+/// Plays a recording and calls `show` with what is on its screen at each of `moments`, which are sorted.
+///
+/// # Errors
+/// A file that cannot be read or is no recording, with its line; and what `show` reports.
+pub fn play(
+    cast: &Path,
+    moments: Vec<f64>,
+    mut show: impl FnMut(&vt100::Screen, f64) -> Result<(), Report>,
+) -> Result<(), Report> {
     let mut moments = moments.into_iter().peekable();
-    let mut told = String::new();
-    for (number, line) in text.lines().enumerate() {
-        let wrong = || format!("{name}:{}: is no line of an asciinema recording of version 2", number + 1);
-        let Some(parser) = &mut screen else {
-            let head: Head = serde_json::from_str(line).into_diagnostic().wrap_err_with(wrong)?;
-            screen = Some(vt100::Parser::new(some(head.height), some(head.width), 0));
-            continue;
+    let (mut cast, mut screen) = Cast::open(cast)?;
+    while moments.peek().is_some() {
+        let event = cast.event()?;
+        // A moment shows what was written up to it, at that very time too.
+        let until = event.as_ref().map_or(f64::INFINITY, |(seconds, _)| *seconds);
+        while let Some(at) = moments.next_if(|at| *at < until) {
+            show(screen.screen(), at)?;
+        }
+        match event {
+            Some((_, Change::Output(text))) => screen.process(text.as_bytes()),
+            Some((_, Change::Resize { columns, rows })) => screen.screen_mut().set_size(some(rows), some(columns)),
+            Some((_, Change::Other)) | None => {}
+        }
+    }
+    Ok(())
+}
+
+/// When a recording's last event is, in seconds from its beginning; all of its lines are read.
+fn length(path: &Path) -> Result<f64, Report> {
+    let (mut cast, _) = Cast::open(path)?;
+    let mut last = 0f64;
+    while let Some((seconds, _)) = cast.event()? {
+        last = last.max(seconds);
+    }
+    Ok(last)
+}
+
+impl Cast {
+    /// Opens a recording; also a screen of its size.
+    fn open(path: &Path) -> Result<(Self, vt100::Parser), Report> {
+        let name = path.to_string_lossy().into_owned();
+        // It is read twice, which a pipe cannot be.
+        let file = files::open(path)
+            .map_err(|error| miette!(help = "give the file of a recording", "{name}: cannot be read: {error}"))?;
+        let mut cast = Self { name, file: BufReader::new(file), line: Vec::new(), number: 0 };
+        if !cast.next_line()? {
+            return Err(miette!(help = "--record makes recordings", "{}: is empty", cast.name));
+        }
+        let head: Head = cast.parse()?;
+        if head.version != 2 {
+            return Err(cast.wrong());
+        }
+        let (columns, rows) = cast.size(head.width, head.height)?;
+        Ok((cast, vt100::Parser::new(some(rows), some(columns), 0)))
+    }
+
+    /// The next event, and when it was; none at the end.
+    fn event(&mut self) -> Result<Option<(f64, Change)>, Report> {
+        if !self.next_line()? {
+            return Ok(None);
+        }
+        let (seconds, kind, data): (f64, String, String) = match self.parse() {
+            Ok(event) => event,
+            // The program was killed while it wrote this line, or still writes it.
+            Err(_) if self.line.starts_with(b"[") && !self.line.ends_with(b"\n") => return Ok(None),
+            Err(error) => return Err(error),
         };
-        let (seconds, kind, data): (f64, String, String) =
-            serde_json::from_str(line).into_diagnostic().wrap_err_with(wrong)?;
-        while let Some(at) = moments.next_if(|at| *at < seconds) {
-            told += &write(parser.screen(), args, at)?;
-        }
-        match (kind.as_str(), data.split_once('x')) {
-            ("o", _) => parser.process(data.as_bytes()),
-            ("r", Some((columns, rows))) => {
-                let number = |text: &str| text.parse::<u16>().into_diagnostic().wrap_err_with(wrong);
-                let (columns, rows) = (number(columns)?, number(rows)?);
-                parser.screen_mut().set_size(some(rows), some(columns));
+        let change = match kind.as_str() {
+            "o" => Change::Output(data),
+            "r" => {
+                let (columns, rows) = data.split_once('x').ok_or_else(|| self.wrong())?;
+                let number = |text: &str| text.parse().map_err(|_| self.wrong());
+                let (columns, rows) = self.size(number(columns)?, number(rows)?)?;
+                Change::Resize { columns, rows }
             }
-            _ => {}
+            _ => Change::Other,
+        };
+        Ok(Some((seconds, change)))
+    }
+
+    /// Reads on; whether there was another line.
+    fn next_line(&mut self) -> Result<bool, Report> {
+        self.line.clear();
+        self.number += 1;
+        let read = (&mut self.file).take(LINE_BYTES + 1).read_until(b'\n', &mut self.line);
+        let read = read.into_diagnostic().wrap_err_with(|| format!("{}: cannot be read", self.name))?;
+        if read as u64 > LINE_BYTES {
+            return Err(miette!("{}: is longer than {LINE_BYTES} bytes", self.place()));
+        }
+        Ok(read > 0)
+    }
+
+    fn parse<T: for<'a> Deserialize<'a>>(&self) -> Result<T, Report> {
+        serde_json::from_slice(&self.line).into_diagnostic().wrap_err_with(|| self.wrong())
+    }
+
+    /// A size that a screen can have: one of any other would fill the memory.
+    fn size(&self, columns: u64, rows: u64) -> Result<(u16, u16), Report> {
+        let (most_columns, most_rows) = LARGEST_SCREEN;
+        match (u16::try_from(columns), u16::try_from(rows)) {
+            (Ok(columns), Ok(rows)) if columns <= most_columns && rows <= most_rows => Ok((columns, rows)),
+            _ => Err(miette!(
+                help = format!("a screen can have up to {most_columns} x {most_rows} characters"),
+                "{}: a screen of {columns} x {rows} characters is too large",
+                self.place()
+            )),
         }
     }
-    if let Some(parser) = &screen {
-        for at in moments {
-            told += &write(parser.screen(), args, at)?;
-        }
+
+    fn place(&self) -> String {
+        format!("{}:{}", self.name, self.number)
     }
-    Ok(told)
+
+    fn wrong(&self) -> Report {
+        miette!("{}: is no line of an asciinema recording of version 2", self.place())
+    }
 }
 
 /// A size that a screen can have.
@@ -72,17 +197,18 @@ fn some(size: u16) -> NonZero<u16> {
     NonZero::new(size).unwrap_or(NonZero::<u16>::MIN)
 }
 
-fn write(screen: &vt100::Screen, args: &FramesArgs, at: f64) -> Result<String, Report> {
-    let buffer = buffer_of(screen);
-    let picture = png_of(&buffer, buffer.area, Paper::default()).into_diagnostic()?;
+/// The file of a moment's picture.
+fn picture(args: &FramesArgs, at: f64) -> PathBuf {
     let stem = args.cast.file_stem().map_or("cast".into(), |stem| stem.to_string_lossy());
-    let path: PathBuf = Path::new(&args.out).join(format!("{stem}-{at}.png"));
-    write_whole(&path, &picture)
-        .into_diagnostic()
-        .wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
-    let mut told = String::new();
-    let _ = writeln!(told, "{}", path.display());
-    Ok(told)
+    args.out.join(format!("{stem}-{at}.png"))
+}
+
+fn write(screen: &vt100::Screen, args: &FramesArgs, at: f64) -> Result<PathBuf, Report> {
+    let buffer = buffer_of(screen);
+    let pixels = png_of(&buffer, buffer.area, Paper::default()).into_diagnostic()?;
+    let path = picture(args, at);
+    write_whole(&path, &pixels).into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+    Ok(path)
 }
 
 /// What a terminal shows.
@@ -114,33 +240,99 @@ fn buffer_of(screen: &vt100::Screen) -> Buffer {
 mod tests {
     use super::*;
 
-    #[test]
-    fn a_moment_shows_what_was_written_before_it() {
+    const HEAD: &str = r#"{"version":2,"width":4,"height":1}"#;
+
+    /// A folder with a recording of these lines, and what draws moments of it.
+    fn recording(lines: &str, at: &[f64]) -> (tempfile::TempDir, FramesArgs) {
         let folder = tempfile::tempdir().expect("a folder");
         let cast = folder.path().join("short.cast");
-        let events = [
-            r#"{"version":2,"width":4,"height":1}"#,
-            r#"[1.0,"o","\u001b[31mab"]"#,
-            r#"[2.0,"r","6x2"]"#,
-            r#"[2.5,"o","cd"]"#,
-        ];
-        std::fs::write(&cast, events.join("\n")).expect("a file");
-        let args = FramesArgs { cast, at: vec![1.5, 0.5, 9.0], out: folder.path().to_owned() };
+        std::fs::write(&cast, lines).expect("a file");
+        let args = FramesArgs { cast, at: at.to_vec(), out: folder.path().join("out"), overwrite: false };
+        (folder, args)
+    }
+
+    /// The error that such a recording gets; nothing is written then.
+    fn error(lines: &str, at: &[f64]) -> String {
+        let (_folder, args) = recording(lines, at);
+        let error = run(&args).expect_err("a mistake");
+        assert!(!args.out.exists(), "nothing is written");
+        error.to_string()
+    }
+
+    #[test]
+    fn a_moment_shows_what_was_written_before_it() {
+        let events = [HEAD, r#"[1.0,"o","\u001b[31mab"]"#, r#"[2.0,"r","6x2"]"#, r#"[2.5,"o","cd"]"#];
+        let (_folder, args) = recording(&events.join("\n"), &[1.5, 0.5, 2.5, 1.5]);
         assert_eq!(run(&args).expect("pictures").lines().count(), 3);
         let size = |at: &str| {
-            let file = std::fs::File::open(folder.path().join(format!("short-{at}.png"))).expect("a picture");
-            let reader = png::Decoder::new(std::io::BufReader::new(file)).read_info().expect("a PNG");
+            let file = File::open(args.out.join(format!("short-{at}.png"))).expect("a picture");
+            let reader = png::Decoder::new(BufReader::new(file)).read_info().expect("a PNG");
             (reader.info().width, reader.info().height)
         };
-        assert_eq!((size("0.5"), size("1.5"), size("9")), ((32, 16), (32, 16), (48, 32)));
+        assert_eq!((size("0.5"), size("1.5"), size("2.5")), ((32, 16), (32, 16), (48, 32)));
     }
 
     #[test]
     fn what_is_no_recording_is_told_with_its_line() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let cast = folder.path().join("wrong.cast");
-        std::fs::write(&cast, "{\"version\":2,\"width\":4,\"height\":1}\nhello\n").expect("a file");
-        let error = run(&FramesArgs { cast, at: vec![1.0], out: folder.path().to_owned() }).expect_err("a mistake");
-        assert!(error.to_string().contains("wrong.cast:2:"), "{error}");
+        for (lines, place) in [
+            (format!("{HEAD}\nhello\n"), "short.cast:2:"),
+            (format!("{HEAD}\n[1,\"r\",\"wide\"]\n"), "short.cast:2:"),
+            ("[1,\"o\",\"\"]\n".to_owned(), "short.cast:1:"),
+            (HEAD.replace("\"version\":2", "\"version\":1"), "short.cast:1:"),
+            (String::new(), "short.cast: is empty"),
+        ] {
+            let error = error(&lines, &[0.0]);
+            assert!(error.contains(place), "{error} is not at {place}");
+        }
+    }
+
+    #[test]
+    fn a_screen_of_a_size_that_no_terminal_has_is_refused() {
+        let head = |columns: u32, rows: u32| format!("{{\"version\":2,\"width\":{columns},\"height\":{rows}}}\n");
+        let resize = |columns: u32, rows: u32| format!("{HEAD}\n[0,\"r\",\"{columns}x{rows}\"]\n");
+        for (lines, place, found) in [
+            (head(65535, 65535), "short.cast:1:", "65535 x 65535"),
+            (head(1_000_000, 1), "short.cast:1:", "1000000 x 1"),
+            (resize(1001, 500), "short.cast:2:", "1001 x 500"),
+            (resize(1000, 501), "short.cast:2:", "1000 x 501"),
+        ] {
+            let error = error(&lines, &[0.0]);
+            assert!(error.contains(place) && error.contains(found), "{error}");
+        }
+        let (_folder, args) = recording(&resize(1000, 500), &[0.0]);
+        assert!(run(&args).is_ok(), "the largest one");
+    }
+
+    #[test]
+    fn moments_that_the_recording_does_not_have_are_refused() {
+        let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
+        for at in [2.6, 500.0, -1.0, f64::NAN, f64::INFINITY] {
+            assert!(error(&lines, &[1.0, at]).contains("2.5 s long"), "{at}");
+        }
+        let (_folder, args) = recording(&lines, &[0.0, 2.5]);
+        assert!(run(&args).is_ok());
+    }
+
+    #[test]
+    fn pictures_are_replaced_only_when_asked_for() {
+        let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
+        let (_folder, mut args) = recording(&lines, &[1.0, 2.0]);
+        std::fs::create_dir(&args.out).expect("a folder");
+        let (one, two) = (args.out.join("short-1.png"), args.out.join("short-2.png"));
+        std::fs::write(&two, b"mine").expect("a file");
+        let error = run(&args).expect_err("one is there");
+        assert!(error.to_string().contains("short-2.png"), "{error}");
+        assert!(!one.exists() && std::fs::read(&two).expect("kept") == b"mine", "nothing is written");
+        args.overwrite = true;
+        assert_eq!(run(&args).expect("pictures").lines().count(), 2);
+        assert!(one.exists() && std::fs::read(&two).expect("replaced") != b"mine");
+    }
+
+    #[test]
+    fn a_recording_that_was_cut_off_is_drawn_up_to_there() {
+        let lines = format!("{HEAD}\n[1,\"o\",\"ab\"]\n[2,\"o\",\"c");
+        let (_folder, args) = recording(&lines, &[1.0]);
+        assert!(run(&args).is_ok());
+        assert!(error(&lines, &[2.0]).contains("1 s long"));
     }
 }

@@ -73,7 +73,14 @@ fn train(cli: &Cli) -> u8 {
         Ok(setup) => setup,
         Err(error) => return fail(error, BAD_INPUT),
     };
-    let result = if headless { headless::run(setup, args) } else { tui::run(setup, args) };
+    let result = if headless {
+        headless::run(setup, args)
+    } else {
+        match tui::prepare(args) {
+            Ok(prepared) => tui::run(setup, prepared, args),
+            Err(error) => return fail(error, BAD_INPUT),
+        }
+    };
     result.unwrap_or_else(|error| fail(error, FAILED))
 }
 

@@ -1,9 +1,11 @@
 //! From the command line to a run that can begin: what both front ends need first.
 
+use std::fs::File;
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use miette::{IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::{EditAt, TrainArgs};
 use crate::env::{Environment, PointMaze};
@@ -62,7 +64,7 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
     };
     let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
     let scenario = scenario.map_err(report)?;
-    let edits = load_edits(args, trainer.map())?;
+    let edits = load_edits(args, &trainer)?;
     Ok(Setup { trainer, scenario, edits, threads, save, resumed: args.resume.clone(), warning })
 }
 
@@ -70,7 +72,7 @@ pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
 fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
     files::check_target(path).map_err(|error| {
         let help = "give --save a file in a folder that can be written to";
-        miette::miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
+        miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
     })?;
     let same =
         |other: &PathBuf| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
@@ -105,9 +107,17 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
     map::load_map(path).map_err(report)
 }
 
-/// The maps that a run is to change to, and when; all are read before it begins.
-fn load_edits(args: &TrainArgs, map: &Grid) -> Result<Vec<(u64, Arc<Grid>)>, Report> {
+/// The maps that a run is to change to, and when; all are read before it begins, and it must come to them.
+fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<(u64, Arc<Grid>)>, Report> {
+    let (map, begun) = (trainer.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
+        let never = |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
+        if edit.updates < begun {
+            return Err(never(format!("the run goes on from update {begun}, give that or a later one")));
+        }
+        if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
+            return Err(never(format!("the run ends at update {most}, give that or an earlier one")));
+        }
         let new = map::load_map(&edit.file).map_err(report)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let what = format!("is {} x {} cells", new.width(), new.height());
@@ -117,6 +127,30 @@ fn load_edits(args: &TrainArgs, map: &Grid) -> Result<Vec<(u64, Arc<Grid>)>, Rep
         Ok((edit.updates, Arc::new(new)))
     };
     args.edit_at.iter().map(load).collect()
+}
+
+/// Refuses the name of a file that is there already, unless it may be replaced.
+///
+/// # Errors
+/// That it is there.
+pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
+    if overwrite || path.symlink_metadata().is_err() { Ok(()) } else { Err(taken(path)) }
+}
+
+/// Creates a file; one that is there already is emptied where it may be replaced.
+///
+/// # Errors
+/// That it is there, or what the file system reports.
+pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
+    let file = if overwrite { File::create(path) } else { File::create_new(path) };
+    file.map_err(|error| match error.kind() {
+        ErrorKind::AlreadyExists => taken(path),
+        _ => miette!("{}: cannot be written: {error}", path.display()),
+    })
+}
+
+fn taken(path: &Path) -> Report {
+    miette!(help = "give another name, or --overwrite", "{}: there is such a file", path.display())
 }
 
 /// A map error as a report.

@@ -16,8 +16,10 @@ mod settings;
 mod tasks;
 mod trainer;
 
-pub use checkpoint::{CheckpointError, Description, Loaded, SaveTo, describe, from_bytes, load, save};
-pub use config::{ConfigError, Effect, Overrides, effect_of, list_settings, settings_from, with_setting};
+pub use checkpoint::{CheckpointError, Description, Loaded, SaveTo, describe, from_bytes, load, resealed, save};
+pub use config::{
+    ConfigError, Effect, Overrides, effect_of, list_settings, settings_from, settings_from_text, with_setting,
+};
 pub use engine::{Command, Engine, Followed, Phase, Snapshot, Step};
 pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, Journey, MarkedTask};
 pub use history::{History, LogEntry, LossPoint, MOST_ENTRIES};

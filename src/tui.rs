@@ -46,10 +46,11 @@ use crate::signals::Ending;
 use crate::text::plain_lines;
 use crate::train::Engine;
 use app::{App, Files};
-pub use config::{UiConfig, load as load_config, template as config_template};
+pub use config::{UiConfig, load as load_config, parse as parse_config, template as config_template};
 pub use export::{Paper, png_of};
 pub use keymap::Keymap;
 pub use measure::Watched;
+pub use record::LARGEST_SCREEN;
 use record::Recorder;
 use terminal::Terminal;
 pub use terminal::watch as guard_terminal;
@@ -65,14 +66,28 @@ const LOOK_EVERY: Duration = Duration::from_millis(100);
 /// The latter while training waits and only the walking agent moves: a program that waits should cost little.
 const IDLE_FRAME: Duration = Duration::from_millis(130);
 
+/// What the interface needs of files.
+pub struct Prepared {
+    config: (UiConfig, Keymap),
+    recorder: Option<Recorder>,
+}
+
+/// Reads the configuration and begins the recording: before anything else, as both can be wrong.
+///
+/// # Errors
+/// What is wrong with the one file, or that the other is there already or cannot be written.
+pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
+    let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
+    let recorder = args.record.as_deref().map(|path| Recorder::begin(path, args.overwrite)).transpose()?;
+    Ok(Prepared { config, recorder })
+}
+
 /// Opens the trainer; the exit status once it is closed.
 ///
 /// # Errors
 /// What the terminal, training or saving report.
-pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
+pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainArgs) -> Result<u8, Report> {
     let ending = Ending::listen(terminal::restore)?;
-    let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
-    let recorder = args.record.as_deref().map(Recorder::begin).transpose()?;
     let Setup { trainer, save, resumed, warning, .. } = setup;
     let engine = Engine::start(trainer, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;

@@ -141,6 +141,29 @@ fn ablate_gives_a_table_and_json() {
     let all = all.as_array().unwrap();
     assert_eq!(all.len(), table.lines().filter(|l| l.starts_with("| ")).count() - 1, "a row for each, below the head");
     assert!(all.iter().all(|o| o["evaluation"]["greedy"]["success"].is_number()));
+    command.arg("--overwrite").assert().success();
+}
+
+#[test]
+fn ablate_looks_at_the_place_of_its_json_before_it_works() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("there.json"), "mine").unwrap();
+    for (json, more, expected) in [
+        ("there.json", None, "there.json: there is such a file"),
+        ("no/such.json", None, "no/such.json: cannot be written"),
+        (".", Some("--overwrite"), ".: cannot be written"),
+    ] {
+        let began = Instant::now();
+        let mut command = gdg();
+        // Hours of work.
+        command.current_dir(&folder).args(["ablate", "trap", "--updates", "10000000", "--json", json]).args(more);
+        let output = command.timeout(Duration::from_secs(60)).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        assert_eq!(output.status.code(), Some(2), "{json}: {error}");
+        assert!(error.contains(expected) && began.elapsed() < Duration::from_secs(30), "{error}");
+    }
+    assert_eq!(std::fs::read_to_string(folder.path().join("there.json")).unwrap(), "mine");
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is left behind");
 }
 
 #[test]
@@ -320,6 +343,20 @@ fn maps_lists_and_check_judges() {
     assert!(String::from_utf8_lossy(&bad.stderr).contains("short-row.txt:2:3"));
 }
 
+/// The largest map there can be; the limit leaves room for a busy machine.
+#[test]
+fn check_of_the_largest_map_takes_seconds() {
+    let folder = tempfile::tempdir().unwrap();
+    let map = folder.path().join("open.txt");
+    std::fs::write(&map, format!("{}\n", ".".repeat(4096)).repeat(4096)).unwrap();
+    let began = Instant::now();
+    let output = gdg().arg("check").arg(&map).output().unwrap();
+    assert!(began.elapsed() < Duration::from_secs(20), "it took {:?}", began.elapsed());
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    assert!(text.contains("farthest:   at least 4095 steps") && text.contains("components: 1,"), "{text}");
+    assert!(output.stderr.is_empty(), "where standard error is no terminal nothing turns there");
+}
+
 #[test]
 fn help_tells_how_to_begin() {
     let help = gdg().arg("--help").output().unwrap();
@@ -327,6 +364,37 @@ fn help_tells_how_to_begin() {
     for part in ["Examples:", "--no-ui", "--require-success", "Exit status", "maps", "check"] {
         assert!(text.contains(part), "{part}");
     }
+}
+
+#[test]
+fn frames_writes_nothing_that_was_not_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let frames = |cast: &str, more: &[&str]| {
+        std::fs::write(folder.path().join("run.cast"), cast).unwrap();
+        let output = gdg().current_dir(&folder).args(["frames", "run.cast"]).args(more).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        (output.status.code(), error)
+    };
+    let cast = "{\"version\":2,\"width\":4,\"height\":1}\n[3.5,\"o\",\"ab\"]\n";
+    let huge = "{\"version\":2,\"width\":65535,\"height\":65535}\n";
+    for (cast, more, expected) in [
+        (huge, &["--at", "0"][..], "run.cast:1: a screen of 65535 x 65535 characters is too large"),
+        ("", &["--at", "0"], "run.cast: is empty"),
+        (cast, &["--at", "1,500"], "run.cast: nothing is shown at 500 s: the recording is 3.5 s long"),
+        (cast, &["--at=-1"], "a number of seconds, 0 or more"),
+        (cast, &["--at", "inf"], "a number of seconds, 0 or more"),
+    ] {
+        let (status, error) = frames(cast, more);
+        assert_eq!(status, Some(2), "{more:?}: {error}");
+        assert!(error.contains(expected), "{expected:?} is not in {error}");
+        assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is written");
+    }
+    assert_eq!(frames(cast, &["--at", "1,3.5"]).0, Some(0));
+    let (status, error) = frames(cast, &["--at", "0,1"]);
+    assert_eq!(status, Some(2));
+    assert!(error.contains("run-1.png: there is such a file") && error.contains("--overwrite"), "{error}");
+    assert!(!folder.path().join("run-0.png").exists());
+    assert_eq!(frames(cast, &["--at", "0,1", "--overwrite"]).0, Some(0));
 }
 
 #[test]
@@ -369,4 +437,50 @@ fn a_map_can_be_edited_at_an_update() {
     assert_eq!(output.status.code(), Some(2));
     let error = String::from_utf8_lossy(&output.stderr).into_owned();
     assert!(error.contains("plain.txt") && error.contains("53 x 41"), "{error}");
+}
+
+#[test]
+fn edits_at_the_first_update_of_a_run_come_before_its_first_step() {
+    let folder = tempfile::tempdir().unwrap();
+    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
+    let at = |updates: u64, name: &str| {
+        let path = folder.path().join(name).with_extension("txt");
+        std::fs::write(&path, trap.replace('#', ".")).unwrap();
+        format!("{updates}:{}", path.display())
+    };
+    let edits = |all: &[Value]| -> Vec<(u64, String)> {
+        let edits = all.iter().filter(|r| r["event"] == "edit");
+        edits.map(|r| (r["updates"].as_u64().unwrap(), r["map"].as_str().unwrap().to_owned())).collect()
+    };
+    let saved = folder.path().join("saved.safetensors");
+    let saved = saved.to_str().unwrap();
+    let (first, second, third) = (at(0, "first"), at(0, "second"), at(40, "third"));
+    let all = run(&[
+        &["trap", "--max-updates", "40", "--eval-tasks", "1", "--save", saved][..],
+        &["--edit-at", &third, "--edit-at", &second, "--edit-at", &first],
+    ]
+    .concat());
+    // Those at the same update come in the order in which they are given.
+    assert_eq!(edits(&all), [(0, "second".to_owned()), (0, "first".to_owned()), (40, "third".to_owned())]);
+    let order: Vec<&str> = all.iter().map(|r| r["event"].as_str().unwrap()).collect();
+    assert_eq!(order, ["start", "edit", "edit", "edit", "evaluation", "end"]);
+    assert_eq!(all[1]["transitions_removed"], 0, "there are none yet");
+
+    let resume = |at: &str, most: &str| {
+        let args = ["--no-ui", "--resume", saved, "--eval-tasks", "1", "--edit-at", at, "--max-updates", most];
+        let output = gdg().args(args).output().unwrap();
+        let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        (output.status.code(), error, edits(&records(&output.stdout)))
+    };
+    assert_eq!(resume(&at(40, "again"), "60"), (Some(0), String::new(), vec![(40, "again".to_owned())]));
+    assert_eq!(resume(&at(60, "again"), "60"), (Some(0), String::new(), vec![(60, "again".to_owned())]));
+    for (at, expected) in [
+        (at(39, "late"), "the run goes on from update 40"),
+        (at(0, "late"), "the run goes on from update 40"),
+        (at(61, "late"), "the run ends at update 60"),
+    ] {
+        let (status, error, edits) = resume(&at, "60");
+        assert_eq!((status, edits.len()), (Some(2), 0), "{error}");
+        assert!(error.contains(expected) && error.contains("--edit-at"), "{error}");
+    }
 }

@@ -6,6 +6,7 @@ mod support;
 
 use std::time::Duration;
 
+use portable_pty::{CommandBuilder, native_pty_system};
 use support::{Session, size, some};
 
 #[test]
@@ -138,18 +139,30 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     };
     let cast = std::fs::read_to_string(folder.path().join("run.cast")).unwrap();
     let mut screen = vt100::Parser::new(some(24), some(80), 0);
-    let mut seen = false;
+    let (mut seen, mut end) = (false, 0.0);
     for line in cast.lines().skip(1) {
-        let (_, kind, text): (f64, String, String) = serde_json::from_str(line).unwrap();
+        let (seconds, kind, text): (f64, String, String) = serde_json::from_str(line).unwrap();
+        end = seconds;
         if kind == "o" {
             screen.process(text.as_bytes());
             seen |= screen.screen().contents().contains("loss of D");
         }
     }
     assert!(seen, "the recording shows what was on the screen");
-    let told = run(&["frames", "run.cast", "--at", "0.2,0.5", "--out", "pictures"]);
+    let told = run(&["frames", "run.cast", "--at", &format!("0,{end}"), "--out", "pictures"]);
     assert_eq!(told.lines().count(), 2);
     assert!(told.lines().all(|file| folder.path().join(file).is_file()), "{told}");
+    // Another run does not replace it unless it is asked to.
+    let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
+    again.wait_for("run.cast: there is such a file");
+    assert_eq!(again.child.wait().unwrap().exit_code(), 2);
+    assert!(!again.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"), "the terminal is left alone");
+    assert_eq!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
+    let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast", "--overwrite"]);
+    again.wait_for("updates");
+    again.press("q");
+    assert_eq!(again.end(), 0);
+    assert_ne!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
     for shell in ["bash", "zsh", "fish"] {
         assert!(run(&["completions", shell]).contains("max-updates"));
     }
@@ -169,8 +182,9 @@ fn a_configuration_sets_keys_and_theme_and_its_mistakes_are_told() {
     session.press("q");
     assert_eq!(session.end(), 0);
     std::fs::write(folder.path().join("wrong.toml"), "theme = \"dark\"\nkeys = 3\n").unwrap();
-    let session = Session::start(folder.path(), &["trap", "--ui-config", "wrong.toml"]);
+    let mut session = Session::start(folder.path(), &["trap", "--ui-config", "wrong.toml"]);
     session.wait_for("wrong.toml:2:8:");
+    assert_eq!(session.child.wait().unwrap().exit_code(), 2);
 }
 
 #[test]
@@ -216,4 +230,27 @@ fn a_signal_gives_the_terminal_back_and_keeps_the_checkpoint() {
         assert!(folder.path().join("kept.safetensors").is_file());
         std::fs::remove_file(folder.path().join("kept.safetensors")).unwrap();
     }
+}
+
+#[test]
+fn check_shows_on_a_terminal_that_it_works() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("large.txt"), format!("{}\n", ".".repeat(1024)).repeat(1024)).unwrap();
+    let pty = native_pty_system().openpty(size(80, 24)).unwrap();
+    let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    command.args(["check", "large.txt"]);
+    command.cwd(folder.path());
+    command.env("TERM", "xterm-256color");
+    let mut child = pty.slave.spawn_command(command).unwrap();
+    drop(pty.slave);
+    let mut shown = Vec::new();
+    // A terminal that nobody holds any more ends with an error.
+    let _ = pty.master.try_clone_reader().unwrap().read_to_end(&mut shown);
+    assert!(child.wait().unwrap().success());
+    let shown = String::from_utf8_lossy(&shown);
+    assert!(shown.contains("measuring the map"), "{shown}");
+    let mut screen = vt100::Parser::new(some(24), some(80), 0);
+    screen.process(shown.as_bytes());
+    let left = screen.screen().contents();
+    assert!(left.starts_with("map:        large") && !left.contains("measuring"), "{left}");
 }

@@ -3,6 +3,7 @@
 //! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A library's search
 //! over hashed nodes is some thirty times slower here, and a map's diameter takes hundreds of searches.
 
+use super::flood::Flood;
 use super::grid::{Cell, Grid};
 
 /// Steps to a cell that cannot be reached.
@@ -19,7 +20,14 @@ pub struct StepSearch {
     reached: Vec<u32>,
 }
 
+/// The four sides, then the corners.
 const OFFSETS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+
+const WEST: u8 = 0b0001;
+const NORTH: u8 = 0b0100;
+
+/// The two sides that each corner lies between, as bits.
+const BESIDE: [u8; 4] = [0b0101, 0b0110, 0b1001, 0b1010];
 
 /// The farthest distance between two cells that reach each other.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -30,13 +38,57 @@ pub struct Diameter {
     pub exact: bool,
 }
 
-/// Cells that the searches for a diameter may visit: exact on the built-in maps, within a second on large ones.
+/// Cells that the searches for a diameter may visit: exact on the built-in maps, within seconds on the
+/// largest ones.
 const DIAMETER_CELLS: usize = 60_000_000;
+
+/// Middles of a map that are tried: fewer on large maps, where a search for each would outweigh the others.
+const MIDDLES: usize = 8;
+const SEARCHES_FOR_EACH_MIDDLE: usize = 25;
 
 impl Diameter {
     /// The diameter of `grid`, within a bounded time.
     pub fn of(grid: &Grid) -> Self {
-        StepSearch::new(grid).diameter(grid, DIAMETER_CELLS / grid.free_count().max(1))
+        Self::within(grid, &StepSearch::new(grid).components(grid))
+    }
+
+    /// The same of a map whose components are known.
+    pub fn within(grid: &Grid, components: &Components) -> Self {
+        Self::by(DIAMETER_CELLS / grid.free_count().max(1), grid, components)
+    }
+
+    /// iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected graphs"): from the middle
+    /// of a long path, cells are searched from the outside in; what lies within i steps of the middle can be at
+    /// most 2 i apart.
+    fn by(searches: usize, grid: &Grid, components: &Components) -> Self {
+        let Some(first) = components.largest_cells(grid).next() else {
+            return Self { steps: 0, exact: true };
+        };
+        let mut flood = Flood::new(grid);
+        let (a, _) = flood.farthest(first);
+        let (b, across) = flood.farthest(a);
+        // Of all cells half way between a and b, the one that is nearest to everything makes the best middle;
+        // trying a few is cheaper than searching its rings.
+        let mut halfway = flood.ring(a, across / 2);
+        let to_b = flood.ring(b, across - across / 2);
+        halfway.retain(|cell| to_b.binary_search_by_key(&(cell.y, cell.x), |c| (c.y, c.x)).is_ok());
+        let middles = (searches / SEARCHES_FOR_EACH_MIDDLE).clamp(1, MIDDLES);
+        let tried: Vec<Cell> = halfway.iter().step_by(halfway.len().div_ceil(middles).max(1)).copied().collect();
+        let middle = match tried[..] {
+            [only] => only,
+            _ => tried.into_iter().min_by_key(|cell| flood.farthest(*cell).1).unwrap_or(first),
+        };
+        let mut steps = across;
+        for (count, (ring, cell)) in flood.outermost(middle, across / 2, searches).into_iter().enumerate() {
+            if steps >= 2 * ring {
+                break;
+            }
+            if count >= searches {
+                return Self { steps, exact: false };
+            }
+            steps = steps.max(flood.farthest(cell).1);
+        }
+        Self { steps, exact: true }
     }
 }
 
@@ -67,12 +119,17 @@ impl Components {
 impl StepSearch {
     /// Prepares searches over `grid`.
     pub fn new(grid: &Grid) -> Self {
-        let mut moves = vec![0; grid.width() * grid.height()];
+        let mut moves = vec![0; grid.free().len()];
         for cell in grid.free_cells() {
-            moves[grid.index(cell)] = grid.neighbours(cell).fold(0, |bits, n| {
-                let offset = (n.x as isize - cell.x as isize, n.y as isize - cell.y as isize);
-                bits | 1 << OFFSETS.iter().position(|o| *o == offset).unwrap_or(0)
-            });
+            let way = |i: usize| {
+                let (dx, dy) = OFFSETS[i];
+                let next = Cell::new(cell.x.wrapping_add_signed(dx), cell.y.wrapping_add_signed(dy));
+                u8::from(grid.is_free(next)) << i
+            };
+            let sides = (0..4).fold(0, |bits, i| bits | way(i));
+            // A corner is not cut: both cells beside a diagonal have to be free.
+            let open = (4..8).filter(|i| sides & BESIDE[i - 4] == BESIDE[i - 4]);
+            moves[grid.index(cell)] = open.fold(sides, |bits, i| bits | way(i));
         }
         Self { width: grid.width(), moves, steps: vec![UNREACHABLE; grid.free().len()], reached: Vec::new() }
     }
@@ -114,80 +171,58 @@ impl StepSearch {
         steps
     }
 
-    /// The connected components of the free cells.
-    pub fn components(&mut self, grid: &Grid) -> Components {
+    /// The connected components of the free cells, in the order of their first cells.
+    ///
+    /// Row by row, cells take over the component of their left or upper neighbour (Rosenfeld and Pfaltz 1966, "Sequential
+    /// operations in digital picture processing"): a diagonal joins nothing that the cells beside it do not.
+    pub fn components(&self, grid: &Grid) -> Components {
         let mut of_cell = vec![None; grid.free().len()];
-        let mut sizes = Vec::new();
-        for cell in grid.free_cells() {
-            if of_cell[grid.index(cell)].is_some() {
-                continue;
-            }
-            let label = sizes.len() as u32;
-            let mut size = 0;
-            let mut pending = vec![cell];
-            of_cell[grid.index(cell)] = Some(label);
-            while let Some(at) = pending.pop() {
-                size += 1;
-                for next in grid.neighbours(at) {
-                    let slot = &mut of_cell[grid.index(next)];
-                    if slot.is_none() {
-                        *slot = Some(label);
-                        pending.push(next);
-                    }
+        // Components that turned out to be parts of earlier ones; those of their own stand for themselves.
+        let mut part_of: Vec<u32> = Vec::new();
+        for i in (0..of_cell.len()).filter(|i| grid.free()[*i]) {
+            let neighbour = |side: u8, back: usize| if self.moves[i] & side == 0 { None } else { of_cell[i - back] };
+            let label = match (neighbour(WEST, 1), neighbour(NORTH, self.width)) {
+                (Some(left), Some(above)) => join(&mut part_of, left, above),
+                (Some(label), None) | (None, Some(label)) => label,
+                (None, None) => {
+                    part_of.push(part_of.len() as u32);
+                    part_of.len() as u32 - 1
                 }
-            }
-            sizes.push(size);
+            };
+            of_cell[i] = Some(label);
+        }
+        let mut sizes = Vec::new();
+        for label in 0..part_of.len() {
+            let whole = part_of[label] as usize;
+            part_of[label] = if whole == label { sizes.len() as u32 } else { part_of[whole] };
+            sizes.resize(sizes.len() + usize::from(whole == label), 0);
+        }
+        for label in of_cell.iter_mut().flatten() {
+            *label = part_of[*label as usize];
+            sizes[*label as usize] += 1;
         }
         Components { of_cell, sizes }
     }
 
-    /// The farthest distance within the largest component, by at most `searches` breadth-first searches.
-    ///
-    /// iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected graphs"): from the middle
-    /// of a long path, cells are searched from the outside in; what lies within i steps of the middle can be at
-    /// most 2 i apart.
-    pub fn diameter(&mut self, grid: &Grid, searches: usize) -> Diameter {
-        let components = self.components(grid);
-        let Some(first) = components.largest_cells(grid).next() else {
-            return Diameter { steps: 0, exact: true };
-        };
-        let (a, _) = self.farthest(grid, first);
-        let (b, across) = self.farthest(grid, a);
-        let from_a = self.from(a).to_vec();
-        let to_b = self.from(b);
-        // Of all cells half way between a and b, the one that is nearest to everything makes the best middle;
-        // trying a few is cheaper than searching its rings.
-        let halfway: Vec<usize> = (0..from_a.len())
-            .filter(|i| from_a[*i] != UNREACHABLE && from_a[*i] + to_b[*i] == across && from_a[*i] == across / 2)
-            .collect();
-        let tried = halfway.iter().step_by(halfway.len().div_ceil(8).max(1)).map(|i| grid.cell(*i));
-        let tried: Vec<Cell> = tried.collect();
-        let middle = tried.into_iter().min_by_key(|c| self.farthest(grid, *c).1).unwrap_or(first);
-        let rings = self.from(middle).to_vec();
-        let mut order: Vec<usize> = (0..rings.len()).filter(|i| rings[*i] != UNREACHABLE).collect();
-        order.sort_by_key(|i| std::cmp::Reverse(rings[*i]));
-        let mut steps = across;
-        for (count, i) in order.into_iter().enumerate() {
-            if steps >= 2 * rings[i] {
-                return Diameter { steps, exact: true };
-            }
-            if count >= searches {
-                return Diameter { steps, exact: false };
-            }
-            steps = steps.max(self.farthest(grid, grid.cell(i)).1);
-        }
-        Diameter { steps, exact: true }
+    /// The farthest distance within the largest component, by at most `searches` breadth-first searches after the few
+    /// that find the middle.
+    pub fn diameter(&self, grid: &Grid, searches: usize) -> Diameter {
+        Diameter::by(searches, grid, &self.components(grid))
     }
+}
 
-    /// The cell farthest from `cell`, and how many steps away it is.
-    fn farthest(&mut self, grid: &Grid, cell: Cell) -> (Cell, u32) {
-        let steps = self.from(cell);
-        let (i, steps) = steps
-            .iter()
-            .enumerate()
-            .filter(|(_, s)| **s != UNREACHABLE)
-            .max_by_key(|(i, s)| (**s, std::cmp::Reverse(*i)))
-            .expect("a search reaches at least its own start");
-        (grid.cell(i), *steps)
+/// Makes one component of two, named as the earlier of them is.
+fn join(part_of: &mut [u32], a: u32, b: u32) -> u32 {
+    let (a, b) = (whole(part_of, a), whole(part_of, b));
+    part_of[a.max(b) as usize] = a.min(b);
+    a.min(b)
+}
+
+/// The component that `label` belongs to; the way there is halved for the next time.
+fn whole(part_of: &mut [u32], mut label: u32) -> u32 {
+    while part_of[label as usize] != label {
+        part_of[label as usize] = part_of[part_of[label as usize] as usize];
+        label = part_of[label as usize];
     }
+    label
 }

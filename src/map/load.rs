@@ -37,7 +37,15 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
 /// # Errors
 /// As [`load_map`], and tasks that do not fit the map.
 pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    parse_scenario(&Text::new(&path.to_string_lossy(), &read(path)?)?, grid)
+    parse_scenario_bytes(&path.to_string_lossy(), &read(path)?, grid)
+}
+
+/// Parses a scenario for `grid`; `file` is how errors name it.
+///
+/// # Errors
+/// See [`load_scenario`].
+pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
+    parse_scenario(&Text::new(file, bytes)?, grid)
 }
 
 fn read(path: &Path) -> MapResult<Vec<u8>> {

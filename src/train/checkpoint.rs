@@ -23,6 +23,7 @@ use crate::files;
 use crate::learn::ReplayState;
 use crate::map::{parse_map, print_ascii};
 use crate::text::{file_name, plain, shortened};
+pub use content::resealed;
 use content::{Content, Tensors, Texts};
 
 /// The bridge graph in use, and the one to come.

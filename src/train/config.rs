@@ -93,6 +93,18 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
     Ok(settings)
 }
 
+/// The settings of `preset` changed by the text of a settings file called `file`.
+///
+/// # Errors
+/// See [`settings_from`].
+pub fn settings_from_text(preset: Preset, file: &str, text: &str) -> Result<Settings, Box<ConfigError>> {
+    let mut values = as_map(&preset.settings());
+    apply_text(&mut values, file, text)?;
+    let settings = parse(&values)?;
+    settings.check().map_err(|(name, right)| out_of_range(name, &values[name], right))?;
+    Ok(settings)
+}
+
 /// What changing a setting in the midst of a run brings with it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
@@ -215,11 +227,15 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
         let right = "give a JSON file, as --print-config prints one".to_owned();
         ConfigError::new(format!("cannot be read: {e}"), right).of(format!("{}: ", plain(&file)))
     })?;
-    let entries: Entries = serde_json::from_str(&text).map_err(|e| {
+    apply_text(values, &file, &text)
+}
+
+fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {
+    let entries: Entries = serde_json::from_str(text).map_err(|e| {
         let right = "a settings file is a JSON object of names and values, as --print-config prints it".to_owned();
         let message = e.to_string();
         let what = shortened(message.split(" at line ").next().unwrap_or(&message), QUOTED);
-        ConfigError::new(what, right).within(&file, &text, (offset_of(&text, e.line(), e.column()), 0))
+        ConfigError::new(what, right).within(file, text, (offset_of(text, e.line(), e.column()), 0))
     })?;
     for (Key(name), raw) in &entries.0 {
         let place = |part: &str| {
@@ -231,7 +247,7 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
             .map_err(|e| ConfigError::new(shortened(&e.to_string(), QUOTED), "write a JSON value".to_owned()));
         value
             .and_then(|value| apply(values, name, &value))
-            .map_err(|e| e.within(&file, &text, place(if known { raw.get() } else { name })))?;
+            .map_err(|e| e.within(file, text, place(if known { raw.get() } else { name })))?;
     }
     Ok(())
 }

@@ -94,7 +94,11 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     parse(&name, &text)
 }
 
-fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
+/// The configuration in the text of a file called `name`.
+///
+/// # Errors
+/// Something in it that is not as it should be.
+pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
     let hint = "--print-config-template prints a file with everything that can be set";
     let config: UiConfig =
         toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message().to_owned(), hint.to_owned()))?;

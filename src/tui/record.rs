@@ -9,6 +9,11 @@ use std::time::Instant;
 use miette::{IntoDiagnostic, Report, WrapErr};
 use serde_json::json;
 
+use crate::setup::create;
+
+/// Columns and rows of the largest screen that is recorded or drawn: more than any real terminal has.
+pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
+
 /// A recording in progress.
 pub struct Recorder {
     file: BufWriter<File>,
@@ -18,19 +23,25 @@ pub struct Recorder {
 }
 
 impl Recorder {
-    /// Begins a recording, on a terminal of the size that this one has now.
+    /// Begins a recording, on a terminal of the size that this one has now. A file that is there already is replaced
+    /// only where that is asked for.
     ///
     /// # Errors
-    /// A file that cannot be written.
-    pub fn begin(path: &Path) -> Result<Self, Report> {
+    /// A file that is there, or cannot be written.
+    pub fn begin(path: &Path, overwrite: bool) -> Result<Self, Report> {
+        let file = create(path, overwrite)?;
+        let size = crossterm::terminal::size().unwrap_or((80, 24));
         let what = || format!("{}: the recording cannot be written", path.display());
-        let file = File::create(path).into_diagnostic().wrap_err_with(what)?;
-        let (width, height) = crossterm::terminal::size().unwrap_or((80, 24));
+        Self::on(file, size).into_diagnostic().wrap_err_with(what)
+    }
+
+    fn on(file: File, size: (u16, u16)) -> std::io::Result<Self> {
+        let (width, height) = at_most_the_largest(size);
         let term = std::env::var("TERM").unwrap_or_default();
         let head =
             json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui", "env": { "TERM": term } });
         let mut recorder = Self { file: BufWriter::new(file), began: Instant::now(), frame: Vec::new() };
-        recorder.line(&head).into_diagnostic().wrap_err_with(what)?;
+        recorder.line(&head)?;
         Ok(recorder)
     }
 
@@ -55,7 +66,8 @@ impl Recorder {
     ///
     /// # Errors
     /// What the file system reports.
-    pub fn resize(&mut self, (width, height): (u16, u16)) -> std::io::Result<()> {
+    pub fn resize(&mut self, size: (u16, u16)) -> std::io::Result<()> {
+        let (width, height) = at_most_the_largest(size);
         self.event("r", &format!("{width}x{height}"))
     }
 
@@ -69,5 +81,40 @@ impl Recorder {
         self.file.write_all(b"\n")?;
         // What is on disk is whole at any moment, as the program may be killed.
         self.file.flush()
+    }
+}
+
+/// A size that players can be asked for, whatever the terminal claims.
+fn at_most_the_largest((width, height): (u16, u16)) -> (u16, u16) {
+    (width.min(LARGEST_SCREEN.0), height.min(LARGEST_SCREEN.1))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_recording_asks_for_no_larger_screen_than_can_be_drawn() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("run.cast");
+        let mut recorder = Recorder::on(File::create(&path).expect("a file"), (65535, 65535)).expect("written");
+        recorder.resize((200, 60)).and_then(|()| recorder.resize((65535, 65535))).expect("written");
+        let text = std::fs::read_to_string(&path).expect("a recording");
+        let lines: Vec<serde_json::Value> =
+            text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+        assert_eq!((&lines[0]["width"], &lines[0]["height"]), (&1000.into(), &500.into()));
+        assert_eq!((&lines[1][2], &lines[2][2]), (&"200x60".into(), &"1000x500".into()));
+    }
+
+    #[test]
+    fn a_recording_replaces_another_only_when_asked_to() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("run.cast");
+        std::fs::write(&path, b"mine").expect("a file");
+        let error = Recorder::begin(&path, false).err().expect("it is there");
+        assert!(error.to_string().contains("run.cast: there is such a file"), "{error}");
+        assert_eq!(std::fs::read(&path).expect("kept"), b"mine");
+        assert!(Recorder::begin(&path, true).is_ok());
+        assert!(std::fs::read_to_string(&path).expect("a recording").starts_with("{\"version\":2"));
     }
 }

@@ -17,13 +17,9 @@ use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 use ratatui::{Frame, TerminalOptions, Viewport};
 
-use super::record::Recorder;
+use super::record::{LARGEST_SCREEN, Recorder};
 use guard::Guard;
 pub use guard::watch;
-
-/// The largest screen that is drawn: no eye sees more, and its buffers take some 100 MB. On a larger one the rest stays
-/// empty.
-const LARGEST: (u16, u16) = (1000, 500);
 
 /// A terminal in raw mode on its alternate screen; dropping it restores what was there.
 pub struct Terminal {
@@ -106,7 +102,8 @@ impl Terminal {
     /// What the terminal reports.
     pub fn draw(&mut self, render: impl FnOnce(&mut Frame)) -> std::io::Result<()> {
         let (columns, rows) = crossterm::terminal::size()?;
-        let size = (columns.min(LARGEST.0), rows.min(LARGEST.1));
+        // Beyond the largest the rest stays empty.
+        let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
         if std::mem::replace(&mut self.size, size) != size {
             self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
             if let Some(recorder) = &self.recorder {

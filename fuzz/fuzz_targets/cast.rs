@@ -1,0 +1,23 @@
+//! Any bytes as a recording, played to its end.
+#![no_main]
+
+use std::path::PathBuf;
+use std::sync::LazyLock;
+
+use gdg_tui::frames::play;
+use libfuzzer_sys::fuzz_target;
+
+/// One file for each process, in memory where there is such a place.
+static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
+    let memory = PathBuf::from("/dev/shm");
+    let folder = if memory.is_dir() { memory } else { std::env::temp_dir() };
+    folder.join(format!("gdg-tui-fuzz-{}.cast", std::process::id()))
+});
+
+fuzz_target!(|bytes: &[u8]| {
+    std::fs::write(&*FILE, bytes).expect("written");
+    let _ = play(&FILE, vec![0.0, f64::MAX], |screen, _| {
+        assert!(screen.size().0.get() <= 500 && screen.size().1.get() <= 1000);
+        Ok(())
+    });
+});

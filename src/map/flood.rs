@@ -1,0 +1,223 @@
+//! Which cells are farthest from another one, 64 cells at a time.
+//!
+//! A search that keeps the steps to every cell spends its time waiting for memory on large maps. Where only the last
+//! cells that it reaches are asked for, a bit for each cell is enough, and neighbours in a row are reached together.
+
+use super::grid::{Cell, Grid};
+
+/// Cells in a word.
+const BITS: usize = u64::BITS as usize;
+
+/// Floods over one map, reusing its buffers.
+pub struct Flood {
+    /// Bits from a cell to the one below it: a row, and a wall that keeps it from the next one.
+    stride: usize,
+    /// Words of wall before the first row, and at least as many behind the last one.
+    before: usize,
+    cells: Vec<Word>,
+    /// Words in which there are cells of the next ring.
+    next: Vec<usize>,
+    /// The ring of cells that was reached last: words and their bits.
+    ring: Vec<(usize, u64)>,
+}
+
+/// Bits of cells; side by side in memory, as they are asked for together.
+#[derive(Clone, Copy, Default)]
+struct Word {
+    free: u64,
+    /// Free cells that the latest flood has not reached.
+    dry: u64,
+    /// Cells of the next ring; none between floods.
+    wet: u64,
+}
+
+/// How far another cell's bit is: whole words, and bits to the left from there.
+#[derive(Clone, Copy)]
+struct Offset {
+    words: isize,
+    bits: u32,
+}
+
+impl Offset {
+    fn new(bits: isize) -> Self {
+        Self { words: bits.div_euclid(BITS as isize), bits: bits.rem_euclid(BITS as isize) as u32 }
+    }
+
+    /// The bits that are so far from those of `word`.
+    fn free(self, cells: &[Word], word: usize) -> u64 {
+        let at = word.wrapping_add_signed(self.words);
+        // Two shifts, as one by 64 bits is none.
+        cells[at].free >> self.bits | cells[at + 1].free << 1 << (BITS as u32 - 1 - self.bits)
+    }
+}
+
+impl Flood {
+    /// Prepares floods over `grid`.
+    pub fn new(grid: &Grid) -> Self {
+        let stride = grid.width() + 1;
+        let before = (stride + 1) / BITS + 1;
+        let words = (grid.height() * stride).div_ceil(BITS) + 2 * before + 1;
+        let mut cells = vec![Word::default(); words];
+        for (y, row) in grid.free().chunks_exact(grid.width()).enumerate() {
+            for x in (0..row.len()).filter(|x| row[*x]) {
+                let bit = before * BITS + y * stride + x;
+                cells[bit / BITS].free |= 1 << (bit % BITS);
+            }
+        }
+        Self { stride, before, cells, next: Vec::new(), ring: Vec::new() }
+    }
+
+    /// The cell farthest from `cell` (the first in row order of equals), and how many steps away it is.
+    pub fn farthest(&mut self, cell: Cell) -> (Cell, u32) {
+        let steps = self.spread(cell, u32::MAX, |_, _| {});
+        let (word, bits) = *self.ring.iter().min().expect("a flood reaches at least its own start");
+        (self.cell(word, bits), steps)
+    }
+
+    /// The cells that are exactly `steps` away from `cell`, row by row.
+    pub fn ring(&mut self, cell: Cell, steps: u32) -> Vec<Cell> {
+        let reached = self.spread(cell, steps, |_, _| {});
+        let mut ring = std::mem::take(&mut self.ring);
+        ring.sort_unstable();
+        if reached == steps { self.cells_of(&ring).collect() } else { Vec::new() }
+    }
+
+    /// The cells more than `near` steps away from `cell`, ring by ring from the outside in, row by row within each:
+    /// whole rings until there are more than `enough` cells. With the steps to each.
+    pub fn outermost(&mut self, cell: Cell, near: u32, enough: usize) -> Vec<(u32, Cell)> {
+        let mut rings = Vec::new();
+        self.spread(cell, u32::MAX, |steps, ring| {
+            if steps > near {
+                rings.extend(ring.iter().map(|bits| (steps, *bits)));
+            }
+        });
+        let mut found = Vec::new();
+        for ring in rings.chunk_by_mut(|a, b| a.0 == b.0).rev() {
+            if found.len() > enough {
+                break;
+            }
+            ring.sort_unstable();
+            for (steps, bits) in ring {
+                found.extend(self.cells_of(&[*bits]).map(|cell| (*steps, cell)));
+            }
+        }
+        found
+    }
+
+    /// The cells whose bits are set.
+    fn cells_of(&self, ring: &[(usize, u64)]) -> impl Iterator<Item = Cell> {
+        ring.iter().flat_map(move |(word, bits)| {
+            let rest = std::iter::successors(Some(*bits), |bits| Some(bits & (bits - 1)));
+            rest.take_while(|bits| *bits != 0).map(move |bits| self.cell(*word, bits))
+        })
+    }
+
+    /// The cell of the lowest bit of a word.
+    fn cell(&self, word: usize, bits: u64) -> Cell {
+        let bit = (word - self.before) * BITS + bits.trailing_zeros() as usize;
+        Cell::new(bit % self.stride, bit / self.stride)
+    }
+
+    /// Reaches ring after ring, up to the one that is `most` steps away, and passes each on; how many steps the last one
+    /// is away.
+    fn spread(&mut self, cell: Cell, most: u32, mut pass: impl FnMut(u32, &[(usize, u64)])) -> u32 {
+        self.cells.iter_mut().for_each(|word| word.dry = word.free);
+        let bit = self.before * BITS + cell.y * self.stride + cell.x;
+        self.reach(bit / BITS, 1 << (bit % BITS));
+        let row = self.stride as isize;
+        let [here, west, east, north, south] = [0, -1, 1, -row, row].map(Offset::new);
+        let mut ring = std::mem::take(&mut self.ring);
+        let mut steps = 0;
+        loop {
+            ring.clear();
+            ring.extend(self.next.drain(..).map(|word| (word, std::mem::take(&mut self.cells[word].wet))));
+            pass(steps, &ring);
+            if steps < most {
+                for &(word, bits) in &ring {
+                    // Cells from which there is a way to that side.
+                    let [w, e, n, s] = [west, east, north, south].map(|side| bits & side.free(&self.cells, word));
+                    for (ways, to) in [(bits, here), (n, north), (s, south)] {
+                        // On to the left and right in that row too: a corner is not cut where both sides are free.
+                        let (left, right) = (ways & w, ways & e);
+                        self.reach_from(word, ways | left >> 1 | right << 1, to);
+                        if left & 1 != 0 {
+                            self.reach_from(word - 1, 1 << (BITS - 1), to);
+                        }
+                        if right >> (BITS - 1) != 0 {
+                            self.reach_from(word + 1, 1, to);
+                        }
+                    }
+                }
+            }
+            if self.next.is_empty() {
+                self.ring = ring;
+                return steps;
+            }
+            steps += 1;
+        }
+    }
+
+    /// Reaches the cells that are so far from a word's.
+    #[inline]
+    fn reach_from(&mut self, word: usize, bits: u64, offset: Offset) {
+        let at = word.wrapping_add_signed(offset.words);
+        self.reach(at, bits << offset.bits);
+        self.reach(at + 1, bits >> 1 >> (BITS as u32 - 1 - offset.bits));
+    }
+
+    /// Reaches those of a word's cells that are free and have not been reached.
+    #[inline]
+    fn reach(&mut self, word: usize, bits: u64) {
+        let cells = &mut self.cells[word];
+        let new = bits & cells.dry;
+        if new != 0 {
+            cells.dry ^= new;
+            if cells.wet == 0 {
+                self.next.push(word);
+            }
+            cells.wet |= new;
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::map::{StepSearch, UNREACHABLE};
+
+    /// Maps of all widths around a word's, from empty ones to such in small pieces.
+    #[test]
+    fn a_flood_reaches_what_a_search_does() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        for width in 1..200 {
+            let (height, walls) = (rng.random_range(1..40), rng.random_range(0.0..0.6));
+            let mut free: Vec<bool> = (0..width * height).map(|_| rng.random::<f32>() > walls).collect();
+            let start = rng.random_range(0..free.len());
+            free[start] = true;
+            let grid = Grid::new("random", width, free, Vec::new(), Vec::new());
+            let start = grid.cell(start);
+            let mut search = StepSearch::new(&grid);
+            let steps = search.from(start);
+            let mut cells: Vec<(u32, Cell)> = steps.iter().enumerate().map(|(i, s)| (*s, grid.cell(i))).collect();
+            cells.retain(|(steps, _)| *steps != UNREACHABLE);
+            // The outermost first, row by row within each ring.
+            cells.sort_by_key(|(steps, _)| std::cmp::Reverse(*steps));
+            let mut flood = Flood::new(&grid);
+            let (most, first) = cells[0];
+            assert_eq!(flood.farthest(start), (first, most), "{width} x {height}");
+            for ring in [0, most / 2, most, most + 1] {
+                let expected: Vec<Cell> = cells.iter().filter(|c| c.0 == ring).map(|c| c.1).collect();
+                assert_eq!(flood.ring(start, ring), expected, "ring {ring} of {width} x {height}");
+            }
+            let near = most / 3;
+            cells.retain(|(steps, _)| *steps > near);
+            assert_eq!(flood.outermost(start, near, usize::MAX), cells);
+            let some = flood.outermost(start, near, 5);
+            assert_eq!(some, cells[..some.len()]);
+            assert!(some.len() > 5 || some.len() == cells.len());
+        }
+    }
+}
