@@ -324,3 +324,86 @@ fn many_at_once_never_take_the_same_file() {
     found.iter().for_each(|path| drop(load(path)));
     println!("{programs} programs side by side");
 }
+
+/// Memory in MB, open handles and updates of a program at one moment.
+#[cfg(target_os = "linux")]
+fn measured(session: &Session) -> Option<(f64, usize, f64)> {
+    let process = format!("/proc/{}", session.child.process_id()?);
+    let pages = std::fs::read_to_string(format!("{process}/statm")).ok()?;
+    let pages: f64 = pages.split(' ').nth(1)?.parse().ok()?;
+    let handles = std::fs::read_dir(format!("{process}/fd")).ok()?.count();
+    let shown = session.shows();
+    let updates = shown.split("updates").nth(1)?.split_whitespace().next()?.to_owned();
+    let updates = match updates.strip_suffix('k') {
+        Some(thousands) => 1000.0 * thousands.parse::<f64>().ok()?,
+        None => updates.parse().ok()?,
+    };
+    Some((pages * 4096.0 / 1e6, handles, updates))
+}
+
+/// Training with the interface open while the map is edited, autosaved and evaluated again and again: memory and open
+/// handles stay what they are once the replay is full. 20 minutes in the long form.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_long_run_takes_no_more_memory_and_leaves_no_handle_open() {
+    let (rounds, folder) = (times(20, 2_400), folder());
+    std::fs::write(folder.path().join("own.toml"), "autosave_minutes = 0.02\n").unwrap();
+    let args = ["trap", "--ui-config", "own.toml", "--threads", "1"];
+    let mut session = Session::start(folder.path(), &args);
+    session.wait_for("training");
+    let mut all = Vec::new();
+    for round in 0..rounds {
+        // A wall at the goal's neighbour, and away again; all panes in turn.
+        session.press(["e", "x", "u", "\x1b", "n", "1", "2", "3", "4", "5"][round % 10]);
+        std::thread::sleep(Duration::from_millis(500));
+        if round % 10 == 9 {
+            session.press("1");
+            std::thread::sleep(Duration::from_millis(300));
+            all.extend(measured(&session));
+        }
+    }
+    session.signal("TERM");
+    assert_eq!(session.end(), 143);
+    assert!(all.len() >= rounds / 10 / 2, "{} measurements", all.len());
+    for (memory, handles, updates) in all.iter().step_by((all.len() / 20).max(1)) {
+        println!("{memory:.0} MB, {handles} handles, {updates:.0} updates");
+    }
+    // The replay is full, and all buffers are as large as they get, after a fifth of the time.
+    let (first, last) = (&all[all.len() / 5], &all[all.len() - 1]);
+    if rounds > 1_000 {
+        let most = all[all.len() / 5..].iter().map(|m| m.0).fold(0.0, f64::max);
+        assert!(most < 1.05 * first.0, "{:.0} MB at first, up to {most:.0} MB later", first.0);
+    }
+    assert!(last.1 <= first.1 + 4, "{} handles, {} at first", last.1, first.1);
+    assert!(checkpoints(folder.path()).len() <= 4, "of autosaves three are kept");
+}
+
+/// What fuzzing starts from, and what it found: read again, so that a fault that was mended stays mended.
+#[test]
+fn kept_inputs_of_the_fuzzers_are_read_or_refused() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds");
+    let trap = map::builtin("trap").unwrap();
+    let mut count = 0;
+    for (path, bytes) in everything(&folder) {
+        let text = String::from_utf8_lossy(&bytes);
+        match path.parent().unwrap().file_name().unwrap().to_str().unwrap() {
+            "map" => drop(map::parse_map("kept", &bytes)),
+            "scenario" => drop(map::parse_scenario_bytes("kept", &bytes, &trap)),
+            "config" => {
+                drop(train::settings_from_text(train::Preset::Default, "kept", &text));
+                drop(gdg_tui::tui::parse_config("kept", &text));
+            }
+            "checkpoint" => {
+                for bytes in [Some(bytes.clone()), train::resealed(&bytes)].into_iter().flatten() {
+                    if let Ok(mut trainer) = train::from_bytes(&bytes, 1) {
+                        (0..4).for_each(|_| drop(trainer.tick()));
+                    }
+                }
+            }
+            "cast" => drop(gdg_tui::frames::play(&path, vec![0.0, f64::MAX], |_, _| Ok(()))),
+            other => panic!("what are {other}?"),
+        }
+        count += 1;
+    }
+    assert!(count > 15, "the kept inputs are there: {count}");
+}

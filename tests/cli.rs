@@ -463,7 +463,7 @@ fn edits_at_the_first_update_of_a_run_come_before_its_first_step() {
     // Those at the same update come in the order in which they are given.
     assert_eq!(edits(&all), [(0, "second".to_owned()), (0, "first".to_owned()), (40, "third".to_owned())]);
     let order: Vec<&str> = all.iter().map(|r| r["event"].as_str().unwrap()).collect();
-    assert_eq!(order, ["start", "edit", "edit", "edit", "evaluation", "end"]);
+    assert_eq!(order, ["start", "edit", "edit", "edit", "saved", "evaluation", "saved", "end"]);
     assert_eq!(all[1]["transitions_removed"], 0, "there are none yet");
 
     let resume = |at: &str, most: &str| {
