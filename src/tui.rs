@@ -93,7 +93,7 @@ pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainAr
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut app = App::new(engine, viewer, config, Files { save, resumed });
     if let Some(warning) = warning {
-        app.notify(warning);
+        app.notify(&warning);
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
     let mut terminal = Terminal::enter(recorder).into_diagnostic()?;
@@ -151,7 +151,7 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> 
         }
         if let Some(what) = app.takes_export() {
             let told = export::write(what, app);
-            app.notify(told);
+            app.notify(&told);
         }
         pace.changed |= app.on_tick();
         pace.waits = !app.snapshot.phase.trains();

@@ -240,7 +240,9 @@ mod tests {
         };
         let written = old(".gdg-1.tmp");
         written.try_lock().expect("a lock");
-        (old(".gdg-2.tmp"), old("somebody's.tmp"));
+        for name in [".gdg-2.tmp", "somebody's.tmp"] {
+            old(name);
+        }
         File::create(folder.path().join(".gdg-3.tmp")).expect("a file");
         write_whole(&folder.path().join("file"), b"x").expect("written");
         let mut left: Vec<_> =

@@ -151,7 +151,7 @@ impl App {
             self.viewer.ask(Request::Field(self.field));
         }
         let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
-        self.log.note(text, self.snapshot.counters.updates);
+        self.log.note(&text, self.snapshot.counters.updates);
         let first = self.map.goals().first().copied();
         let goal = first.unwrap_or_else(|| self.random_cell());
         self.set_goal(goal);
@@ -231,7 +231,7 @@ impl App {
     pub fn command(&mut self, command: Command) -> bool {
         let sent = self.engine.send(command);
         if !sent {
-            self.notify("the trainer is busy: try again".to_owned());
+            self.notify("the trainer is busy: try again");
         }
         sent
     }
@@ -307,7 +307,7 @@ impl App {
     }
 
     /// Tells the user something, and the log.
-    pub fn notify(&mut self, text: String) {
+    pub fn notify(&mut self, text: &str) {
         self.log.add(text, self.snapshot.counters.updates);
     }
 

@@ -89,7 +89,7 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     let name = path.to_string_lossy();
     let text = files::read_text(&path, MAX_BYTES).map_err(|e| {
         let right = "give a TOML file, as --print-config-template prints one";
-        error(&name, "", None, format!("cannot be read: {e}"), right.to_owned())
+        error(&name, "", None, &format!("cannot be read: {e}"), right)
     })?;
     parse(&name, &text)
 }
@@ -100,28 +100,27 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
 /// Something in it that is not as it should be.
 pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
     let hint = "--print-config-template prints a file with everything that can be set";
-    let config: UiConfig =
-        toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message().to_owned(), hint.to_owned()))?;
+    let config: UiConfig = toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
     if !(0.0..=1e6).contains(&config.autosave_minutes) {
         let what = format!("autosave_minutes cannot be {}", config.autosave_minutes);
         let at = text.find("autosave_minutes").map(|at| at..at + "autosave_minutes".len());
-        return Err(error(name, text, at, what, "a number of minutes, 0 for never".to_owned()));
+        return Err(error(name, text, at, &what, "a number of minutes, 0 for never"));
     }
     let keys = config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
     let keymap = Keymap::new(&keys).map_err(|(action, what, right)| {
         let span = config.keys.get(&action).map(toml::Spanned::span);
-        error(name, text, span, format!("{action}: {what}"), right)
+        error(name, text, span, &format!("{action}: {what}"), &right)
     })?;
     Ok((config, keymap))
 }
 
-fn error(name: &str, text: &str, span: Option<Range<usize>>, what: String, right: String) -> Box<UiConfigError> {
+fn error(name: &str, text: &str, span: Option<Range<usize>>, what: &str, right: &str) -> Box<UiConfigError> {
     let found = span.map(|span| Excerpt::of(name, text, span));
     let place = match &found {
         Some((_, (line, column))) => format!("{}:{line}:{column}: ", plain(name)),
         None => format!("{}: ", plain(name)),
     };
-    let (what, right) = (shortened(&what, QUOTED), plain_lines(&right));
+    let (what, right) = (shortened(what, QUOTED), plain_lines(right));
     let excerpt = found.map(|(excerpt, _)| excerpt);
     Box::new(UiConfigError { place, what, right, span: excerpt.as_ref().map(Excerpt::span), excerpt })
 }

@@ -42,18 +42,18 @@ impl Log {
     }
 
     /// Takes note of something that is worth a notice.
-    pub fn add(&mut self, text: String, updates: u64) {
+    pub fn add(&mut self, text: &str, updates: u64) {
         self.note(text, updates);
         self.notice = Some((Instant::now(), self.count));
     }
 
     /// Takes note of something.
-    pub fn note(&mut self, text: String, updates: u64) {
+    pub fn note(&mut self, text: &str, updates: u64) {
         if self.entries.len() >= MOST_ENTRIES {
             self.entries.remove(0);
         }
-        tracing::info!("{}", crate::text::plain(&text));
-        self.entries.push(LogEntry::new(self.before + self.began.elapsed().as_secs_f64(), updates, &text));
+        tracing::info!("{}", crate::text::plain(text));
+        self.entries.push(LogEntry::new(self.before + self.began.elapsed().as_secs_f64(), updates, text));
         self.count += 1;
     }
 

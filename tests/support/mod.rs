@@ -90,7 +90,7 @@ impl Session {
     pub fn wait_for(&self, text: &str) {
         let began = Instant::now();
         while !self.shows().contains(text) {
-            assert!(began.elapsed() < Duration::from_secs(60), "{text:?} did not come:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not come:\n{}", self.shows());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -102,7 +102,7 @@ impl Session {
     pub fn wait(&self, is: impl Fn(&Self) -> bool) {
         let began = Instant::now();
         while !is(self) {
-            assert!(began.elapsed() < Duration::from_secs(60), "it did not come about:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "it did not come about:\n{}", self.shows());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -111,7 +111,7 @@ impl Session {
     pub fn wait_for_end_or(&mut self, text: &str) {
         let began = Instant::now();
         while !self.shows().contains(text) && self.child.try_wait().unwrap().is_none() {
-            assert!(began.elapsed() < Duration::from_secs(60), "neither came:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "neither came:\n{}", self.shows());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -136,7 +136,7 @@ impl Session {
             if let Some(status) = self.child.try_wait().unwrap() {
                 return status.exit_code();
             }
-            if began.elapsed() > Duration::from_secs(60) {
+            if began.elapsed() > Duration::from_mins(1) {
                 let shown = self.shows();
                 self.child.kill().unwrap();
                 panic!("it did not end:\n{shown}");

@@ -44,7 +44,7 @@ impl App {
             Action::Tour => {
                 self.tour = self.tour.next();
                 self.viewer.ask(Request::Tour(self.tour));
-                self.notify(format!("at the goal @ will {}", self.tour.name()));
+                self.notify(&format!("at the goal @ will {}", self.tour.name()));
             }
             Action::Follow => self.follow_next(),
             Action::Field(forward) => {
@@ -56,13 +56,13 @@ impl App {
                 if overlay == Overlay::Directions {
                     self.viewer.ask(Request::Directions(shown));
                 }
-                self.notify(format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
+                self.notify(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }
             Action::Marker => {
                 let all = crate::tui::raster::Marker::ALL;
                 let at = all.iter().position(|m| *m == self.marker).unwrap_or(0);
                 self.marker = all[(at + 1) % all.len()];
-                self.notify(format!("drawn with: {}", self.marker.name()));
+                self.notify(&format!("drawn with: {}", self.marker.name()));
             }
             Action::ZoomIn => self.zoom(1.5, None),
             Action::ZoomOut => self.zoom(1.0 / 1.5, None),
@@ -140,7 +140,7 @@ impl App {
             SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
         };
         if self.command(Command::LimitSpeed(speed)) {
-            self.notify(match speed {
+            self.notify(&match speed {
                 Some(speed) => format!("at most {speed:.0} updates a second"),
                 None => "as fast as it can".to_owned(),
             });
@@ -156,7 +156,7 @@ impl App {
         };
         self.command(Command::Follow(self.following));
         let who = self.following.map_or("the walking agent @".to_owned(), |agent| format!("exploring agent {agent}"));
-        self.notify(format!("following {who}"));
+        self.notify(&format!("following {who}"));
         self.pane = Pane::Walk;
     }
 

@@ -54,7 +54,7 @@ impl App {
                 self.change_map(new);
             }
             Choice::Load(path) => {
-                self.notify(format!("loading {} ...", path.display()));
+                self.notify(&format!("loading {} ...", path.display()));
                 self.command(Command::Load(path));
             }
             Choice::Export(what) => self.export = Some(what),

@@ -36,7 +36,7 @@ impl App {
         files.retain(|path| path.extension().is_some_and(|e| e == "safetensors"));
         if files.is_empty() {
             let key = self.keymap.key_of(Action::Save);
-            self.notify(format!("there is no checkpoint in {}: {key} saves one", own.display()));
+            self.notify(&format!("there is no checkpoint in {}: {key} saves one", own.display()));
             return;
         }
         let found = files.iter().map(|path| describe(path)).collect();
@@ -59,7 +59,7 @@ impl App {
         let text = if movingai { print_movingai(&self.map) } else { print_ascii(&self.map) };
         write_whole(path, text.as_bytes()).map_err(|e| format!("{name} cannot be written: {e}"))?;
         let lost = if movingai && marks > 0 { " (without starts and goals: that format has none)" } else { "" };
-        self.notify(format!("wrote {name}{lost}"));
+        self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
         Ok(())
     }
@@ -82,7 +82,7 @@ impl App {
             }
             Err(error) => {
                 let help = miette::Diagnostic::help(&*error).map_or(String::new(), |help| format!(": {help}"));
-                self.notify(format!("{error}{help}"));
+                self.notify(&format!("{error}{help}"));
             }
         }
     }

@@ -25,13 +25,13 @@ impl App {
         }
         self.pausing &= self.snapshot.phase.trains();
         if self.snapshot.notice.0 > before.notice.0 {
-            self.notify(self.snapshot.notice.1.clone());
+            self.notify(&self.snapshot.notice.1.clone());
         }
         if let (Phase::Failed(error), true) = (&self.snapshot.phase, before.phase != self.snapshot.phase) {
             self.on_training_failed(&error.clone());
         }
         if before.phase.trains() && self.snapshot.phase == Phase::Done {
-            self.notify(format!(
+            self.notify(&format!(
                 "done: a limit is reached; {} goes on without it",
                 self.keymap.key_of(Action::TogglePause)
             ));
@@ -42,7 +42,7 @@ impl App {
         let Some((updates, e)) = self.snapshot.evaluations.last() else { return };
         let error = 100.0 * e.distance_error.mape;
         let text = format!("evaluated: {}, error of D {error:.0} %", e.success(*updates));
-        self.log.note(text, *updates);
+        self.log.note(&text, *updates);
     }
 
     /// Keeps the screen as it is, or goes on with what there is by now.

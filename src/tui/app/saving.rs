@@ -98,7 +98,7 @@ impl App {
 
     /// Saves; whether the trainer could be told.
     pub(super) fn save(&mut self) -> bool {
-        self.notify(format!("saving {} ...", self.save_path().display()));
+        self.notify(&format!("saving {} ...", self.save_path().display()));
         let log = self.log.entries().to_vec();
         self.command(Command::Save(self.saving.to.clone(), log))
     }
@@ -174,7 +174,7 @@ impl App {
     pub(super) fn on_failures(&mut self) {
         for failure in crate::faults::take() {
             let text = format!("internal error in the thread {}: {}", failure.thread, failure.what);
-            self.notify(text.clone());
+            self.notify(&text);
             if self.failures.is_empty() {
                 self.autosave();
                 self.show_trouble("something failed inside the program", &text);
@@ -185,7 +185,7 @@ impl App {
 
     /// Training ended by itself and not at a limit.
     pub(super) fn on_training_failed(&mut self, error: &str) {
-        self.notify(format!("training stopped: {error}"));
+        self.notify(&format!("training stopped: {error}"));
         if self.failures.is_empty() {
             self.show_trouble("training has stopped", error);
         }
@@ -230,13 +230,12 @@ impl App {
                     saved = save_somewhere(&trainer, &saving.to, &mut summary);
                 }
             }
-            Some(_) => {}
             None if wanted || missed => {
                 let what =
                     "the trainer hangs, or ended by an internal error: what came after the last checkpoint is lost";
                 saved = Err(miette::miette!(help = logging::hint(), "{what}"));
             }
-            None => {}
+            _ => {}
         }
         if let Some((updates, path)) = &snapshot.saved {
             summary += &format!("\nsaved {} at update {updates}", path.display());

@@ -93,7 +93,7 @@ fn the_tools_of_the_editor_are_picked_by_clicks() {
     click(&mut app, SMALL, "e edit");
     click(&mut app, SMALL, "box");
     assert_eq!(app.editor.tool, crate::tui::editor::Tool::Rectangle);
-    app.notify("8 cells walled up".to_owned());
+    app.notify("8 cells walled up");
     assert!(place_of(&mut app, SMALL, "8 cells walled up").is_some_and(|at| at.y == SMALL.1 - 2), "above the tools");
     click(&mut app, SMALL, "done");
     assert!(!app.editor.is_open());
