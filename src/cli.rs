@@ -201,7 +201,7 @@ pub struct TrainArgs {
     #[arg(long)]
     pub overwrite: bool,
 
-    /// How much goes to the log file, whose place the help (?) tells
+    /// Least severity that is written to the log file; the help (?) shows where it is
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
     pub log_level: LogLevel,
 

@@ -1,7 +1,6 @@
 //! Failures of threads: kept here for the front ends to show. And faults on demand, for tests of what becomes of them.
 //!
-//! A thread that panics leaves its message here by way of the panic hook, whoever joins it and whatever becomes of its
-//! result. `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its point for the Nth time,
+//! The panic hook records the message of every thread that panics, whether or not its result is ever looked at. `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its point for the Nth time,
 //! `THREAD=delay:MS@N` makes it wait, `POINT=fail@N` makes something fail from the Nth time on, `POINT=once@N` that one
 //! time; several are parted by commas.
 

@@ -156,7 +156,7 @@ impl Session<'_> {
         }
     }
 
-    /// Changes the map where that is asked for after so many updates.
+    /// Applies the map edits that are due at the current update.
     fn edit(&mut self) -> Result<(), Report> {
         let Setup { trainer, edits, .. } = &mut self.setup;
         let updates = trainer.counters().updates;

@@ -1,4 +1,4 @@
-//! The log file: what happened, for whoever looks for the cause of a mishap afterwards.
+//! The log file: what happened, for finding the cause of a failure afterwards.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;

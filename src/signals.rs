@@ -47,8 +47,8 @@ impl Ending {
     }
 }
 
-/// Signals ignored by this process, bit n - 1 for number n. Only Linux tells without unsafe code; elsewhere none are
-/// taken to be.
+/// Signals ignored by this process, bit n - 1 for number n. Only Linux exposes this without unsafe code; elsewhere
+/// none count as ignored.
 fn ignored() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -368,11 +368,20 @@ fn a_long_run_takes_no_more_memory_and_leaves_no_handle_open() {
     for (memory, handles, updates) in all.iter().step_by((all.len() / 20).max(1)) {
         println!("{memory:.0} MB, {handles} handles, {updates:.0} updates");
     }
-    // The replay is full, and all buffers are as large as they get, after a fifth of the time.
-    let (first, last) = (&all[all.len() / 5], &all[all.len() - 1]);
+    // The replay is full, and all buffers are as large as they get, after a fifth of the time. While a checkpoint is
+    // written there is more: what counts is what it comes back to.
+    let fifth = all.len() / 5;
+    let (first, last) = (&all[fifth], &all[all.len() - 1]);
     if rounds > 1_000 {
-        let most = all[all.len() / 5..].iter().map(|m| m.0).fold(0.0, f64::max);
-        assert!(most < 1.05 * first.0, "{:.0} MB at first, up to {most:.0} MB later", first.0);
+        let least = |part: &[(f64, usize, f64)]| part.iter().map(|m| m.0).fold(f64::INFINITY, f64::min);
+        let most = all[fifth..].iter().map(|m| m.0).fold(0.0, f64::max);
+        let (early, late) = (least(&all[fifth..2 * fifth]), least(&all[4 * fifth..]));
+        assert!(
+            late < 1.05 * early && most < 1.5 * early,
+            "{early:.0} MB early, {late:.0} MB late, at most {most:.0} MB"
+        );
+        let rate = |part: &[(f64, usize, f64)]| (part[part.len() - 1].2 - part[0].2) / part.len() as f64;
+        println!("{:.0} updates a round early, {:.0} late", rate(&all[fifth..2 * fifth]), rate(&all[4 * fifth..]));
     }
     assert!(last.1 <= first.1 + 4, "{} handles, {} at first", last.1, first.1);
     assert!(checkpoints(folder.path()).len() <= 4, "of autosaves three are kept");

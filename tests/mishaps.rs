@@ -80,7 +80,7 @@ fn closing_the_terminal_saves_the_run() {
     let session = Session::start(folder.path(), &["trap"]);
     session.wait_for("training");
     // Less than ten seconds of training would not be missed.
-    std::thread::sleep(Duration::from_secs(13));
+    session.wait_for("elapsed   0:00:12");
     let mut child = session.hang_up();
     let began = Instant::now();
     let status = loop {
@@ -207,6 +207,7 @@ fn a_second_signal_ends_at_once() {
     assert!(status == 130 && took < SOON, "{status} after {took:?}");
 }
 
+#[cfg(target_os = "linux")]
 #[test]
 fn a_signal_that_was_ignored_stays_ignored() {
     let folder = folder();
@@ -337,7 +338,8 @@ fn what_does_not_fit_into_memory_is_refused_with_what_it_needs() {
         assert_eq!((status, output.as_str()), (2, ""), "{setting}: {errors}");
         assert!(errors.contains("GB of memory"), "{setting}: {errors}");
     }
-    let (status, _, errors) = limited(&["--no-ui", "trap", "--max-updates", "50", "--eval-tasks", "1"]);
+    let (status, _, errors) =
+        limited(&["--no-ui", "trap", "--max-updates", "50", "--eval-tasks", "1", "--threads", "2"]);
     assert_eq!(status, 0, "the default fits: {errors}");
 }
 
@@ -433,6 +435,24 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
         let (status, _, errors) = outcome(&mut headless(folder.path(), &["--resume", "small.safetensors"]));
         assert!(status == 2 && !errors.contains('\x1b'), "{errors:?}");
     }
+}
+
+#[test]
+fn checkpoints_of_the_former_format_load_and_of_later_ones_name_their_version() {
+    let folder = folder();
+    let good = std::fs::read(checkpoint(folder.path())).unwrap();
+    let former = resealed(&good, |texts, _| {
+        texts.insert("format".to_owned(), "gdg-tui checkpoint 1".to_owned());
+        texts.remove("history").unwrap();
+    });
+    let trainer = train::from_bytes(&former, 1).unwrap_or_else(|e| panic!("{e}"));
+    assert!(trainer.counters().updates == 350 && trainer.history().points().is_empty());
+    let later = resealed(&good, |texts, _| {
+        texts.insert("format".to_owned(), "gdg-tui checkpoint 9".to_owned());
+        texts.insert("version".to_owned(), "7.1.0".to_owned());
+    });
+    let error = train::from_bytes(&later, 1).err().unwrap();
+    assert!(error.contains("checkpoint 9") && error.contains("7.1.0"), "{error}");
 }
 
 #[test]

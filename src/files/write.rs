@@ -63,7 +63,7 @@ pub fn check_target(path: &Path) -> Result<()> {
     Target::of(path)?.temporary().map(|_| ())
 }
 
-/// Where a file really goes, and what is there.
+/// A file to be written: its path with links resolved, and what is there now.
 pub(super) struct Target {
     pub path: PathBuf,
     folder: PathBuf,

@@ -23,7 +23,7 @@ pub struct Saver {
 }
 
 impl Saver {
-    /// Saves to `to`, every so many minutes (0 for the end alone).
+    /// Saves to `to`, every `every_minutes` (default 5; 0 saves at the end alone).
     pub fn new(to: SaveTo, every_minutes: Option<f64>) -> Self {
         let minutes = every_minutes.unwrap_or(EVERY_MINUTES);
         let every = (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes));

@@ -32,7 +32,7 @@ const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 /// The most characters of a reason that are shown: it may quote the file.
 const SHOWN: usize = 400;
 
-/// A checkpoint that cannot be written or taken up.
+/// A checkpoint that cannot be written or loaded.
 #[derive(Debug, thiserror::Error, miette::Diagnostic)]
 #[error("{}: {what}", plain(&file.to_string_lossy()))]
 #[diagnostic(help("{right}"))]
@@ -192,7 +192,7 @@ fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
     ])
 }
 
-/// A run taken up from a checkpoint.
+/// A run loaded from a checkpoint.
 pub struct Loaded {
     /// The run.
     pub trainer: Trainer,
@@ -200,7 +200,7 @@ pub struct Loaded {
     pub warning: Option<String>,
 }
 
-/// Takes up the run of a checkpoint; that of its backup where the file is damaged and there is one.
+/// Loads the run of a checkpoint, or of its backup if the file is damaged and there is one.
 ///
 /// # Errors
 /// A file that cannot be read or is no checkpoint of this program.
@@ -225,7 +225,7 @@ pub fn load(path: &Path, threads: usize) -> Result<Loaded, CheckpointError> {
     }
 }
 
-/// Takes up the run of a checkpoint's bytes.
+/// Loads the run from a checkpoint's bytes.
 ///
 /// # Errors
 /// What is wrong with them.

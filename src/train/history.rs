@@ -61,7 +61,7 @@ impl Default for History {
 }
 
 impl History {
-    /// The losses after so many updates, of which a point is kept now and then.
+    /// Adds the losses at an update; every `every`-th update becomes a point of the curves.
     pub fn add_losses(&mut self, updates: u64, losses: [f64; 3]) {
         if !updates.is_multiple_of(self.every) {
             return;
@@ -74,7 +74,7 @@ impl History {
         }
     }
 
-    /// An evaluation after so many updates.
+    /// Adds an evaluation made at an update.
     pub fn add_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
         let evaluations = Arc::make_mut(&mut self.evaluations);
         evaluations.push((updates, evaluation));

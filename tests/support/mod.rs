@@ -175,7 +175,7 @@ pub fn kill(process: u32, name: &str) {
     assert!(sent.success(), "kill -{name} {process}");
 }
 
-/// The program without an interface, in `folder`, with nothing of whoever runs the tests.
+/// The program without an interface, in `folder`, isolated from the user's own configuration.
 pub fn headless(folder: &Path, args: &[&str]) -> Command {
     let mut command = plain(folder);
     command.arg("--no-ui").args(args);

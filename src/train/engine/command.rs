@@ -139,7 +139,7 @@ impl Worker {
         Ok(path)
     }
 
-    /// Carries out a command. A panic meanwhile is told, and the run mended as far as it can be.
+    /// Carries out a command. A panic on the way is reported, and the run is repaired as far as possible.
     pub(super) fn carry_out(&mut self, command: Command) {
         let saves = matches!(command, Command::Save(..));
         if catch_unwind(AssertUnwindSafe(|| self.carry_out_at_once(command))).is_err() {

@@ -151,7 +151,7 @@ impl App {
         }
     }
 
-    /// Takes note of what became of saving since `before`.
+    /// Handles the outcome of saves since `before`.
     pub(super) fn on_saving(&mut self, before: &Snapshot) {
         let now = self.snapshot.clone();
         if let Some((_, path)) = &now.saved
@@ -196,7 +196,7 @@ impl App {
         self.dialogs.push(Dialog::Pick(trouble));
     }
 
-    /// The program is told to end: what would be missed is saved.
+    /// A signal asks the program to end: unsaved training worth asking about is saved.
     pub fn on_signal(&mut self) {
         if self.would_be_missed() && self.saving.named.is_none() {
             self.saving.named = Some(self.saving.to.path().to_owned());

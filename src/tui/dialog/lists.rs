@@ -88,9 +88,9 @@ pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
 /// What to do when something has failed.
 pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
-        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
+        // All of the selected item is shown below the list.
+        Item::new("save and quit", format!("to {}; {what}; {hint}", file.display()), Choice::Quit { save: true }),
         Item::new("stay", "look around, save, change a setting, load a checkpoint", Choice::Nothing),
-        Item::new("what happened", format!("{what}; {hint}"), Choice::Nothing),
     ];
     Picker::new(title, items)
 }
