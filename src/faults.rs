@@ -43,7 +43,7 @@ pub fn watch() {
         let thread = std::thread::current();
         let name = thread.name().unwrap_or("unnamed");
         let failure = Failure { thread: name.to_owned(), what: message_of(info) };
-        tracing::error!(thread = name, "panicked: {}\n{}", failure.what, Backtrace::force_capture());
+        tracing::error!(thread = name, "panicked: {}", failure.what);
         if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
             crate::text::tell(&format!("internal error in thread {name}: {}", failure.what));
         }
@@ -51,6 +51,9 @@ pub fn watch() {
         if failures.len() < MOST {
             failures.push(failure);
         }
+        drop(failures);
+        // Last, as finding the names of functions takes a second or more.
+        tracing::error!(thread = name, "{}", Backtrace::force_capture());
     }));
 }
 

@@ -12,7 +12,7 @@ use miette::{IntoDiagnostic, Report, WrapErr};
 
 use crate::cli::TrainArgs;
 use crate::map::Diameter;
-use crate::setup::Setup;
+use crate::setup::{Setup, rescue};
 use crate::signals::Ending;
 use crate::text::{json_line, tell};
 use crate::train::{EndReason, Evaluation, TaskSet, Tick, Trainer};
@@ -41,9 +41,13 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let mut session = Session { setup, diameter: None, args, progress: Progress::new(args), saver, ending };
     let ended = session.run();
     // Whatever happened, what was learned is kept.
-    let saved = session.save();
+    let saved = session.save_at_end();
     let (reason, evaluation) = ended?;
     saved?;
+    if let Some(failure) = crate::faults::take().first() {
+        let what = format!("an internal error in the thread {}: {}", failure.thread, failure.what);
+        return Err(miette::miette!(help = crate::logging::hint(), "{what}"));
+    }
     print(&Record::end(reason, &session.setup.trainer))?;
     session.progress.finish();
     if let (EndReason::Interrupted, Some(status)) = (reason, session.ending.status()) {
@@ -92,7 +96,7 @@ impl Session<'_> {
                 return Ok((reason, None));
             }
             // An evaluation takes a while, in which the machine may go down.
-            session.save()?;
+            session.save_on_the_way();
             match session.evaluate()? {
                 Some(evaluation) => Ok((reason, Some(evaluation))),
                 None => Ok((EndReason::Interrupted, None)),
@@ -142,8 +146,16 @@ impl Session<'_> {
                 return Ok(EndReason::Interrupted);
             }
             if self.saver.as_ref().is_some_and(Saver::is_due) {
-                self.save()?;
+                self.save_on_the_way();
             }
+        }
+    }
+
+    /// Saves with more training or an evaluation to come: a failure is reported, and the next save may succeed.
+    fn save_on_the_way(&mut self) {
+        if let Err(error) = self.save() {
+            tracing::warn!("{error}");
+            crate::report::show(error.wrap_err("training goes on, and saving is tried again later"));
         }
     }
 
@@ -154,6 +166,17 @@ impl Session<'_> {
             Some(record) => print(&record),
             None => Ok(()),
         }
+    }
+
+    /// Saves for the last time: somewhere else where it cannot be saved where `--save` says, which is still an error.
+    fn save_at_end(&mut self) -> Result<(), Report> {
+        self.save().map_err(|error| match &self.saver {
+            Some(saver) => match rescue(&self.setup.trainer, saver.path()) {
+                Some(path) => miette::miette!("{error}; saved to {} instead", path.display()),
+                None => error,
+            },
+            None => error,
+        })
     }
 
     /// Applies the map edits that are due at the current update.

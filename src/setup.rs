@@ -5,6 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use directories::ProjectDirs;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::{EditAt, TrainArgs};
@@ -151,6 +152,14 @@ pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
 
 fn taken(path: &Path) -> Report {
     miette!(help = "give another name, or --overwrite", "{}: there is such a file", path.display())
+}
+
+/// Saves the run wherever it can be, when it cannot be saved at `path`: to `saves/`, or to a folder of the user's state.
+pub fn rescue(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
+    let state = ProjectDirs::from("", "", "gdg-tui");
+    let state = state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
+    let mut folders = [Some(PathBuf::from("saves")), state].into_iter().flatten();
+    folders.find_map(|folder| train::save(trainer, &SaveTo::Fresh(folder.join(path.file_name()?))).ok())
 }
 
 /// A map error as a report.

@@ -172,6 +172,49 @@ fn runs_without_interface_save_on_the_way() {
 }
 
 #[test]
+fn a_file_that_another_program_has_replaced_meanwhile_is_left_alone() {
+    let folder = folder();
+    let other = std::fs::read(checkpoint(folder.path())).unwrap();
+    let path = folder.path().join("mine.safetensors");
+    let args = ["trap", "--save", "mine.safetensors", "--save-every", "0.01"];
+    let mut run = Running::start(&mut headless(folder.path(), &args));
+    run.wait_for("saved");
+    std::fs::write(folder.path().join("new"), &other).unwrap();
+    std::fs::rename(folder.path().join("new"), &path).unwrap();
+    let own = folder.path().join("mine-2.safetensors");
+    let began = Instant::now();
+    while !own.exists() {
+        assert!(began.elapsed() < Duration::from_mins(1), "it does not find a file of its own");
+        std::thread::sleep(Duration::from_millis(20));
+    }
+    assert_eq!(run.ends_by("TERM").0, 143);
+    assert!(std::fs::read(&path).unwrap() == other && assert_loads(&own) > 0);
+    assert_eq!(checkpoints(folder.path()).len(), 3, "and keeps to that");
+}
+
+#[test]
+fn a_save_that_fails_on_the_way_does_not_end_the_run() {
+    let folder = folder();
+    let args =
+        ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "a.safetensors", "--save-every", "0.002"];
+    let (status, _, errors) = outcome(headless(folder.path(), &args).env(FAULTS, "save=once@2"));
+    assert_eq!(status, 0, "{errors}");
+    assert!(errors.contains("tried again") && assert_loads(&folder.path().join("a.safetensors")) == 400, "{errors}");
+}
+
+#[test]
+fn a_run_that_cannot_be_saved_in_its_place_is_saved_in_another() {
+    let folder = folder();
+    let mut run = Running::start(&mut headless(folder.path(), &["trap", "--save", "sub/a.safetensors"]));
+    run.wait_for("progress");
+    // Where the folder was there is a file now.
+    std::fs::remove_dir_all(folder.path().join("sub")).unwrap();
+    std::fs::write(folder.path().join("sub"), b"").unwrap();
+    assert_eq!(run.ends_by("TERM").0, 1);
+    assert!(assert_loads(&folder.path().join("saves/a.safetensors")) >= 1000);
+}
+
+#[test]
 fn a_place_that_cannot_be_saved_to_is_refused_before_training() {
     let folder = folder();
     std::fs::write(folder.path().join("file"), b"").unwrap();
@@ -292,8 +335,12 @@ fn threads_that_hang_for_a_while_leave_the_interface_alive() {
 
 #[test]
 fn panics_without_the_interface_are_errors_and_the_run_is_saved() {
-    for (fault, updates) in [("trainer=panic@500", 1..500), ("graph=panic@1", 1..400), ("evaluation=panic@1", 400..401)]
-    {
+    for (fault, updates) in [
+        ("trainer=panic@500", 1..500),
+        ("graph=panic@1", 1..400),
+        ("graph=panic@4", 1..401),
+        ("evaluation=panic@1", 400..401),
+    ] {
         let folder = folder();
         let args = ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "kept.safetensors"];
         let (status, _, errors) = outcome(headless(folder.path(), &args).env(FAULTS, fault));

@@ -22,18 +22,11 @@ pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) 
     let target = Target::of(path)?;
     let backup = backup_of(&target.path);
     let good = |path: &Path| read(path, u64::MAX - 1).is_ok_and(|bytes| whole(&bytes));
-    // A backup that is there already was left by a program that was killed: it goes only if the file itself is good.
-    let left_behind = backup.symlink_metadata().is_ok();
-    if target.exists() && (!left_behind || good(&target.path)) {
-        if left_behind {
-            std::fs::remove_file(&backup)?;
-        }
-        // A second name for the same file, so that there is one at any moment; where that cannot be, a copy.
-        if std::fs::hard_link(&target.path, &backup).is_err() {
-            std::fs::copy(&target.path, &backup)?;
-        }
-    }
-    target.write(bytes, |file, path| file.persist(path).map_err(|e| e.error))?;
+    // The backup is made once the new file is written beside the target: if there is no room for it, nothing changes.
+    target.write(bytes, |file, path| {
+        keep(path, &backup, target.exists(), good)?;
+        file.persist(path).map_err(|e| e.error)
+    })?;
     let has_backup = backup.symlink_metadata().is_ok();
     if good(&target.path) {
         if has_backup {
@@ -46,6 +39,23 @@ pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) 
         sync_folder(target.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
     }
     Err(Error::new(ErrorKind::InvalidData, "what was written could not be read back; the file before is kept"))
+}
+
+/// Keeps what is at `path` as `backup`.
+fn keep(path: &Path, backup: &Path, exists: bool, good: impl Fn(&Path) -> bool) -> Result<()> {
+    // A backup that is there already was left by a program that was killed: it goes only if the file itself is good.
+    let left_behind = backup.symlink_metadata().is_ok();
+    if !exists || left_behind && !good(path) {
+        return Ok(());
+    }
+    if left_behind {
+        std::fs::remove_file(backup)?;
+    }
+    // A second name for the same file, so that there is one at any moment; where that cannot be, a copy.
+    if std::fs::hard_link(path, backup).is_err() {
+        std::fs::copy(path, backup)?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! Checkpoints of a run without the interface: now and then, and at its end.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use miette::Report;
@@ -28,6 +28,11 @@ impl Saver {
         let minutes = every_minutes.unwrap_or(EVERY_MINUTES);
         let every = (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes));
         Self { to, every, saved: Instant::now(), state: None }
+    }
+
+    /// The file that checkpoints go to.
+    pub fn path(&self) -> &Path {
+        self.to.path()
     }
 
     /// Whether the next one is due.

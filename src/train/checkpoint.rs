@@ -5,12 +5,13 @@
 
 mod content;
 
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
+use parking_lot::Mutex;
 use serde::Deserialize;
 
 use super::history::History;
@@ -114,7 +115,8 @@ struct Header {
 /// Where a checkpoint goes.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SaveTo {
-    /// Replaces what is there: the run's own file, or one that the user said to replace.
+    /// Replaces what is there: the run's own file, or one that the user said to replace. If another program has
+    /// replaced it meanwhile, the same as `Fresh`.
     Own(PathBuf),
     /// At this path, or where something is there already, at `-2`, `-3` ... of it: that belongs to another run.
     Fresh(PathBuf),
@@ -129,6 +131,41 @@ impl SaveTo {
     }
 }
 
+/// Files that this program has read or written, as they were then: what has changed since is another program's.
+static KNOWN: Mutex<BTreeMap<PathBuf, Identity>> = Mutex::new(BTreeMap::new());
+
+/// What tells a file from another at the same path.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct Identity {
+    bytes: u64,
+    modified: Option<SystemTime>,
+    inode: u64,
+}
+
+impl Identity {
+    fn of(path: &Path) -> Option<Self> {
+        let facts = std::fs::metadata(path).ok()?;
+        #[cfg(unix)]
+        let inode = std::os::unix::fs::MetadataExt::ino(&facts);
+        #[cfg(not(unix))]
+        let inode = 0;
+        Some(Self { bytes: facts.len(), modified: facts.modified().ok(), inode })
+    }
+
+    /// Remembers the file at `path` as it is now.
+    fn remember(path: &Path) {
+        if let (Ok(path), Some(identity)) = (path.canonicalize(), Self::of(path)) {
+            KNOWN.lock().insert(path, identity);
+        }
+    }
+
+    /// Whether the file at `path` was this program's and has been replaced by another's since.
+    fn is_foreign(path: &Path) -> bool {
+        let known = path.canonicalize().ok().and_then(|path| KNOWN.lock().get(&path).copied());
+        known.is_some_and(|known| Self::of(path) != Some(known))
+    }
+}
+
 /// Writes a checkpoint; where it went. A crash leaves the old file or the new one, and the old one is kept until the
 /// new one has been read back.
 ///
@@ -137,7 +174,7 @@ impl SaveTo {
 pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
     let failed = |what: String| CheckpointError {
         file: to.path().to_owned(),
-        what: format!("the checkpoint could not be written: {what}"),
+        what: format!("not saved: {what}"),
         right: "give a file in a folder that can be written to, with room for it".to_owned(),
     };
     if crate::faults::point("save") {
@@ -145,6 +182,7 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     }
     let bytes = to_bytes(trainer).map_err(failed)?;
     let written = match to {
+        SaveTo::Own(path) if Identity::is_foreign(path) => files::write_fresh(path, &bytes),
         SaveTo::Own(path) => {
             let whole = |found: &[u8]| found == bytes && Content::read(found).is_ok();
             files::write_verified(path, &bytes, whole).map(|()| path.clone())
@@ -152,6 +190,7 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
         SaveTo::Fresh(path) => files::write_fresh(path, &bytes),
     };
     let path = written.map_err(|e| failed(e.to_string()))?;
+    Identity::remember(&path);
     tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)
 }
@@ -211,6 +250,7 @@ pub fn load(path: &Path, threads: usize) -> Result<Loaded, CheckpointError> {
         from_bytes(&bytes, threads)
     };
     let backup = files::backup_of(path);
+    Identity::remember(path);
     match load(path) {
         Ok(trainer) => Ok(Loaded { trainer, warning: None }),
         Err(what) => match backup.is_file().then(|| load(&backup)) {

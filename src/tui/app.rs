@@ -266,7 +266,7 @@ impl App {
             Some(Dialog::Help(_)) => self.on_key_in_help(key),
             Some(_) if key.code == KeyCode::Esc => {
                 self.dialogs.pop();
-                self.saving.stay();
+                self.stay();
             }
             Some(_) if key.code == KeyCode::Enter => self.answer(),
             Some(Dialog::Pick(picker)) => picker.on_key(key),

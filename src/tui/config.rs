@@ -74,11 +74,6 @@ pub fn recent_path() -> Option<PathBuf> {
     folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recent.json"))
 }
 
-/// Where checkpoints go for which there is no other place.
-pub fn recovered_folder() -> Option<PathBuf> {
-    folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"))
-}
-
 /// The configuration in `file`, or in the usual place if there is one there.
 ///
 /// # Errors

@@ -421,6 +421,10 @@ fn a_save_that_fails_before_leaving_asks_for_another_place() {
     app.act(Action::Quit);
     wait_until(&mut app, |app| matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
     assert!(!app.is_done(), "it stays");
+    press(&mut app, KeyCode::Esc);
+    wait_until(&mut app, |app| app.snapshot.phase.trains());
+    app.act(Action::Quit);
+    wait_until(&mut app, |app| matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
     let elsewhere = folder.path().join("elsewhere");
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, &elsewhere.to_string_lossy());

@@ -101,10 +101,10 @@ impl Worker {
         })?;
         let updates = self.trainer.counters().updates;
         let mut text = format!("saved {} at update {updates}", path.display());
+        if to.path() != path {
+            text += &format!(" ({} is another run's)", to.path().display());
+        }
         if let SaveTo::Fresh(asked) = to {
-            if asked != path {
-                text += &format!(" ({} is another run's)", asked.display());
-            }
             self.fresh = Some((asked, path.clone()));
         }
         self.current.saved = Some((updates, Arc::new(path)));
@@ -132,7 +132,7 @@ impl Worker {
         let diverged = self.trainer.ensure_finite().err();
         self.tell_recovery();
         self.trainer.history_mut().log = log;
-        let path = checkpoint::save(&self.trainer, to).map_err(|e| e.to_string())?;
+        let path = checkpoint::save(&self.trainer, to).map_err(|e| format!("{} ({})", e.what, e.file.display()))?;
         if let Some(error) = diverged {
             self.current.phase = Phase::Failed(error.to_string());
         }
@@ -201,8 +201,10 @@ impl Worker {
     }
 
     fn load(&mut self, path: PathBuf) -> Result<String, String> {
-        let Loaded { trainer, warning } =
-            checkpoint::load(&path, self.trainer.threads()).map_err(|e| format!("{e}: {}", e.right))?;
+        let Loaded { trainer, warning } = checkpoint::load(&path, self.trainer.threads()).map_err(|e| {
+            let name = path.file_name().unwrap_or_default().to_string_lossy();
+            format!("not loaded: {name} {}; {}", e.what, e.right)
+        })?;
         let phase = self.current.phase.clone();
         self.adopt(trainer).map_err(|e| e.to_string())?;
         if !phase.trains() {

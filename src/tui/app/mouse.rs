@@ -114,6 +114,7 @@ impl App {
                 None if self.places.dialog.contains(at) => {}
                 Some(Click::Close) | None => {
                     self.dialogs.pop();
+                    self.stay();
                     return;
                 }
             }

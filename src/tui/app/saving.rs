@@ -7,8 +7,8 @@ use miette::Report;
 use super::App;
 use crate::files::unused;
 use crate::logging;
+use crate::setup::rescue;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
-use crate::tui::config::recovered_folder;
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
 
 /// Training that may be lost without being asked about.
@@ -34,6 +34,8 @@ pub struct Saving {
     named: Option<PathBuf>,
     files: Files,
     leaving: Leaving,
+    /// Whether it trained when it was paused to be saved before leaving.
+    trained: bool,
 }
 
 /// How far leaving has come.
@@ -49,7 +51,7 @@ enum Leaving {
 impl Saving {
     pub fn new(files: Files) -> Self {
         let named = files.save.as_ref().map(|to| to.path().to_owned());
-        Self { to: SaveTo::Fresh(PathBuf::new()), named, files, leaving: Leaving::No }
+        Self { to: SaveTo::Fresh(PathBuf::new()), named, files, leaving: Leaving::No, trained: false }
     }
 
     /// Turns to the run that `snapshot` shows: a file belongs to the run that wrote or loaded it.
@@ -69,11 +71,6 @@ impl Saving {
     /// The file of the next checkpoint, as far as it is known.
     pub fn path(&self) -> &Path {
         self.to.path()
-    }
-
-    /// The user stays.
-    pub fn stay(&mut self) {
-        self.leaving = Leaving::No;
     }
 }
 
@@ -145,9 +142,19 @@ impl App {
         }
         // Its snapshots tell when the checkpoint is there.
         self.freeze(false);
+        self.saving.trained = self.snapshot.phase.trains();
         self.command(Command::Pause);
         if self.save() {
             self.saving.leaving = Leaving::Saving;
+        }
+    }
+
+    /// The user closes a dialog and stays: what was paused for leaving goes on.
+    pub(super) fn stay(&mut self) {
+        let asking = self.saving.leaving == Leaving::Asking;
+        self.saving.leaving = Leaving::No;
+        if asking && self.saving.trained {
+            self.command(Command::Resume);
         }
     }
 
@@ -265,13 +272,8 @@ fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Resul
         }
         Err(error) => error,
     };
-    let name = to.path().file_name().map(PathBuf::from).unwrap_or_default();
-    let elsewhere = [Some(PathBuf::from(SAVES)), recovered_folder()].into_iter().flatten();
-    for folder in elsewhere {
-        if let Ok(path) = train::save(trainer, &SaveTo::Fresh(folder.join(&name))) {
-            *summary += &format!("\nsaved {} instead", path.display());
-            break;
-        }
+    if let Some(path) = rescue(trainer, to.path()) {
+        *summary += &format!("\nsaved {} instead", path.display());
     }
     Err(Report::new(first))
 }
