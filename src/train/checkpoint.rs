@@ -134,7 +134,7 @@ impl SaveTo {
 /// Files that this program has read or written, as they were then: what has changed since is another program's.
 static KNOWN: Mutex<BTreeMap<PathBuf, Identity>> = Mutex::new(BTreeMap::new());
 
-/// What tells a file from another at the same path.
+/// Distinguishes a file from another one at the same path.
 #[derive(Clone, Copy, PartialEq, Eq)]
 struct Identity {
     bytes: u64,
@@ -152,7 +152,7 @@ impl Identity {
         Some(Self { bytes: facts.len(), modified: facts.modified().ok(), inode })
     }
 
-    /// Remembers the file at `path` as it is now.
+    /// Records the current identity of the file at `path`.
     fn remember(path: &Path) {
         if let (Ok(path), Some(identity)) = (path.canonicalize(), Self::of(path)) {
             KNOWN.lock().insert(path, identity);

@@ -15,7 +15,7 @@ use super::app::App;
 use super::output::What;
 use super::render;
 use super::theme::{Rgb, Theme, ThemeName};
-use crate::files::write_whole;
+use crate::files::{self, write_whole};
 pub use picture::png_of;
 
 /// Where exports go.
@@ -35,9 +35,7 @@ pub fn write(what: What, app: &mut App) -> String {
 
 /// A file that is not there yet: of a paused run there may be several pictures.
 fn unused(folder: &Path, name: &str, file_type: &str) -> PathBuf {
-    let numbered = (2..).map(|i| folder.join(format!("{name}-{i}.{file_type}")));
-    let mut paths = std::iter::once(folder.join(format!("{name}.{file_type}"))).chain(numbered);
-    paths.find(|path| !path.exists()).unwrap_or_default()
+    files::unused(&folder.join(format!("{name}.{file_type}")))
 }
 
 /// The file's contents.
