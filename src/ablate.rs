@@ -11,21 +11,22 @@ use parking_lot::Mutex;
 use serde::Serialize;
 
 use crate::cli::AblateArgs;
-use crate::map::{Diameter, Grid};
+use crate::env::PointMaze;
+use crate::map::Grid;
 use crate::setup::{create, find_map, refuse_existing, threads};
 use crate::text::tell;
-use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Run, Trainer, settings_from};
+use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 /// The default with one thing changed.
 struct Variant {
     name: &'static str,
-    method: Method,
+    method: &'static str,
     /// Settings as `--set` takes them, with spaces between.
     set: &'static str,
 }
 
 const fn without(name: &'static str, set: &'static str) -> Variant {
-    Variant { name, method: Method::GdgBridge, set }
+    Variant { name, method: "gdg-bridge", set }
 }
 
 const VARIANTS: [Variant; 21] = [
@@ -48,8 +49,8 @@ const VARIANTS: [Variant; 21] = [
     without("current weights, no averages", "averaged_weights=false"),
     without("no bridge goals in exploration", "bridge_epsilon=0"),
     without("no planned episodes", "planned_episodes=0"),
-    Variant { name: "method sorb", method: Method::Sorb, set: "" },
-    Variant { name: "method gdg (no bridges)", method: Method::Gdg, set: "" },
+    Variant { name: "method sorb", method: "sorb", set: "" },
+    Variant { name: "method gdg (no bridges)", method: "gdg", set: "" },
 ];
 
 /// One run's result.
@@ -71,13 +72,13 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
         check_place(path, args.overwrite)?;
     }
     let map = Arc::new(find_map(&args.map)?);
-    let diameter = Diameter::of(&map).steps;
+    let world = PointMaze::new(map.clone(), 0);
     let runs: Vec<(&Variant, u64)> =
         VARIANTS.iter().flat_map(|v| (1..=args.seeds).map(move |seed| (v, seed))).collect();
     let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     let work = || -> Result<(), Report> {
         while let Some((variant, seed)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let evaluation = train(variant, *seed, &map, diameter, args)?;
+            let evaluation = train(variant, *seed, &world, args)?;
             let mut outcomes = outcomes.lock();
             let planned = evaluation.planned.as_ref().map_or(String::new(), |p| format!("planned {:.3}, ", p.success));
             let done = outcomes.len() + 1;
@@ -87,7 +88,7 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
                 variant.name,
                 evaluation.greedy.success
             ));
-            let (variant, set, method) = (variant.name, variant.set, variant.method.name());
+            let (variant, set, method) = (variant.name, variant.set, variant.method);
             outcomes.push(Outcome { variant, set, method, seed: *seed, evaluation });
         }
         Ok(())
@@ -125,23 +126,18 @@ fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), 
     create(path, overwrite)?.write_all(json.as_bytes()).into_diagnostic().wrap_err_with(what)
 }
 
-fn train(
-    variant: &Variant,
-    seed: u64,
-    map: &Arc<Grid>,
-    diameter: u32,
-    args: &AblateArgs,
-) -> Result<Evaluation, Report> {
+fn train(variant: &Variant, seed: u64, world: &PointMaze, args: &AblateArgs) -> Result<Evaluation, Report> {
     let set: Vec<String> = variant.set.split_whitespace().map(str::to_owned).collect();
     let settings =
         settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(|e| Report::new(*e))?;
-    let run = Run { method: variant.method, preset: Preset::Default, seed, settings };
-    let mut trainer = Trainer::new(run, map.clone(), 1).into_diagnostic()?;
+    let method: Method = variant.method.parse().into_diagnostic()?;
+    let run = Run { method, preset: Preset::Default, seed, settings };
+    let mut trainer = Trainer::new(run, world, &Registry::builtin(), 1).into_diagnostic()?;
     let limits = Limits { updates: Some(args.updates), ..Limits::default() };
     while trainer.limit_reached(&limits).is_none() {
         trainer.tick().into_diagnostic()?;
     }
-    let tasks = trainer.tasks(diameter, args.eval_tasks as usize);
+    let tasks = trainer.tasks(args.eval_tasks as usize);
     trainer.evaluate(&tasks).into_diagnostic()
 }
 
@@ -164,15 +160,15 @@ fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
         };
         let number =
             |of: &dyn Fn(&Evaluation) -> Option<f64>| all(of).map_or("-".to_owned(), |v| format!("{:.2}", mean(&v)));
-        let false_edges = all(&|e| Some(e.bridges.as_ref()?.false_edges as f64));
+        let false_edges = all(&|e| Some(e.bridges.as_ref()?.false_edges? as f64));
         out += &format!(
             "| {} | {} | {} | {} | {} | {} | {} |\n",
             own[0].variant,
             success(&|e| Some(e.planned.as_ref()?.success)),
-            number(&|e| Some(e.planned.as_ref()?.spl)),
+            number(&|e| e.planned.as_ref()?.spl),
             success(&|e| Some(e.greedy.success)),
-            number(&|e| Some(e.distance_error.mape)),
-            number(&|e| Some(e.distance_error.graph?.mape)),
+            number(&|e| Some(e.distance_error?.mape)),
+            number(&|e| Some(e.distance_error?.graph?.mape)),
             false_edges.map_or("-".to_owned(), |v| format!("{:.0}", mean(&v))),
         );
     }

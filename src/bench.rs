@@ -110,7 +110,7 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
     let found = Measurements {
         threads,
         peak_gflops,
-        updates: updates.collect::<candle_core::Result<_>>().into_diagnostic()?,
+        updates: updates.collect::<Result<_, _>>().into_diagnostic()?,
         default_preset: cases::default_preset((threads, runs)).into_diagnostic()?,
         interface: cases::interface((threads, runs)).into_diagnostic()?,
         other: cases::other().into_diagnostic()?,

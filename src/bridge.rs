@@ -14,4 +14,4 @@ pub use experience::{Experience, ExperienceState, NEVER, Practice};
 pub use graph::{BridgeGraph, Distilled, Edge, GraphState, LINKS, Route, Standing};
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
-pub use settings::BridgeSettings;
+pub use settings::{BridgeSettings, Planner};

@@ -1,11 +1,15 @@
 //! The command line.
 
+use std::ffi::OsStr;
 use std::path::PathBuf;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
+use crate::bridge::Planner;
+use crate::learn::LEARNERS;
 use crate::map::Kind;
-use crate::train::{Limits, Method, Preset};
+use crate::train::{Limits, METHODS, Method, Preset};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -133,13 +137,13 @@ pub struct TrainArgs {
     #[arg(long)]
     pub no_ui: bool,
 
-    /// How agents act and what is learned
-    #[arg(long, value_enum, default_value_t = MethodArg::GdgBridge)]
-    pub method: MethodArg,
+    /// What is learned and how agents act: one of these, or LEARNER+PLANNER
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods())]
+    pub method: Method,
 
     /// Settings to start from
-    #[arg(long, value_enum, default_value_t = PresetArg::Default)]
-    pub preset: PresetArg,
+    #[arg(long, default_value = "default", value_parser = preset_parser())]
+    pub preset: Preset,
 
     /// Seed of everything random: same seed, same run
     #[arg(long, default_value_t = 0)]
@@ -249,19 +253,6 @@ impl TrainArgs {
     }
 }
 
-/// [`Method`] on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum MethodArg {
-    /// Goal-distance gradient: the actor alone
-    Gdg,
-    /// With bridge points in exploration, and planning through them at execution
-    GdgBridge,
-    /// Search on the replay buffer, on the same learned D: unverified edges, waypoints planned once
-    Sorb,
-    /// Random actions, nothing learned: the floor
-    Random,
-}
-
 /// [`Kind`] on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum KindArg {
@@ -295,33 +286,43 @@ pub enum LogLevel {
     Debug,
 }
 
-/// [`Preset`] on the command line.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum PresetArg {
-    /// Everything that measurement has shown to help
-    Default,
-    /// The published algorithms to the letter
-    Paper,
-}
+/// Reads a method, and lists those that have names.
+#[derive(Clone)]
+struct MethodParser;
 
-impl From<MethodArg> for Method {
-    fn from(arg: MethodArg) -> Self {
-        match arg {
-            MethodArg::Gdg => Self::Gdg,
-            MethodArg::GdgBridge => Self::GdgBridge,
-            MethodArg::Sorb => Self::Sorb,
-            MethodArg::Random => Self::Random,
+impl TypedValueParser for MethodParser {
+    type Value = Method;
+
+    fn parse_ref(&self, command: &clap::Command, arg: Option<&Arg>, value: &OsStr) -> Result<Method, clap::Error> {
+        if let Some(method) = value.to_str().and_then(|text| text.parse().ok()) {
+            return Ok(method);
         }
+        // An error that suggests the nearest name.
+        let name = PossibleValuesParser::new(METHODS.map(|named| named.name)).parse_ref(command, arg, value)?;
+        Ok(name.parse().unwrap_or_default())
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(METHODS.iter().map(|named| PossibleValue::new(named.name).help(named.about))))
     }
 }
 
-impl From<PresetArg> for Preset {
-    fn from(arg: PresetArg) -> Self {
-        match arg {
-            PresetArg::Default => Self::Default,
-            PresetArg::Paper => Self::Paper,
-        }
-    }
+/// The help of `--method`: what combinations are made of.
+fn methods() -> String {
+    let list = |entries: Vec<(&str, &str)>| {
+        entries.iter().map(|(name, about)| format!("  {name:<8} {about}\n")).collect::<String>()
+    };
+    format!(
+        "What is learned and how agents act: one of these, or LEARNER+PLANNER\n\nLearners:\n{}\nPlanners:\n{}",
+        list(LEARNERS.iter().map(|kind| (kind.name, kind.about)).collect()),
+        list(Planner::ALL.iter().map(|planner| (planner.name(), planner.about())).collect())
+    )
+}
+
+/// Reads a preset.
+fn preset_parser() -> impl TypedValueParser<Value = Preset> {
+    let values = Preset::ALL.map(|preset| PossibleValue::new(preset.name()).help(preset.about()));
+    PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))
 }
 
 fn seconds(text: &str) -> Result<f64, String> {

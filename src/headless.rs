@@ -9,13 +9,13 @@ use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
+use serde_json::{Map, Value};
 
 use crate::cli::TrainArgs;
-use crate::map::Diameter;
 use crate::setup::{Setup, rescue};
 use crate::signals::Ending;
 use crate::text::{json_line, tell};
-use crate::train::{EndReason, Evaluation, TaskSet, Tick, Trainer};
+use crate::train::{EndReason, Evaluation, Tick, Trainer};
 use aside::aside;
 use progress::Progress;
 use records::Record;
@@ -38,7 +38,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
         tell(warning);
     }
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
-    let mut session = Session { setup, diameter: None, args, progress: Progress::new(args), saver, ending };
+    let mut session = Session { setup, args, progress: Progress::new(args), saver, ending };
     let ended = session.run();
     // Whatever happened, what was learned is kept.
     let saved = session.save_at_end();
@@ -76,8 +76,6 @@ fn success(evaluation: &Evaluation) -> f64 {
 
 struct Session<'a> {
     setup: Setup,
-    /// The map's farthest distance, once it is known.
-    diameter: Option<Diameter>,
     args: &'a TrainArgs,
     progress: Progress,
     saver: Option<Saver>,
@@ -88,9 +86,8 @@ impl Session<'_> {
     /// Trains, saves, and evaluates at the end. A panic on the way becomes an error, so that saving is still tried.
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
         let run = |session: &mut Self| {
-            session.measure_map()?;
-            let Some(diameter) = session.diameter else { return Ok((EndReason::Interrupted, None)) };
-            print(&Record::start(&session.setup, diameter))?;
+            let Some(facts) = session.facts()? else { return Ok((EndReason::Interrupted, None)) };
+            print(&Record::start(&session.setup, facts))?;
             let reason = session.train()?;
             if reason == EndReason::Interrupted {
                 return Ok((reason, None));
@@ -109,11 +106,10 @@ impl Session<'_> {
         })
     }
 
-    /// Finds out the farthest distance on the map; unknown where a signal came first.
-    fn measure_map(&mut self) -> Result<(), Report> {
-        let map = self.setup.trainer.map().clone();
-        self.diameter = aside("map", &self.ending, move || Diameter::of(&map))?;
-        Ok(())
+    /// Facts about the world, some of which take a while to find out; `None` where a signal came first.
+    fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
+        let world = self.setup.trainer.world().fork(0);
+        aside("world", &self.ending, move || world.facts())
     }
 
     /// Trains until a limit or a signal ends it.
@@ -179,17 +175,15 @@ impl Session<'_> {
         })
     }
 
-    /// Applies the map edits that are due at the current update.
+    /// Applies the edits of the world that are due at the current update.
     fn edit(&mut self) -> Result<(), Report> {
         let Setup { trainer, edits, .. } = &mut self.setup;
         let updates = trainer.counters().updates;
-        let mut changed = false;
-        for (_, map) in edits.iter().filter(|(at, _)| *at == updates) {
-            let change = trainer.change_map(map.clone()).map_err(Report::msg)?;
+        for edit in edits.iter().filter(|edit| edit.updates == updates) {
+            let change = trainer.change_world(&*edit.world).into_diagnostic()?;
             print(&Record::edit(trainer, change))?;
-            changed = true;
         }
-        if changed { self.measure_map() } else { Ok(()) }
+        Ok(())
     }
 
     fn limit_reached(&self) -> Option<EndReason> {
@@ -198,15 +192,10 @@ impl Session<'_> {
 
     /// Evaluates, beside this thread so that a signal is obeyed at once; `None` where one came.
     fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
-        let Setup { trainer, scenario, .. } = &self.setup;
-        let Some(diameter) = self.diameter else { return Ok(None) };
-        let (map, mut rng, job) = (trainer.map().clone(), trainer.task_rng(), trainer.evaluation().into_diagnostic()?);
-        let (scenario, per_distance) = (scenario.clone(), self.args.eval_tasks as usize);
+        let job = self.setup.trainer.evaluation().into_diagnostic()?;
+        let per_group = self.args.eval_tasks as usize;
         let evaluate = move || {
-            let tasks = match scenario {
-                Some(scenario) => TaskSet::from_scenario(&map, &scenario, 6 * per_distance),
-                None => TaskSet::sample(&map, diameter.steps, per_distance, &mut rng),
-            };
+            let tasks = job.tasks(per_group);
             job.carry_out(&tasks)
         };
         let Some(evaluation) = aside("evaluation", &self.ending, evaluate)? else { return Ok(None) };

@@ -1,8 +1,8 @@
 //! The learner: distance critics, dynamics model and actor, trained from replayed transitions without any reward.
 //!
-//! It knows states, goals and actions by their [`crate::env::Spec`] and nothing else. A [`Batch`] drawn from the
-//! [`Replay`] goes into [`Learner::update`]; a [`Policy`] is a frozen copy of the networks for planning, evaluation
-//! and display.
+//! A learner is one file here that implements [`Learner`]; [`LEARNERS`] lists the built-in ones. It knows states, goals
+//! and actions by their [`crate::env::Spec`] and nothing else, learns from the [`Replay`], and offers what it has
+//! learned as a [`Policy`]: D and mu, for exploration, planning, evaluation and display.
 
 #[forbid(unsafe_code)]
 mod adam;
@@ -14,6 +14,8 @@ mod dense;
 mod encoder;
 #[forbid(unsafe_code)]
 mod fused;
+#[forbid(unsafe_code)]
+mod gdg;
 #[forbid(unsafe_code)]
 mod gradient;
 #[forbid(unsafe_code)]
@@ -34,6 +36,8 @@ pub mod product;
 #[forbid(unsafe_code)]
 mod profile;
 #[forbid(unsafe_code)]
+mod random;
+#[forbid(unsafe_code)]
 mod reference;
 #[forbid(unsafe_code)]
 mod replay;
@@ -53,12 +57,16 @@ mod touched;
 pub use batch::{Batch, BatchSampler};
 pub use encoder::Encoder;
 pub use fused::fused_mlp;
-pub use learner::{Learner, LearnerState, WholeGradient};
+pub use gdg::{Gdg, WholeGradient};
+pub use learner::{Acting, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
 pub use losses::Losses;
 pub use network::Network;
-pub use policy::{Nets, Policy, Scratch};
+pub use policy::{FrozenNets, Nets, Policy, Scratch};
 pub use profile::{Phase, Profile};
 pub use reference::{Layers, Reference};
 pub use replay::{Moment, Replay, ReplayState, Sizes};
 pub use settings::{Backend, LearnSettings, LossScale};
 pub use state::NetworkState;
+
+/// The built-in learners.
+pub const LEARNERS: [LearnerKind; 2] = [gdg::KIND, random::KIND];

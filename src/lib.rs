@@ -12,11 +12,11 @@
 //! Modules know those to their left and none to their right:
 //!
 //! ```text
-//! text, faults, files <- map <- env <- learn <- bridge <- train <- headless, tui, ablate
+//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- headless, tui, ablate
 //! ```
 //!
 //! * [`text`]: what comes from outside, made safe to show. [`files`]: how files are read and replaced.
-//!   [`faults`]: what becomes of threads that panic.
+//!   [`faults`]: what becomes of threads that panic. [`store`]: named arrays and texts, what runs are saved as.
 //! * [`map`]: files to grids, and the true distances on them. Evaluation and display read these; learning never does.
 //! * [`env`](mod@env): a world of many agents behind an interface that says how states, goals and actions are sized
 //!   and scaled; the point maze.
@@ -69,6 +69,8 @@ pub mod report;
 pub mod setup;
 #[forbid(unsafe_code)]
 pub mod signals;
+#[forbid(unsafe_code)]
+pub mod store;
 #[forbid(unsafe_code)]
 pub mod text;
 #[forbid(unsafe_code)]

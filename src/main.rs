@@ -8,6 +8,7 @@ use clap::{CommandFactory, Parser};
 use gdg_tui::cli::{Cli, Command};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{plain_lines, tell};
+use gdg_tui::train::Registry;
 use gdg_tui::{ablate, bench, facts, faults, frames, headless, logging, report, setup, tui};
 use miette::Report;
 
@@ -69,7 +70,7 @@ fn train(cli: &Cli) -> u8 {
     }
     logging::begin(args.log_level);
     let headless = args.no_ui || !std::io::stdout().is_terminal();
-    let setup = match setup::prepare(args) {
+    let setup = match setup::prepare(args, &Registry::builtin()) {
         Ok(setup) => setup,
         Err(error) => return fail(error, BAD_INPUT),
     };

@@ -9,19 +9,25 @@ use directories::ProjectDirs;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::{EditAt, TrainArgs};
-use crate::env::{Environment, PointMaze};
+use crate::env::{Environment, PointMaze, Restart};
 use crate::files;
-use crate::map::{self, Grid, MapError, ScenarioTask};
-use crate::train::{self, Loaded, Overrides, Restart, Run, SaveTo, Settings, Trainer};
+use crate::map::{self, Grid, MapError};
+use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, Trainer};
+
+/// A world to go on in.
+pub struct Edit {
+    /// After how many updates.
+    pub updates: u64,
+    /// The edited world.
+    pub world: Box<dyn Environment>,
+}
 
 /// A trainer, and what goes with it.
 pub struct Setup {
     /// The run, begun or resumed.
     pub trainer: Trainer,
-    /// Tasks to evaluate on instead of sampled ones.
-    pub scenario: Option<Vec<ScenarioTask>>,
-    /// Maps to change to, and after how many updates.
-    pub edits: Vec<(u64, Arc<Grid>)>,
+    /// Edits of the world that are to come.
+    pub edits: Vec<Edit>,
     /// Threads that share an update's work.
     pub threads: usize,
     /// Where the run is saved, if that is known.
@@ -38,35 +44,51 @@ pub struct Setup {
 /// See [`train::settings_from`].
 pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
     let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
-    train::settings_from(args.preset.into(), &overrides).map_err(|e| Report::new(*e))
+    train::settings_from(args.preset, &overrides).map_err(|e| Report::new(*e))
 }
 
-/// Loads map, scenario and checkpoint and prepares the run.
+/// Loads map, scenario and checkpoint and prepares the run, of a world and a learner from `registry`.
 ///
 /// # Errors
 /// Whatever is wrong with the files or settings, as the user should see it.
-pub fn prepare(args: &TrainArgs) -> Result<Setup, Report> {
+pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Report> {
     let threads = threads(args.threads);
     // Before anything is learned that could not be kept.
     let save = args.save.as_deref().map(|path| save_to(path, args)).transpose()?;
-    let Loaded { trainer, warning } = if let Some(path) = &args.resume {
-        train::load(path, threads)?
+    let Loaded { mut trainer, warning } = if let Some(path) = &args.resume {
+        train::load(path, registry, threads)?
     } else {
-        let (method, preset) = (args.method.into(), args.preset.into());
-        let run = Run { method, preset, seed: args.seed, settings: settings(args)? };
-        let map = Arc::new(find_map(&args.map)?);
-        if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
-            let what = "has no start S, where restart=start-cell would begin all episodes";
-            return Err(report(MapError::whole(&args.map, what, "mark one with S, or leave restart=anywhere")));
-        }
-        train::memory::check(&run, PointMaze::new(map.clone(), 1, 0.0).spec(), map.free().len())
-            .map_err(|what| Report::msg(what).wrap_err("there is not enough memory"))?;
-        Loaded { trainer: Trainer::new(run, map, threads).into_diagnostic()?, warning: None }
+        let run = Run { method: args.method.clone(), preset: args.preset, seed: args.seed, settings: settings(args)? };
+        let world = open_world(&args.map, &run, registry)?;
+        train::memory::check(&run, &*world, registry)
+            .map_err(|error| Report::msg(error).wrap_err("there is not enough memory"))?;
+        Loaded { trainer: Trainer::new(run, &*world, registry, threads).into_diagnostic()?, warning: None }
     };
-    let scenario = args.scen.as_deref().map(|path| map::load_scenario(path, trainer.map())).transpose();
-    let scenario = scenario.map_err(report)?;
+    if let Some(path) = &args.scen {
+        let maze = PointMaze::of_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
+        maze.set_scenario(map::load_scenario(path, maze.map()).map_err(report)?);
+    }
     let edits = load_edits(args, &trainer)?;
-    Ok(Setup { trainer, scenario, edits, threads, save, resumed: args.resume.clone(), warning })
+    Ok(Setup { trainer, edits, threads, save, resumed: args.resume.clone(), warning })
+}
+
+/// The world called `name`: one that needs no file, or the maze on a map.
+fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
+    let kind = registry.worlds().iter().find(|kind| kind.name == name);
+    if let Some(create) = kind.and_then(|kind| kind.create) {
+        return Ok(create());
+    }
+    let map = Arc::new(find_map(name)?);
+    if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
+        let what = "has no start S, where restart=start-cell would begin all episodes";
+        return Err(report(MapError::whole(name, what, "mark one with S, or leave restart=anywhere")));
+    }
+    Ok(Box::new(PointMaze::new(map, 0)))
+}
+
+/// An option that is about mazes, in another world.
+fn not_a_maze(option: &str) -> Report {
+    miette!(help = "give a map", "{option} is about maps: this world has none")
 }
 
 /// How `--save PATH` is meant: a file that another run wrote is left alone.
@@ -109,8 +131,12 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
 }
 
 /// The maps that a run is to change to, and when; all are read before it begins, and it must come to them.
-fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<(u64, Arc<Grid>)>, Report> {
-    let (map, begun) = (trainer.map(), trainer.counters().updates);
+fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
+    if args.edit_at.is_empty() {
+        return Ok(Vec::new());
+    }
+    let maze = PointMaze::of(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
+    let (map, begun) = (maze.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
         let never = |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
         if edit.updates < begun {
@@ -125,7 +151,8 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<(u64, Arc<Grid>
             let right = format!("give a map of {} x {}, as the run has", map.width(), map.height());
             return Err(report(MapError::whole(&edit.file.to_string_lossy(), what, right)));
         }
-        Ok((edit.updates, Arc::new(new)))
+        let new: Box<dyn Environment> = Box::new(maze.on_map(Arc::new(new)));
+        Ok(Edit { updates: edit.updates, world: new })
     };
     args.edit_at.iter().map(load).collect()
 }

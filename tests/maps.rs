@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use gdg_tui::env::{Environment, PointMaze};
+use gdg_tui::env::{EnvSettings, Environment, PointMaze};
 use gdg_tui::map::{
     self, BUILTIN, Cell, Grid, Kind, StepSearch, UNREACHABLE, parse_map, print_ascii, print_movingai, random,
 };
@@ -307,7 +307,8 @@ proptest! {
     ) {
         let grid = Arc::new(grid);
         let mut rng = ChaCha8Rng::seed_from_u64(seed);
-        let mut world = PointMaze::new(grid.clone(), 2, 0.3);
+        let mut world = PointMaze::new(grid.clone(), 2)
+            .with_settings(EnvSettings { noise: 0.3, ..EnvSettings::default() });
         world.restart(0, &mut rng);
         world.restart(1, &mut rng);
         let components = StepSearch::new(&grid).components(&grid);
@@ -329,7 +330,7 @@ proptest! {
 fn an_agent_slides_along_walls_and_one_in_a_wall_is_moved_out() {
     let grid = Arc::new(parse_map("wall", b"...\n###\n...\n").unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
-    let mut world = PointMaze::new(grid, 1, 0.0);
+    let mut world = PointMaze::new(grid, 1);
     world.place(0, &[0.5, 0.5]);
     world.step(&[1.0, 1.0], &mut rng);
     let at = world.states();

@@ -1,12 +1,12 @@
 //! Any bytes as a checkpoint, its checksum made right first, as somebody would who means harm; what is taken trains on.
 #![no_main]
 
-use gdg_tui::train::{from_bytes, resealed};
+use gdg_tui::train::{Registry, from_bytes, resealed};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
     let whole = resealed(bytes);
-    if let Ok(mut trainer) = from_bytes(whole.as_deref().unwrap_or(bytes), 1) {
+    if let Ok(mut trainer) = from_bytes(whole.as_deref().unwrap_or(bytes), &Registry::builtin(), 1) {
         (0..4).for_each(|_| drop(trainer.tick()));
     }
 });

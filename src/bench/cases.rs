@@ -3,7 +3,6 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use candle_core::Result;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -11,9 +10,9 @@ use super::plain::Plain;
 use super::{DefaultTimes, InterfaceTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
 use crate::bridge::{BridgeGraph, BridgeSettings, Experience, Walker};
 use crate::env::{Environment, PointMaze};
-use crate::learn::{Batch, LearnSettings, Learner, Phase, Profile, Scratch};
+use crate::learn::{Batch, Gdg, LearnSettings, Learner, Phase, Profile, Scratch};
 use crate::map::{Grid, builtin};
-use crate::train::{Method, Preset, Run, Settings, Tick, Trainer};
+use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 use crate::tui::Watched;
 
 /// Updates in one turn.
@@ -66,25 +65,30 @@ fn operations(rows: usize, hidden: usize) -> f64 {
 }
 
 /// One update, plain and fused, on one thread and on all, in turns.
-pub fn updates(rows: usize, width: usize, (threads, runs): (usize, usize), peak_gflops: f64) -> Result<UpdateTimes> {
+pub fn updates(
+    rows: usize,
+    width: usize,
+    (threads, runs): (usize, usize),
+    peak_gflops: f64,
+) -> Result<UpdateTimes, TrainError> {
     let settings = LearnSettings { batch: rows, hidden: width, ..LearnSettings::paper() };
-    let world = PointMaze::new(Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())), 1, 0.0);
-    let mut fused = Learner::new(world.spec(), &settings, 1, &mut rng())?;
-    let mut together = Learner::new(world.spec(), &settings, threads, &mut rng())?;
+    let world = PointMaze::new(Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())), 1);
+    let mut fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
+    let mut together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
     let mut plain = Plain::new(&settings)?;
     let batch = batch(rows);
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
     let (mut failure, mut profile) = (Ok(()), Profile::default());
     // The first turn warms up.
     for turn in 0..=runs {
-        let mut repeat = |update: &mut dyn FnMut() -> Result<()>| {
+        let mut repeat = |update: &mut dyn FnMut() -> candle_core::Result<()>| {
             let took = time_us(|| (0..UPDATES).for_each(|_| failure = update()));
             took / UPDATES as f64
         };
         let times = (
             repeat(&mut || plain.update(&batch)),
-            repeat(&mut || fused.update(&batch, &mut profile).map(drop)),
-            repeat(&mut || together.update(&batch, &mut profile).map(drop)),
+            repeat(&mut || fused.update_on(&batch, &mut profile).map(drop)),
+            repeat(&mut || together.update_on(&batch, &mut profile).map(drop)),
         );
         if turn > 0 {
             of_plain.push(times.0);
@@ -110,12 +114,12 @@ pub fn updates(rows: usize, width: usize, (threads, runs): (usize, usize), peak_
 }
 
 /// Training on the four rooms with the default preset.
-pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes> {
+pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, TrainError> {
     const UPDATES_A_TURN: u64 = 500;
     let Some(map) = builtin("fourrooms").map(Arc::new) else { unreachable!("it is built in") };
     let trainer = |threads| {
-        let run = Run { method: Method::GdgBridge, preset: Preset::Default, seed: 1, settings: Settings::default() };
-        Trainer::new(run, map.clone(), threads)
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
     };
     let mut trainers = [trainer(1)?, trainer(threads)?];
     let mut rates = [Vec::new(), Vec::new()];
@@ -139,12 +143,12 @@ pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes> {
 }
 
 /// Training on a large map with the interface open and without, in turns.
-pub fn interface((threads, runs): (usize, usize)) -> Result<InterfaceTimes> {
+pub fn interface((threads, runs): (usize, usize)) -> Result<InterfaceTimes, TrainError> {
     const TURN: Duration = Duration::from_secs(1);
     let map = rooms();
     let trainer = || {
-        let run = Run { method: Method::GdgBridge, preset: Preset::Default, seed: 1, settings: Settings::default() };
-        Trainer::new(run, map.clone(), threads)
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
     };
     let mut alone = trainer()?;
     let mut watched = Watched::open(trainer()?, SCREEN)?;
@@ -173,14 +177,14 @@ fn rooms() -> Arc<Grid> {
 }
 
 /// Acting, the field of a whole map, planning, environment steps.
-pub fn other() -> Result<Vec<Timed>> {
+pub fn other() -> Result<Vec<Timed>, TrainError> {
     let map = open_map();
-    let mut world = PointMaze::new(map.clone(), 32, 0.0);
+    let mut world = PointMaze::new(map.clone(), 32);
     let mut rng = rng();
     (0..32).for_each(|i| world.restart(i, &mut rng));
-    let learner = Learner::new(world.spec(), &LearnSettings::default(), 1, &mut rng)?;
+    let learner = Gdg::new(world.spec(), &LearnSettings::default(), 1, &mut rng)?;
     let policy = learner.policy(true)?;
-    let (nets, mut scratch) = (policy.nets(), Scratch::default());
+    let mut scratch = Scratch::default();
     let timed = |what, runs: usize, work: &mut dyn FnMut()| {
         work();
         Timed { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
@@ -188,21 +192,21 @@ pub fn other() -> Result<Vec<Timed>> {
     let (states, goals) = (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
     let mut actions = vec![0.0; 64];
     let mut all = Vec::new();
-    all.push(timed("acting for 32 agents", 200, &mut || nets.actions(&states, &goals, &mut actions, &mut scratch)));
+    all.push(timed("acting for 32 agents", 200, &mut || policy.actions(&states, &goals, &mut actions, &mut scratch)));
     let cells: Vec<f32> = map.free_cells().flat_map(crate::map::Cell::centre).collect();
     let one_goal = [40.5, 200.5].repeat(cells.len() / 2);
     let mut field = vec![0.0; cells.len() / 2];
     all.push(timed("distance field of a 256 x 256 map (both critics)", 7, &mut || {
-        nets.distances(&cells, &one_goal, &mut field, &mut scratch);
+        policy.distances(&cells, &one_goal, &mut field, &mut scratch);
     }));
     for (candidates, what) in
         [(500, "a planning query at 500 candidates"), (1500, "a planning query at 1500 candidates")]
     {
         let (experience, settings) = experience(&map, candidates);
-        let graph = BridgeGraph::build(world.spec(), &settings, &experience.known(), &nets, &mut scratch);
+        let graph = BridgeGraph::build(world.spec(), &settings, &experience.known(), &*policy, &mut scratch);
         all.push(timed(what, 50, &mut || {
-            let mut walker = Walker::new(graph.route(&[40.5, 200.5], &nets, &mut scratch));
-            walker.step(&[200.5, 40.5], &graph, &nets, &mut scratch);
+            let mut walker = Walker::new(graph.route(&[40.5, 200.5], &*policy, &mut scratch));
+            walker.step(&[200.5, 40.5], &graph, &*policy, &mut scratch);
         }));
     }
     // So many are wanted that on this map there are three times as many.
@@ -217,7 +221,7 @@ pub fn other() -> Result<Vec<Timed>> {
 /// About `candidates` candidates from random walks on the open map.
 fn experience(map: &Arc<Grid>, candidates: usize) -> (Experience, BridgeSettings) {
     let mut rng = rng();
-    let mut world = PointMaze::new(map.clone(), 32, 0.0);
+    let mut world = PointMaze::new(map.clone(), 32);
     let settings = BridgeSettings { candidates, ..BridgeSettings::default() };
     let mut experience = Experience::new(world.spec(), 32, &settings);
     let mut actions = vec![0.0f32; 64];

@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::settings::BridgeSettings;
 use crate::env::Spec;
+use crate::store::{Store, StoreError};
 
 /// Steps between candidates of which no trajectory went from one to the other in time.
 pub const NEVER: u16 = u16::MAX;
@@ -78,6 +79,33 @@ pub struct ExperienceState {
     pub practice: Vec<u32>,
 }
 
+impl ExperienceState {
+    /// Writes the state to `store`, its names beginning with `prefix`.
+    pub fn write(self, store: &mut Store, prefix: &str) {
+        store.put(format!("{prefix}.spacing"), vec![self.spacing]);
+        store.put(format!("{prefix}.states"), self.states);
+        store.put(format!("{prefix}.observed"), self.observed);
+        store.put(format!("{prefix}.visits"), self.visits);
+        store.put(format!("{prefix}.names"), self.names);
+        store.put(format!("{prefix}.practice"), self.practice);
+    }
+
+    /// Reads what [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// That a part is missing or of another type.
+    pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
+        Ok(Self {
+            spacing: store.f32(&format!("{prefix}.spacing"))?.first().copied().unwrap_or_default(),
+            states: store.f32(&format!("{prefix}.states"))?.to_vec(),
+            observed: store.u16(&format!("{prefix}.observed"))?.to_vec(),
+            visits: store.u32(&format!("{prefix}.visits"))?.to_vec(),
+            names: store.u32(&format!("{prefix}.names"))?.to_vec(),
+            practice: store.u32(&format!("{prefix}.practice"))?.to_vec(),
+        })
+    }
+}
+
 impl Experience {
     /// No candidates yet, for `agents` agents.
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
@@ -105,9 +133,8 @@ impl Experience {
         Arc::new(Self { visits: Vec::new(), clocks: Vec::new(), ..self.clone() })
     }
 
-    /// Forgets everything, but that names go on: practice of old is not taken for that of new candidates.
-    pub fn forget(&mut self, settings: &BridgeSettings) {
-        let fresh = Self::new(&self.spec, self.visits.len(), settings);
+    /// Goes on as `fresh`, but that names go on: practice of old is not taken for that of new candidates.
+    pub fn begin_again(&mut self, fresh: Self) {
         *self = Self { next_name: self.next_name, ..fresh };
     }
 
@@ -286,15 +313,15 @@ impl Experience {
     ///
     /// # Errors
     /// Where the state was not saved from one of these sizes.
-    pub fn restore(&mut self, state: &ExperienceState) -> Result<(), String> {
-        let misfit = || "the stored bridge candidates do not fit these settings".to_owned();
+    pub fn restore(&mut self, state: &ExperienceState) -> Result<(), StoreError> {
+        let misfit = || StoreError::misfit("the stored bridge candidates do not fit these settings");
         let n = state.states.len() / self.spec.state_dim();
         if n > self.most || state.observed.len() != n * n || !state.states.len().is_multiple_of(self.spec.state_dim()) {
             return Err(misfit());
         }
         let sound = state.spacing > 0.0 && state.spacing.is_finite() && state.states.iter().all(|v| v.is_finite());
         if !sound {
-            return Err("the stored bridge candidates hold numbers that are out of range".to_owned());
+            return Err(StoreError::misfit("the stored bridge candidates hold numbers that are out of range"));
         }
         self.spacing = state.spacing;
         self.states.clone_from(&state.states);
@@ -345,6 +372,7 @@ pub(super) mod tests {
         let spec = Spec {
             state_centre: vec![50.0, 0.5],
             state_half_range: vec![50.0; 2],
+            change_scale: vec![1.0; 2],
             achieved: vec![0, 1],
             action_dim: 2,
             goal_radius: 1.0,

@@ -12,7 +12,8 @@ use rand_chacha::ChaCha8Rng;
 use super::experience::{Experience, ExperienceState, NEVER, Practice};
 use super::settings::BridgeSettings;
 use crate::env::Spec;
-use crate::learn::{Nets, Scratch};
+use crate::learn::{Policy, Scratch};
+use crate::store::{Store, StoreError};
 
 /// A way from one candidate to another.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -62,6 +63,27 @@ pub struct GraphState {
     pub lengths: Vec<f32>,
 }
 
+impl GraphState {
+    /// Writes the state to `store`, its names beginning with `prefix`.
+    pub fn write(self, store: &mut Store, prefix: &str) {
+        self.experience.write(store, prefix);
+        store.put(format!("{prefix}.ends"), self.ends);
+        store.put(format!("{prefix}.lengths"), self.lengths);
+    }
+
+    /// Reads what [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// That a part is missing or of another type.
+    pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
+        Ok(Self {
+            experience: ExperienceState::read(store, prefix)?,
+            ends: store.u32(&format!("{prefix}.ends"))?.to_vec(),
+            lengths: store.f32(&format!("{prefix}.lengths"))?.to_vec(),
+        })
+    }
+}
+
 /// No edge is as long, in steps.
 const LONGEST_STEPS: f32 = 1e4;
 
@@ -90,7 +112,7 @@ impl BridgeGraph {
         spec: &Spec,
         settings: &BridgeSettings,
         experience: &Arc<Experience>,
-        nets: &Nets,
+        policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Self {
         let mut edges = Vec::new();
@@ -111,7 +133,7 @@ impl BridgeGraph {
                 goals.extend(&experience.points()[to * g..(to + 1) * g]);
             }
             distances.resize(to.len(), 0.0);
-            nets.distances(&states, &goals, &mut distances, scratch);
+            policy.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
                 let cost = link_cost(settings, *distance, experience.observed(from, *to))?;
                 let standing = Standing::from(experience.practice(from, *to));
@@ -147,16 +169,16 @@ impl BridgeGraph {
     ///
     /// # Errors
     /// Where the state was not saved from such a graph.
-    pub fn from_state(spec: &Spec, settings: &BridgeSettings, state: &GraphState) -> Result<Self, String> {
+    pub fn from_state(spec: &Spec, settings: &BridgeSettings, state: &GraphState) -> Result<Self, StoreError> {
         let mut experience = Experience::new(spec, 0, settings);
         experience.restore(&state.experience)?;
         let (ends, lengths) = (state.ends.as_chunks::<2>().0, state.lengths.as_chunks::<2>().0);
         let known = |i: &u32| (*i as usize) < experience.len();
         if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
-            return Err("the stored bridge graph does not fit its candidates".to_owned());
+            return Err(StoreError::misfit("the stored bridge graph does not fit its candidates"));
         }
         if !lengths.iter().flatten().all(|length| (0.0..LONGEST_STEPS).contains(length)) {
-            return Err("the stored bridge graph has edges of impossible length".to_owned());
+            return Err(StoreError::misfit("the stored bridge graph has edges of impossible length"));
         }
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);

@@ -3,7 +3,8 @@
 use serde::{Deserialize, Serialize};
 
 use super::graph::{BridgeGraph, LINKS, Route};
-use crate::learn::{Nets, Scratch};
+use crate::learn::{Policy, Scratch};
+use crate::store::StoreError;
 
 /// So many late targets in a row mean that an agent is stuck.
 const STUCK: u32 = 2;
@@ -117,16 +118,16 @@ impl Walker {
     ///
     /// # Errors
     /// Where the state was saved on another graph.
-    pub fn from_state(graph: &BridgeGraph, state: WalkerState) -> Result<Self, String> {
+    pub fn from_state(graph: &BridgeGraph, state: WalkerState) -> Result<Self, StoreError> {
         let mut named = state.links.iter().map(|(i, _)| *i as usize).chain(state.nearest).chain(state.at);
         let mut targets = state.target.iter().chain(state.banned.iter().map(|(target, _)| target));
         let known = |i: usize| i < graph.experience().len();
         if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
-            return Err("a stored walk does not fit its bridge graph".to_owned());
+            return Err(StoreError::misfit("a stored walk does not fit its bridge graph"));
         }
         let finite = state.goal.iter().chain(&state.remaining).all(|v| v.is_finite());
         if state.goal.len() != graph.spec().goal_dim() || !finite {
-            return Err("a stored walk holds numbers that are out of range".to_owned());
+            return Err(StoreError::misfit("a stored walk holds numbers that are out of range"));
         }
         Ok(Self {
             route: graph.route_by(&state.goal, state.nearest, state.links),
@@ -169,7 +170,7 @@ impl Walker {
         &'a mut self,
         state: &[f32],
         graph: &'a BridgeGraph,
-        nets: &Nets,
+        policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> &'a [f32] {
         let settings = graph.settings();
@@ -209,7 +210,7 @@ impl Walker {
             _ => None,
         };
         let target = target.or_else(planned).unwrap_or_else(|| {
-            let (target, distance) = self.choose(state, graph, nets, scratch);
+            let (target, distance) = self.choose(state, graph, policy, scratch);
             self.deadline = clock + (settings.late_factor * distance + settings.late_slack_steps) as u32;
             target
         });
@@ -223,8 +224,8 @@ impl Walker {
     /// Among the candidates around, the one that minimises D(s,w) + steps(w,g); the goal itself where D(s,g) is
     /// below the cut-off and not longer than the way round. Where no verified link leads anywhere, unverified ones
     /// count; where the graph knows no way at all, the goal is approached directly.
-    fn choose(&self, state: &[f32], graph: &BridgeGraph, nets: &Nets, scratch: &mut Scratch) -> (Target, f32) {
-        let options = &graph.options(&[state], &self.route, LINKS, nets, scratch)[0];
+    fn choose(&self, state: &[f32], graph: &BridgeGraph, policy: &dyn Policy, scratch: &mut Scratch) -> (Target, f32) {
+        let options = &graph.options(&[state], &self.route, LINKS, policy, scratch)[0];
         let allowed = |target: Target| self.banned.iter().all(|(b, _)| *b != target);
         let best = |verified: bool| {
             let usable = options.candidates.iter().filter_map(|hop| {

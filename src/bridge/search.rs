@@ -3,7 +3,7 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::learn::{Nets, Scratch};
+use crate::learn::{Policy, Scratch};
 
 /// What one search did.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,7 +43,7 @@ pub fn search(
     (state, goal): (&[f32], &[f32]),
     (states, points): (&[f32], &[f32]),
     budget: usize,
-    nets: &Nets,
+    policy: &dyn Policy,
     rng: &mut ChaCha8Rng,
     scratch: &mut Scratch,
 ) -> SearchOutcome {
@@ -61,8 +61,8 @@ pub fn search(
     let tried = to.clone();
     to.extend(goal.repeat(budget));
     let mut distances = vec![0.0; 2 * budget];
-    nets.distances(&from, &to, &mut distances, scratch);
-    let direct = nets.distance(state, goal, scratch);
+    policy.distances(&from, &to, &mut distances, scratch);
+    let direct = policy.distance(state, goal, scratch);
     let mut gains = distances[..budget].iter().zip(&distances[budget..]).map(|(to_b, from_b)| direct - to_b - from_b);
     let found = gains.by_ref().enumerate().find(|(_, gain)| *gain > 0.0);
     outcome.found = found.map(|(i, gain)| BridgePoint { point: tried[i * g..(i + 1) * g].to_vec(), gain });

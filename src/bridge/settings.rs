@@ -2,6 +2,40 @@
 
 use serde::{Deserialize, Serialize};
 
+/// What walks through the learned distance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Planner {
+    /// Nothing: the actor goes straight for the goal.
+    None,
+    /// Bridge points: searched in exploration, planned through at execution.
+    Bridges,
+    /// Search on the replay buffer (Eysenbach et al. 2019): unverified edges, one plan.
+    Sorb,
+}
+
+impl Planner {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::None, Self::Bridges, Self::Sorb];
+
+    /// Its name on the command line and in records.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::None => "none",
+            Self::Bridges => "bridges",
+            Self::Sorb => "sorb",
+        }
+    }
+
+    /// What it does, in a few words.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::None => "straight for the goal",
+            Self::Bridges => "explores and plans through bridge points",
+            Self::Sorb => "unverified edges, waypoints planned once",
+        }
+    }
+}
+
 /// Settings of bridge candidates, edges, search and planning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BridgeSettings {
@@ -85,7 +119,7 @@ impl BridgeSettings {
     /// The same candidates planned on as SoRB does (Eysenbach et al. 2019, algorithm 1 and section 3): edges wherever D
     /// is below the cut-off, one plan at the beginning.
     #[must_use]
-    pub fn sorb(&self) -> Self {
+    fn sorb(&self) -> Self {
         Self {
             verify_edges: false,
             keep_observed_edges: false,
@@ -95,6 +129,15 @@ impl BridgeSettings {
             planned_episodes: 0.0,
             bridge_epsilon: 0.0,
             ..self.clone()
+        }
+    }
+
+    /// The settings as `planner` uses them.
+    #[must_use]
+    pub fn of(&self, planner: Planner) -> Self {
+        match planner {
+            Planner::Sorb => self.sorb(),
+            Planner::None | Planner::Bridges => self.clone(),
         }
     }
 

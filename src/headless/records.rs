@@ -1,12 +1,12 @@
 //! The records of standard output, one JSON object a line.
 
 use serde::Serialize;
+use serde_json::{Map, Value};
 
 use super::updates_per_second;
-use crate::map::Diameter;
 use crate::setup::Setup;
 use crate::train::{
-    BridgeFacts, DistanceError, EndReason, Evaluation, MapChange, MarkedTask, Recovery, Score, Trainer,
+    BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer, WorldChange,
 };
 
 /// One line.
@@ -15,8 +15,11 @@ use crate::train::{
 pub enum Record {
     Start {
         version: &'static str,
-        map: MapRecord,
-        method: &'static str,
+        world: &'static str,
+        /// What the world says about itself.
+        #[serde(flatten)]
+        facts: Map<String, Value>,
+        method: String,
         preset: &'static str,
         seed: u64,
         threads: usize,
@@ -36,18 +39,17 @@ pub enum Record {
         env_steps: u64,
         greedy: Score,
         planned: Option<Score>,
-        distance_error: DistanceError,
+        distance_error: Option<DistanceError>,
         bridges: Option<BridgeFacts>,
-        coverage: f64,
+        coverage: Option<f64>,
         #[serde(skip_serializing_if = "Option::is_none")]
         marked: Option<MarkedTask>,
     },
     Edit {
         seconds: f64,
         updates: u64,
-        map: String,
         #[serde(flatten)]
-        change: MapChange,
+        change: WorldChange,
     },
     Saved {
         updates: u64,
@@ -62,18 +64,6 @@ pub enum Record {
     },
 }
 
-/// The map of a run.
-#[derive(Debug, Serialize)]
-pub struct MapRecord {
-    name: String,
-    width: usize,
-    height: usize,
-    free_cells: usize,
-    diameter_steps: u32,
-    /// Whether no two cells are farther apart than `diameter_steps`, or that is only the farthest pair found.
-    diameter_exact: bool,
-}
-
 /// Running means of the losses.
 #[derive(Debug, Serialize)]
 pub struct LossRecord {
@@ -83,18 +73,12 @@ pub struct LossRecord {
 }
 
 impl Record {
-    pub fn start(setup: &Setup, diameter: Diameter) -> Self {
-        let (map, run) = (setup.trainer.map(), setup.trainer.run());
+    pub fn start(setup: &Setup, facts: Map<String, Value>) -> Self {
+        let run = setup.trainer.run();
         Self::Start {
             version: env!("CARGO_PKG_VERSION"),
-            map: MapRecord {
-                name: map.name().to_owned(),
-                width: map.width(),
-                height: map.height(),
-                free_cells: map.free_count(),
-                diameter_steps: diameter.steps,
-                diameter_exact: diameter.exact,
-            },
+            world: setup.trainer.world().kind(),
+            facts,
             method: run.method.name(),
             preset: run.preset.name(),
             seed: run.seed,
@@ -132,13 +116,8 @@ impl Record {
         }
     }
 
-    pub fn edit(trainer: &Trainer, change: MapChange) -> Self {
-        Self::Edit {
-            seconds: round(trainer.seconds()),
-            updates: trainer.counters().updates,
-            map: trainer.map().name().to_owned(),
-            change,
-        }
+    pub fn edit(trainer: &Trainer, change: WorldChange) -> Self {
+        Self::Edit { seconds: round(trainer.seconds()), updates: trainer.counters().updates, change }
     }
 
     pub fn end(reason: EndReason, trainer: &Trainer) -> Self {

@@ -92,7 +92,7 @@ impl Encoder {
     pub fn plain_state(&self, state: &[f32], row: &mut [f32]) {
         let (scaled, fourier) = row.split_at_mut(self.spec.state_dim());
         for (i, u) in scaled.iter_mut().enumerate() {
-            *u = (state[i] - self.spec.state_centre[i]) / self.spec.state_half_range[i];
+            *u = self.spec.scaled(i, state[i]);
         }
         if self.octaves > 0 {
             for (i, out) in self.spec.achieved.iter().zip(fourier.chunks_exact_mut(2 * self.octaves)) {
@@ -127,14 +127,14 @@ impl Encoder {
     /// The goal scaled to [-1, 1].
     pub fn scaled_goal(&self, goal: &[f32], out: &mut [f32]) {
         for ((out, g), i) in out.iter_mut().zip(goal).zip(&self.spec.achieved) {
-            *out = (g - self.spec.state_centre[*i]) / self.spec.state_half_range[*i];
+            *out = self.spec.scaled(*i, *g);
         }
     }
 
     /// The achieved goal of `state` scaled to [-1, 1]: where its grid encoding is read.
     pub fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
         for (out, i) in out.iter_mut().zip(&self.spec.achieved) {
-            *out = (state[*i] - self.spec.state_centre[*i]) / self.spec.state_half_range[*i];
+            *out = self.spec.scaled(*i, state[*i]);
         }
     }
 
@@ -197,7 +197,7 @@ impl Encoder {
             }
         }
         for (d, half) in d_state.iter_mut().zip(&self.spec.state_half_range) {
-            *d /= half;
+            *d = if *half > 0.0 { *d / half } else { 0.0 };
         }
         if !self.relative.is_empty() {
             let from = self.plain_pair_width() - goal_dim * self.relative.len();

@@ -7,7 +7,7 @@ use super::adam::slice;
 use super::mlp::{Activations, Mlp, Packed, Wanted};
 
 /// `mlp(x)` with `x` `(rows, inputs)` and flat `parameters` (see `mlp::Mlp` for their order), both f32 on the CPU:
-/// `(rows, outputs)`. The same kernels as in [`super::Learner::update`], which calls them without a tape.
+/// `(rows, outputs)`. The same kernels as in [`super::Gdg::update_on`], which calls them without a tape.
 ///
 /// # Errors
 /// Tensors of other sizes, or on another device.

@@ -1,411 +1,127 @@
-//! One update of all networks, its work split over threads.
+//! What a learner is: updates from the replay, D and mu to act and plan by, a state that can be saved.
 
-mod part;
-
+use std::error::Error;
 use std::sync::Arc;
-use std::time::Instant;
 
-use candle_core::{Error, Result};
-use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
-use super::batch::Batch;
-use super::encoder::Encoder;
-use super::gradient::{Gradient, StepRates};
-use super::kernel;
-use super::losses::{ActorPath, Losses, MOST_STATE_NUMBERS, Pairs, Shapes};
-use super::mlp::Mlp;
-use super::network::Network;
-use super::policy::{Nets, Policy};
-use super::profile::{Phase, Profile};
-use super::reference::{Layers, Reference};
-use super::settings::{Backend, LearnSettings};
-use super::state::NetworkState;
-use super::tape::Tape;
-use super::team::Team;
-use super::touched::Touched;
+use super::losses::Losses;
+use super::policy::Policy;
+use super::profile::Profile;
+use super::replay::Replay;
+use super::settings::LearnSettings;
 use crate::env::Spec;
-use part::{Part, Rows, part_rows};
+use crate::store::{Store, StoreError};
 
-/// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
-pub type WholeGradient = (Vec<f32>, Vec<f32>);
-
-/// Names and states of all networks, and the updates done.
-#[derive(Clone)]
-pub struct LearnerState {
-    /// Updates done.
-    pub updates: u64,
-    /// State of each network by its name.
-    pub networks: Vec<(String, NetworkState)>,
+/// A kind of learner, as it is registered.
+#[derive(Clone, Copy, Debug)]
+pub struct LearnerKind {
+    /// Its name on the command line, in records and in checkpoints.
+    pub name: &'static str,
+    /// What it is, in a few words.
+    pub about: &'static str,
+    /// Makes a fresh one.
+    pub create: CreateLearner,
+    /// Numbers that training changes: what its memory is estimated by.
+    pub parameters: fn(&Spec, &LearnSettings) -> u64,
 }
 
-impl LearnerState {
-    /// Whether every number is finite.
-    pub fn is_finite(&self) -> bool {
-        // Of a table it is also kept when its averages were stored, as numbers that are no floats.
-        let floats = self.networks.iter().flat_map(|(_, parts)| parts).filter(|(part, _)| *part != "table_last");
-        floats.flat_map(|(_, values)| values).all(|v| v.is_finite())
-    }
+/// Makes a fresh learner whose updates so many threads share, drawing its parameters from the random stream.
+pub type CreateLearner = fn(&Spec, &LearnSettings, usize, &mut ChaCha8Rng) -> Result<Box<dyn Learner>, LearnError>;
+
+/// What an update learns from.
+pub struct TrainingData<'a> {
+    /// What the agents did; it holds at least one transition.
+    pub replay: &'a Replay,
+    /// Distances that the bridge graph knows, if there is one.
+    pub known: Option<KnownDistances<'a>>,
+    /// Whether distances may have grown a short while ago, so that what was learned is too short.
+    pub relearning: bool,
+    /// Draws batches.
+    pub rng: &'a mut ChaCha8Rng,
 }
 
-/// The networks and everything needed to train them.
-pub struct Learner {
-    shared: Arc<Shared>,
-    team: Team,
-    backend: Backend,
-    /// The networks on a backend other than the own kernels; what is shared follows it.
-    tape: Option<Tape>,
+/// Distances known from elsewhere than transitions.
+#[derive(Clone, Copy)]
+pub struct KnownDistances<'a> {
+    /// `(places, state_dim)`.
+    pub states: &'a [f32],
+    /// The same places as goals, `(places, goal_dim)`.
+    pub goals: &'a [f32],
+    /// From, to, and the steps between them.
+    pub pairs: &'a [(u32, u32, f32)],
 }
 
-/// What the threads of an update work on together.
-struct Shared {
-    shapes: Arc<Shapes>,
-    rates: RwLock<StepRates>,
-    critics: Vec<Network>,
-    model: Network,
-    actor: Network,
-    parts: Vec<Mutex<Part>>,
-    batch: RwLock<Batch>,
-    /// Corners of grid tables that the batch touches: in pairs, and in transitions.
-    pairs: RwLock<Touched>,
-    transitions: RwLock<Touched>,
-    /// The first failure of the current update.
-    failure: Mutex<Option<Error>>,
+/// How agents act.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Acting {
+    /// By mu.
+    Policy,
+    /// In random directions, each held for a while.
+    AtRandom,
 }
 
-impl Learner {
-    /// Fresh networks for an environment of `spec`; `threads` share the work of each update, without changing its
-    /// result.
+/// Learns the distance D(s,g) in steps, and to act by it.
+///
+/// Same data and random numbers, same bits: whatever the number of threads.
+pub trait Learner: Send {
+    /// The name of its [`LearnerKind`].
+    fn kind(&self) -> &'static str;
+
+    /// One update; its time is booked on `profile`.
     ///
     /// # Errors
-    /// What candle reports, or that a thread cannot be started.
-    pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
-        if spec.state_dim() > MOST_STATE_NUMBERS {
-            candle_core::bail!("states of more than {MOST_STATE_NUMBERS} numbers are not supported");
-        }
-        let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
-        let grid = shapes.encoder.grid();
-        let mut network = |mlp, tau| Network::new(mlp, grid, tau, rng);
-        let tau = Some(settings.tau);
-        let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
-        let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
-        let part = || Part::new(settings.critics);
-        let parts = (0..settings.batch.div_ceil(part_rows(settings.batch))).map(|_| Mutex::new(part())).collect();
-        let rates = RwLock::new(StepRates::of(settings));
-        let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
-        let failure = Mutex::default();
-        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
-        let tape = Tape::new(settings.backend, shared.networks())?;
-        Ok(Self { shared: Arc::new(shared), team: Team::new(threads)?, backend: settings.backend, tape })
-    }
+    /// What the learner's means of computation report.
+    fn update(&mut self, data: TrainingData, profile: &mut Profile) -> Result<Losses, LearnError>;
 
-    /// Numbers that training changes in all networks that `settings` ask for.
-    pub fn parameters(spec: &Spec, settings: &LearnSettings) -> u64 {
-        let shapes = Shapes::new(Encoder::new(spec, settings), settings);
-        let table = shapes.encoder.grid().map_or(0, |grid| grid.corners() * grid.channels);
-        let of = |mlp: &Mlp| (mlp.parameters() + table) as u64;
-        settings.critics as u64 * of(&shapes.critic) + of(&shapes.model) + of(&shapes.actor)
-    }
-
-    /// Goes on with other step sizes and averages.
-    pub fn set_rates(&mut self, settings: &LearnSettings) {
-        *self.shared.rates.write() = StepRates::of(settings);
-    }
-
-    /// Networks' shapes and input features.
-    pub fn shapes(&self) -> &Shapes {
-        &self.shared.shapes
-    }
-
-    /// Critic `k`; the actor follows the first.
-    pub fn critic(&self, k: usize) -> &Network {
-        &self.shared.critics[k]
-    }
-
-    /// The dynamics model.
-    pub fn model(&self) -> &Network {
-        &self.shared.model
-    }
-
-    /// The actor.
-    pub fn actor(&self) -> &Network {
-        &self.shared.actor
-    }
-
-    /// All networks: critics, model, actor.
-    pub fn networks(&self) -> impl Iterator<Item = &Network> {
-        self.shared.networks()
-    }
-
-    /// Updates done.
-    pub fn updates(&self) -> u64 {
-        self.shared.actor.steps()
-    }
-
-    /// One update of critics, model, actor and averages on `batch` (Algorithm 1's inner loop); its time is booked on
-    /// `profile`.
+    /// A frozen copy of what has been learned: of its running average, where there is one and it is asked for.
     ///
     /// # Errors
-    /// What candle reports.
-    pub fn update(&mut self, batch: &Batch, profile: &mut Profile) -> Result<Losses> {
-        let began = Instant::now();
-        if let Some(tape) = &mut self.tape {
-            let Shared { shapes, rates, actor, .. } = &*self.shared;
-            let steps = actor.steps() + 1;
-            let losses = tape.update(shapes, batch, steps, *rates.read())?;
-            tape.write_back(self.shared.networks(), steps)?;
-            profile.lap(Phase::Tape, began);
-            return Ok(losses);
-        }
-        self.shared.batch.write().clone_from(batch);
-        let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
-        let began = profile.lap(Phase::CriticModelGradients, began);
-        self.together(2 * (critics + 1), Shared::step_critics_and_model)?;
-        let began = profile.lap(Phase::CriticModelSteps, began);
-        self.together(parts, Shared::actor_gradients)?;
-        let began = profile.lap(Phase::ActorGradient, began);
-        self.together(2, Shared::step_actor)?;
-        profile.lap(Phase::ActorStep, began);
-        Ok(self.losses())
-    }
+    /// What the learner's means of computation report.
+    fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError>;
 
-    /// Does `work` for each number below `tasks`, on all threads.
-    fn together(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
-        let shared = self.shared.clone();
-        self.team.run(tasks, move |i| {
-            if let Err(error) = work(&shared, i) {
-                shared.failure.lock().get_or_insert(error);
-            }
-        });
-        self.shared.failure.lock().take().map_or(Ok(()), Err)
-    }
-
-    /// Losses and gradients on `batch` of the first critic, the model and the actor, all at the current weights and
-    /// without a step: flat parameters and table of each. For checks against other ways to compute them.
+    /// Uses what has been learned without copying it.
     ///
     /// # Errors
-    /// What candle reports.
-    pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [WholeGradient; 3])> {
-        self.shared.batch.write().clone_from(batch);
-        let parts = self.shared.parts.len();
-        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
-        self.together(parts, Shared::actor_gradients)?;
-        let whole = |network: &Network, touched: &RwLock<Touched>, of: fn(&mut Part) -> &mut Gradient| {
-            let mut dense = Vec::new();
-            for part in &self.shared.parts {
-                let mut part = part.lock();
-                let gradient = &of(&mut part).dense;
-                dense.resize(gradient.len(), 0.0);
-                kernel::add_into(&mut dense, gradient);
-            }
-            let encoded: Vec<_> = self.shared.parts.iter().map(|p| of(&mut p.lock()).encoded.clone()).collect();
-            let table = network.halves().1.map(|table| touched.read().whole(&encoded, table.channels()));
-            (dense, table.unwrap_or_default())
-        };
-        let Shared { pairs, transitions, .. } = &*self.shared;
-        let gradients = [
-            whole(self.critic(0), pairs, |part| &mut part.critics[0]),
-            whole(self.model(), transitions, |part| &mut part.model),
-            whole(self.actor(), pairs, |part| &mut part.actor),
-        ];
-        Ok((self.losses(), gradients))
+    /// What the learner's means of computation report.
+    fn with_policy(&self, averaged: bool, use_policy: &mut dyn FnMut(&dyn Policy)) -> Result<(), LearnError>;
+
+    /// How agents act while this learns.
+    fn acting(&self) -> Acting {
+        Acting::Policy
     }
 
-    fn losses(&self) -> Losses {
-        self.shared.parts.iter().map(|part| part.lock().losses).fold(Losses::default(), |sum, part| Losses {
-            critic: sum.critic + part.critic,
-            model: sum.model + part.model,
-            actor: sum.actor + part.actor,
-        })
-    }
-
-    /// The losses at the current weights by candle's operations.
+    /// Whether D is finite where it was last learned. (Whether the state is, is found out from what [`Self::save`] writes.)
     ///
     /// # Errors
-    /// What candle reports.
-    pub fn reference(&self, layers: Layers) -> Result<Reference<'_>> {
-        Reference::new(self.shapes(), self.networks(), layers)
+    /// What the learner's means of computation report.
+    fn is_sound(&self) -> Result<bool, LearnError> {
+        Ok(true)
     }
 
-    /// Uses the networks as they are, or their averages, while no update runs.
+    /// Writes everything that training changed.
     ///
     /// # Errors
-    /// What candle reports.
-    pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
-        let critics: Vec<_> = self.shared.critics.iter().map(Network::lock).collect();
-        let actor = self.shared.actor.lock();
-        Ok(use_nets(Nets {
-            shapes: &self.shared.shapes,
-            critics: critics.iter().map(|l| l.weights(averaged)).collect::<Result<_>>()?,
-            actor: actor.weights(averaged)?,
-        }))
-    }
+    /// What the learner's means of computation report.
+    fn save(&self, store: &mut Store) -> Result<(), LearnError>;
 
-    /// A frozen copy of critics and actor, of their averages if asked for.
+    /// Restores what [`Self::save`] wrote.
     ///
     /// # Errors
-    /// What candle reports.
-    pub fn policy(&self, averaged: bool) -> Result<Policy> {
-        let critics = self.shared.critics.iter().map(|c| c.copy(averaged)).collect::<Result<_>>()?;
-        let actor = self.shared.actor.copy(averaged)?;
-        Ok(Policy::new(self.shared.shapes.clone(), critics, actor))
-    }
-
-    /// Everything that training changed, for a checkpoint.
-    ///
-    /// # Errors
-    /// What candle reports.
-    pub fn state(&self) -> Result<LearnerState> {
-        let networks =
-            self.shared.named().map(|(name, network)| Ok((name, network.state()?))).collect::<Result<_>>()?;
-        Ok(LearnerState { updates: self.updates(), networks })
-    }
-
-    /// Takes up what [`Self::state`] gave; `find(network, part)` returns the numbers saved under these names.
-    ///
-    /// # Errors
-    /// A part that is missing or of another size.
-    pub fn restore(&mut self, updates: u64, find: impl Fn(&str, &str) -> Option<Vec<f32>>) -> Result<()> {
-        self.shared.named().try_for_each(|(name, network)| network.restore(updates, |part| find(&name, part)))?;
-        self.tape = Tape::new(self.backend, self.shared.networks())?;
-        Ok(())
-    }
+    /// That it is missing or does not fit these settings; the learner is then of no use any more.
+    fn load(&mut self, store: &Store) -> Result<(), LearnError>;
 }
 
-impl Shared {
-    /// Tasks of the first phase that look which corners of tables the batch touches.
-    const LOOKS: usize = 2;
-
-    /// Critics, model, actor.
-    fn networks(&self) -> impl Iterator<Item = &Network> {
-        self.critics.iter().chain([&self.model, &self.actor])
-    }
-
-    /// All networks with their names.
-    fn named(&self) -> impl Iterator<Item = (String, &Network)> {
-        let critics = self.critics.iter().enumerate().map(|(k, critic)| (critic_name(k), critic));
-        critics.chain([("model".to_owned(), &self.model), ("actor".to_owned(), &self.actor)])
-    }
-
-    /// The first phase of an update: its first tasks look which corners the steps will touch, each other one computes
-    /// gradients of critics and model from its part of the batch.
-    fn look_or_critic_and_model_gradients(&self, task: usize) -> Result<()> {
-        if let Some(part) = task.checked_sub(Self::LOOKS) {
-            return self.critic_and_model_gradients(part);
-        }
-        self.look(task == 0);
-        Ok(())
-    }
-
-    /// Finds the corners that the batch's pairs, or its transitions, touch.
-    fn look(&self, pairs: bool) {
-        let Some(grid) = self.shapes.encoder.grid() else { return };
-        let batch = self.batch.read();
-        let encoder = &self.shapes.encoder;
-        let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
-        let parts = (0..self.parts.len()).map(|i| Rows::new(&self.shapes, &batch, i));
-        // In the order in which the parts' gradients come.
-        if pairs {
-            self.pairs.write().find(grid, |places| {
-                for rows in parts {
-                    rows.states.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
-                    rows.goals.chunks_exact(g).for_each(|goal| encoder.locate_goal(goal, places));
-                }
-            });
-        } else {
-            self.transitions.write().find(grid, |places| {
-                for rows in parts {
-                    rows.from.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
-                }
-            });
-        }
-    }
-
-    /// Gradients of the critics and the model from part `i` of the batch.
-    fn critic_and_model_gradients(&self, i: usize) -> Result<()> {
-        let critics: Vec<_> = self.critics.iter().map(Network::lock).collect();
-        let current = critics.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
-        let targets = critics.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
-        let (model, actor) = (self.model.lock(), self.actor.lock());
-        let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
-        let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
-        part.targets(&self.shapes, &rows, (actor.weights(true)?, model.weights(false)?, &targets));
-        part.critic_gradients(&self.shapes, &rows, &current);
-        part.model.prepare(self.shapes.model.parameters());
-        let transitions = (rows.from, rows.actions, rows.next);
-        let (gradient, ws) = (&mut part.model, &mut part.step);
-        part.losses.model = self.shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
-        Ok(())
-    }
-
-    /// The actor's gradient from part `i` of the batch.
-    fn actor_gradients(&self, i: usize) -> Result<()> {
-        let (actor, model, critic) = (self.actor.lock(), self.model.lock(), self.critics[0].lock());
-        let path =
-            ActorPath { actor: actor.weights(false)?, model: model.weights(false)?, critic: critic.weights(false)? };
-        let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
-        let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
-        part.actor.prepare(self.shapes.actor.parameters());
-        let buffers = (&mut part.act, &mut part.step, &mut part.judge);
-        let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
-        part.losses.actor = self.shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
-        Ok(())
-    }
-
-    /// Steps of the critics and the model, which are independent of each other, each in two tasks.
-    fn step_critics_and_model(&self, task: usize) -> Result<()> {
-        let (i, half) = (task / 2, Half::of(task));
-        match self.critics.get(i) {
-            Some(critic) => self.step(critic, half, &self.pairs, |part| &mut part.critics[i]),
-            None => self.step(&self.model, half, &self.transitions, |part| &mut part.model),
-        }
-    }
-
-    /// The actor's step, in two tasks.
-    fn step_actor(&self, task: usize) -> Result<()> {
-        self.step(&self.actor, Half::of(task), &self.pairs, |part| &mut part.actor)
-    }
-
-    /// The step of half a network along the sum of all parts' gradients. These are taken out of the parts meanwhile,
-    /// as another thread may need theirs for another step.
-    fn step(
-        &self,
-        network: &Network,
-        half: Half,
-        touched: &RwLock<Touched>,
-        gradient: impl Fn(&mut Part) -> &mut Gradient,
-    ) -> Result<()> {
-        let numbers = |part: &mut Part, exchange: &mut Vec<f32>| {
-            let gradient = gradient(part);
-            std::mem::swap(exchange, if half == Half::Dense { &mut gradient.dense } else { &mut gradient.encoded });
-        };
-        let mut taken: Vec<Vec<f32>> = vec![Vec::new(); self.parts.len()];
-        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
-        let result = match (half, network.halves()) {
-            (Half::Dense, (dense, _)) => dense.step(&mut taken, *self.rates.read()),
-            (Half::Table, (_, Some(table))) => table.step(&touched.read(), &taken, *self.rates.read()),
-            (Half::Table, (_, None)) => Ok(()),
-        };
-        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
-        result
-    }
-}
-
-/// Half of a network.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Half {
-    Dense,
-    Table,
-}
-
-impl Half {
-    /// Which half the `task`th of a phase of steps is about.
-    fn of(task: usize) -> Self {
-        if task.is_multiple_of(2) { Self::Table } else { Self::Dense }
-    }
-}
-
-fn critic_name(k: usize) -> String {
-    format!("critic{k}")
+/// Why learning cannot go on.
+#[derive(Debug, thiserror::Error)]
+pub enum LearnError {
+    /// Candle reports an error.
+    #[error(transparent)]
+    Candle(#[from] candle_core::Error),
+    /// What was saved cannot be restored.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+    /// Anything else.
+    #[error(transparent)]
+    Other(#[from] Box<dyn Error + Send + Sync>),
 }

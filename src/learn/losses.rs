@@ -12,7 +12,7 @@ use super::settings::{LearnSettings, LossScale};
 pub struct Losses {
     /// Weighted squared error on the chosen scale, mean of the critics.
     pub critic: f32,
-    /// |f(s, a) - s'|^2 in squared goal radii.
+    /// |f(s, a) - s'|^2, each component on the scale of its changes.
     pub model: f32,
     /// D(f(s, mu(s, g)), g) in steps.
     pub actor: f32,
@@ -153,7 +153,7 @@ impl Shapes {
         }
     }
 
-    /// Next states f(s, a) = s + radius * network, `(rows, state_dim)`; keeps the pass for its backward half. `plain`
+    /// Next states f(s, a) = s + scale * network, component by component, `(rows, state_dim)`; keeps the pass for its backward half. `plain`
     /// are the rows that begin with the states' plain rows, and the length of each.
     fn predict(
         &self,
@@ -175,8 +175,11 @@ impl Shapes {
             last.copy_from_slice(action);
         }
         self.model.forward((model.dense, model.packed), x, next, &mut ws.acts);
-        for (next, state) in next.iter_mut().zip(states) {
-            *next = state + spec.goal_radius * *next;
+        let dim = spec.state_dim();
+        for (next, state) in next.chunks_exact_mut(dim).zip(states.chunks_exact(dim)) {
+            for ((next, state), scale) in next.iter_mut().zip(state).zip(&spec.change_scale) {
+                *next = state + scale * *next;
+            }
         }
     }
 
@@ -268,7 +271,7 @@ impl Shapes {
         }
     }
 
-    /// Adds the dynamics model's gradient of mean |f(s, a) - s'|^2 (in squared goal radii) to `gradient`. Returns the
+    /// Adds the dynamics model's gradient of mean |f(s, a) - s'|^2 (each component on the scale of its changes) to `gradient`. Returns the
     /// part's loss.
     pub fn model_gradient(
         &self,
@@ -279,7 +282,7 @@ impl Shapes {
         ws: &mut Workspace,
     ) -> f32 {
         let spec = self.encoder.spec();
-        let (s, radius) = (spec.state_dim(), spec.goal_radius);
+        let s = spec.state_dim();
         let rows = states.len() / s;
         let (plain_width, mut plain) = (self.encoder.plain_state_width(), std::mem::take(&mut ws.plain));
         let rows_of_states = sized(&mut plain.rows, rows * plain_width).chunks_exact_mut(plain_width);
@@ -292,10 +295,12 @@ impl Shapes {
         let shared = (&plain.rows[..], plain_width, &plain.states);
         self.predict(model, (states, actions), shared, sized(&mut predicted, rows * s), ws);
         let mut loss = 0.0;
-        for (p, n) in predicted[..rows * s].iter_mut().zip(next) {
-            let error = (*p - n) / radius;
-            loss += error * error * share;
-            *p = 2.0 * error * share;
+        for (predicted, next) in predicted[..rows * s].chunks_exact_mut(s).zip(next.chunks_exact(s)) {
+            for ((p, n), scale) in predicted.iter_mut().zip(next).zip(&spec.change_scale) {
+                let error = if *scale > 0.0 { (*p - n) / scale } else { 0.0 };
+                loss += error * error * share;
+                *p = 2.0 * error * share;
+            }
         }
         let from = self.encoder.plain_state_width();
         let (columns, grid_width) = (self.model.inputs - from, self.encoder.grid_width());
@@ -353,8 +358,8 @@ impl Shapes {
         for (i, next) in next[..rows * s].chunks_exact_mut(s).enumerate() {
             let at = i * width..(i + 1) * width;
             self.encoder.pair_state_gradient(next, &x[at.clone()], &dx[at], critic.table, d_state);
-            for (next, d) in next.iter_mut().zip(&*d_state) {
-                *next = spec.goal_radius * d;
+            for ((next, d), scale) in next.iter_mut().zip(&*d_state).zip(&spec.change_scale) {
+                *next = scale * d;
             }
         }
         let d_action = sized(&mut step.dx, rows * a);

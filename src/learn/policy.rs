@@ -1,4 +1,4 @@
-//! Networks for use: borrowed from the learner, or frozen copies for planning, evaluation and display.
+//! D and mu, ready to use: borrowed from the learner, or frozen for planning, evaluation and display.
 
 use std::sync::Arc;
 
@@ -17,6 +17,23 @@ pub struct Scratch {
     ws: Workspace,
 }
 
+/// What has been learned, ready to use.
+pub trait Policy: Send + Sync {
+    /// D(s, g) of each pair in steps, finite and at least 0. `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`,
+    /// `out` `(rows)`.
+    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
+
+    /// Actions mu(s, g), `out` `(rows, action_dim)`.
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
+
+    /// D of a single pair, in steps.
+    fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
+        let mut out = [0.0];
+        self.distances(state, goal, &mut out, scratch);
+        out[0]
+    }
+}
+
 /// Borrowed weights of critics and actor.
 #[derive(Clone)]
 pub struct Nets<'a> {
@@ -25,10 +42,9 @@ pub struct Nets<'a> {
     pub(super) actor: Weights<'a>,
 }
 
-impl Nets<'_> {
-    /// D(s, g) of each pair by the most pessimistic critic, in steps. `states` `(rows, state_dim)`, `goals`
-    /// `(rows, goal_dim)`, `out` `(rows)`.
-    pub fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+impl Policy for Nets<'_> {
+    /// By the most pessimistic critic.
+    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let spec = self.shapes.encoder.spec();
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS));
@@ -39,15 +55,7 @@ impl Nets<'_> {
         }
     }
 
-    /// D of a single pair, in steps.
-    pub fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
-        let mut out = [0.0];
-        self.distances(state, goal, &mut out, scratch);
-        out[0]
-    }
-
-    /// Actions mu(s, g), `out` `(rows, action_dim)`.
-    pub fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let spec = self.shapes.encoder.spec();
         let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
         let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * a));
@@ -59,12 +67,12 @@ impl Nets<'_> {
     }
 }
 
-/// A frozen copy of critics and actor; clones share it.
-#[derive(Clone, Debug)]
-pub struct Policy {
+/// A frozen copy of critics and actor.
+#[derive(Debug)]
+pub struct FrozenNets {
     shapes: Arc<Shapes>,
-    critics: Arc<Vec<Owned>>,
-    actor: Arc<Owned>,
+    critics: Vec<Owned>,
+    actor: Owned,
 }
 
 /// One network's copied weights: flat parameters, as they are and packed, and grid table.
@@ -78,7 +86,7 @@ struct Owned {
 /// Flat parameters and grid table.
 type Copied = (Vec<f32>, Vec<f32>);
 
-impl Policy {
+impl FrozenNets {
     pub(super) fn new(shapes: Arc<Shapes>, critics: Vec<Copied>, actor: Copied) -> Self {
         let own = |(dense, table): Copied, mlp: &Mlp| {
             let mut packed = Packed::default();
@@ -86,11 +94,10 @@ impl Policy {
             Owned { dense, packed, table }
         };
         let critics = critics.into_iter().map(|copied| own(copied, &shapes.critic)).collect();
-        Self { critics: Arc::new(critics), actor: Arc::new(own(actor, &shapes.actor)), shapes }
+        Self { critics, actor: own(actor, &shapes.actor), shapes }
     }
 
-    /// The networks, to be used.
-    pub fn nets(&self) -> Nets<'_> {
+    fn nets(&self) -> Nets<'_> {
         Nets {
             shapes: &self.shapes,
             critics: self.critics.iter().map(|w| self.weights(w)).collect(),
@@ -102,5 +109,15 @@ impl Policy {
         let grid = self.shapes.encoder.grid();
         let table = grid.map(|grid| TableView { lines: table, stride: grid.channels, average: None });
         Weights { dense, packed, table }
+    }
+}
+
+impl Policy for FrozenNets {
+    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        self.nets().distances(states, goals, out, scratch);
+    }
+
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        self.nets().actions(states, goals, out, scratch);
     }
 }

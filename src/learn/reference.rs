@@ -109,7 +109,7 @@ impl<'a> Reference<'a> {
         }
         columns.push(actions.clone());
         let change = self.mlp(&self.shapes().model, &self.model.dense, &Tensor::cat(&columns, 1)?)?;
-        states + (change * f64::from(encoder.spec().goal_radius))?
+        states + change.broadcast_mul(&row(&encoder.spec().change_scale, states.device())?)?
     }
 
     /// Targets of pairs, `(rows)`: what [`Batch`] says, with distances and the actor's steps by the weights at hand.
@@ -156,13 +156,13 @@ impl<'a> Reference<'a> {
         (weight * error.sqr()?)?.mean_all()
     }
 
-    /// The dynamics model's loss, in squared goal radii.
+    /// The dynamics model's loss, each component on the scale of its changes.
     ///
     /// # Errors
     /// What candle reports.
     pub fn model_loss(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
-        let radius = f64::from(self.shapes().encoder.spec().goal_radius);
-        let error = ((self.predictions(states, actions)? - next)? / radius)?;
+        let scale = row(&or_infinite(&self.shapes().encoder.spec().change_scale), states.device())?;
+        let error = (self.predictions(states, actions)? - next)?.broadcast_div(&scale)?;
         error.sqr()?.sum(D::Minus1)?.mean_all()
     }
 
@@ -206,15 +206,21 @@ fn row(values: &[f32], device: &Device) -> Result<Tensor> {
     Tensor::from_slice(values, (1, values.len()), device)
 }
 
+/// Scales to divide by: what never varies becomes 0.
+fn or_infinite(scales: &[f32]) -> Vec<f32> {
+    scales.iter().map(|scale| if *scale > 0.0 { *scale } else { f32::INFINITY }).collect()
+}
+
 fn scaled(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
     let (spec, device) = (encoder.spec(), states.device());
-    states.broadcast_sub(&row(&spec.state_centre, device)?)?.broadcast_div(&row(&spec.state_half_range, device)?)
+    let half_range = row(&or_infinite(&spec.state_half_range), device)?;
+    states.broadcast_sub(&row(&spec.state_centre, device)?)?.broadcast_div(&half_range)
 }
 
 fn scaled_goals(encoder: &Encoder, goals: &Tensor) -> Result<Tensor> {
     let spec = encoder.spec();
     let of = |values: &[f32]| row(&spec.achieved.iter().map(|i| values[*i]).collect::<Vec<_>>(), goals.device());
-    goals.broadcast_sub(&of(&spec.state_centre)?)?.broadcast_div(&of(&spec.state_half_range)?)
+    goals.broadcast_sub(&of(&spec.state_centre)?)?.broadcast_div(&of(&or_infinite(&spec.state_half_range))?)
 }
 
 fn achieved(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {

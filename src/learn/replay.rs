@@ -3,6 +3,8 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
+use crate::store::{Store, StoreError};
+
 /// Transitions of many agents, one ring for each, episodes one after the other.
 ///
 /// A slot holds a state, and the action taken in it towards a goal; the state that followed is in the next slot. An
@@ -65,6 +67,33 @@ pub struct ReplayState {
     pub goals: Vec<f32>,
     /// Steps from each slot to the end of its episode, where that has ended.
     pub left: Vec<u16>,
+}
+
+impl ReplayState {
+    /// Writes the state to `store`.
+    pub fn write(self, store: &mut Store) {
+        store.put("replay.written", self.written);
+        store.put("replay.episode", self.episode);
+        store.put("replay.states", self.states);
+        store.put("replay.actions", self.actions);
+        store.put("replay.goals", self.goals);
+        store.put("replay.left", self.left);
+    }
+
+    /// Reads what [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// That a part is missing or of another type.
+    pub fn read(store: &Store) -> Result<Self, StoreError> {
+        Ok(Self {
+            written: store.u64("replay.written")?.to_vec(),
+            episode: store.u64("replay.episode")?.to_vec(),
+            states: store.f32("replay.states")?.to_vec(),
+            actions: store.f32("replay.actions")?.to_vec(),
+            goals: store.f32("replay.goals")?.to_vec(),
+            left: store.u16("replay.left")?.to_vec(),
+        })
+    }
 }
 
 impl Replay {
@@ -296,7 +325,7 @@ impl Replay {
     ///
     /// # Errors
     /// Where the state was not saved from a replay of these sizes.
-    pub fn restore(&mut self, state: &ReplayState) -> Result<(), String> {
+    pub fn restore(&mut self, state: &ReplayState) -> Result<(), StoreError> {
         let kept = |written: &u64| (*written).min(self.capacity as u64) as usize;
         let slots: usize = state.written.iter().map(kept).sum();
         let Sizes { state: s, goal: g, action: a } = self.sizes;
@@ -307,11 +336,11 @@ impl Replay {
             && state.goals.len() == slots * g
             && state.left.len() == slots;
         if !fits {
-            return Err("the stored replay does not fit these settings".to_owned());
+            return Err(StoreError::misfit("the stored replay does not fit these settings"));
         }
         let finite = |numbers: &[f32]| numbers.iter().all(|v| v.is_finite());
         if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.ends_are_sound(state) {
-            return Err("the stored replay holds numbers that are out of range".to_owned());
+            return Err(StoreError::misfit("the stored replay holds numbers that are out of range"));
         }
         self.written.clone_from(&state.written);
         self.episode.clone_from(&state.episode);

@@ -1,6 +1,6 @@
 //! The grid encoding's table: trained where a batch touches it, its average kept lazily.
 
-use candle_core::{Device, Result, Storage, Tensor, Var};
+use candle_core::{Device, Result, Storage, Tensor, Var, bail};
 use parking_lot::{RwLock, RwLockReadGuard};
 
 use super::adam::{adam_rate, modify, slice};
@@ -157,6 +157,9 @@ impl Table {
         result?;
         let mut last = vec![0.0; stored.len()];
         fill("table_last", &mut last)?;
+        if last.iter().any(|last| u64::from(last.to_bits()) > done) {
+            bail!("table_last holds updates that have yet to come");
+        }
         *stored = last.into_iter().map(f32::to_bits).collect();
         *steps = done;
         Ok(())

@@ -56,7 +56,7 @@ impl Tape {
         Ok(Some(Self { device, layers, networks }))
     }
 
-    /// One update, as [`super::Learner::update`]; `steps` is its number, from 1.
+    /// One update, as [`super::Gdg::update_on`]; `steps` is its number, from 1.
     ///
     /// # Errors
     /// What candle reports.

@@ -1,34 +1,29 @@
 //! Checkpoints: one safetensors file with everything a run needs to go on as if it had never stopped.
 //!
 //! Tensors hold networks (with their optimiser's moments and averages), replay and bridge candidates; the metadata
-//! holds the run, its map as plain ASCII, counters, random states and history as JSON, and a checksum over all.
+//! holds the run, its world (a map as plain ASCII), counters, random states and history as JSON, and a checksum over
+//! all. What [`Trainer::save`] writes and [`Trainer::load`] reads becomes a file here.
 
 mod content;
 
-use std::collections::{BTreeMap, HashMap};
+use std::collections::BTreeMap;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::SystemTime;
 
 use parking_lot::Mutex;
-use serde::Deserialize;
 
-use super::history::History;
+use super::error::TrainError;
 use super::memory;
+use super::registry::Registry;
 use super::run::Run;
 use super::score::Success;
 use super::trainer::{Trainer, TrainerState};
-use crate::env::{Environment, PointMaze};
 use crate::files;
-use crate::learn::ReplayState;
-use crate::map::{parse_map, print_ascii};
 use crate::text::{file_name, plain, shortened};
 pub use content::resealed;
-use content::{Content, Tensors, Texts};
-
-/// The bridge graph in use, and the one to come.
-const GRAPHS: [&str; 2] = ["graph", "next_graph"];
+use content::{ContentError, texts_from_header};
 
 /// The most characters of a reason that are shown: it may quote the file.
 const SHOWN: usize = 400;
@@ -51,8 +46,8 @@ pub struct CheckpointError {
 pub struct Description {
     /// The file.
     pub file: PathBuf,
-    /// The map's name.
-    pub map: String,
+    /// What its world is called: the map's name.
+    pub title: String,
     /// Method, preset, seed and settings.
     pub run: Run,
     /// Updates done.
@@ -84,32 +79,24 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     };
     let (header, facts) = read().map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let describe = || {
-        // The library wants the whole file before it reads the header.
-        let header: Header = serde_json::from_slice(&header).map_err(|_| "is not a safetensors file".to_owned())?;
-        let texts = Texts::of(header.metadata)?;
-        Ok(Description {
+        let store = texts_from_header(&header)?;
+        Ok::<_, ContentError>(Description {
             file: path.to_owned(),
-            map: file_name(texts.get("map_name")?),
-            run: texts.json("run")?,
-            updates: texts.json::<TrainerState>("trainer")?.counters.updates,
-            success: texts.json("success")?,
+            // Former formats had maps alone.
+            title: file_name(store.text("title").or_else(|_| store.text("map_name"))?),
+            run: store.json("run")?,
+            updates: store.json::<TrainerState>("trainer")?.counters.updates,
+            success: store.json("success")?,
             bytes: facts.len(),
             written: facts.modified().ok(),
         })
     };
-    describe().map_err(|what: String| unreadable(path, &what))
+    describe().map_err(|e| unreadable(path, &e.to_string()))
 }
 
 fn unreadable(path: &Path, what: &str) -> CheckpointError {
     let right = "give a checkpoint that gdg-tui saved: saves/NAME.safetensors".to_owned();
     CheckpointError { file: path.to_owned(), what: shortened(what, SHOWN), right }
-}
-
-/// What of a safetensors header is read without the tensors.
-#[derive(Deserialize)]
-struct Header {
-    #[serde(rename = "__metadata__")]
-    metadata: Option<HashMap<String, String>>,
 }
 
 /// Where a checkpoint goes.
@@ -170,7 +157,7 @@ impl Identity {
 /// new one has been read back.
 ///
 /// # Errors
-/// What the file system or candle report; numbers that are not finite.
+/// What the file system or the learner report; numbers that are not finite.
 pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
     let failed = |what: String| CheckpointError {
         file: to.path().to_owned(),
@@ -180,11 +167,12 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     if crate::faults::point("save") {
         return Err(failed("a fault on demand".to_owned()));
     }
-    let bytes = to_bytes(trainer).map_err(failed)?;
+    let store = trainer.save().map_err(|e| failed(e.to_string()))?;
+    let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
     let written = match to {
         SaveTo::Own(path) if Identity::is_foreign(path) => files::write_fresh(path, &bytes),
         SaveTo::Own(path) => {
-            let whole = |found: &[u8]| found == bytes && Content::read(found).is_ok();
+            let whole = |found: &[u8]| found == bytes && content::from_bytes(found).is_ok();
             files::write_verified(path, &bytes, whole).map(|()| path.clone())
         }
         SaveTo::Fresh(path) => files::write_fresh(path, &bytes),
@@ -193,42 +181,6 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     Identity::remember(&path);
     tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)
-}
-
-fn to_bytes(trainer: &Trainer) -> Result<Vec<u8>, String> {
-    let mut tensors = Tensors::default();
-    let learner = trainer.learner().state().map_err(|e| e.to_string())?;
-    if !learner.is_finite() {
-        return Err("the networks hold numbers that are not finite".to_owned());
-    }
-    for (network, parts) in &learner.networks {
-        for (part, values) in parts {
-            tensors.f32(format!("{network}.{part}"), values);
-        }
-    }
-    let replay = trainer.replay().state_of_all();
-    tensors.u64("replay.written", &replay.written);
-    tensors.u64("replay.episode", &replay.episode);
-    tensors.f32("replay.states", &replay.states);
-    tensors.f32("replay.actions", &replay.actions);
-    tensors.f32("replay.goals", &replay.goals);
-    tensors.u16("replay.left", &replay.left);
-    tensors.experience("bridge", &trainer.experience().state());
-    tensors.u32("visited", trainer.visited());
-    for (name, graph) in GRAPHS.iter().zip(trainer.graph_state()) {
-        graph.iter().for_each(|graph| tensors.graph(name, graph));
-    }
-    let json = |value: Result<String, serde_json::Error>| value.map_err(|e| e.to_string());
-    tensors.into_bytes([
-        ("version", env!("CARGO_PKG_VERSION").to_owned()),
-        ("run", json(serde_json::to_string(trainer.run()))?),
-        ("map_name", trainer.map().name().to_owned()),
-        ("map", print_ascii(trainer.map())),
-        ("learner_updates", learner.updates.to_string()),
-        ("trainer", json(serde_json::to_string(&trainer.state()))?),
-        ("success", json(serde_json::to_string(&trainer.history().success()))?),
-        ("history", json(serde_json::to_string(trainer.history()))?),
-    ])
 }
 
 /// A run loaded from a checkpoint.
@@ -243,11 +195,11 @@ pub struct Loaded {
 ///
 /// # Errors
 /// A file that cannot be read or is no checkpoint of this program.
-pub fn load(path: &Path, threads: usize) -> Result<Loaded, CheckpointError> {
+pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loaded, CheckpointError> {
     let load = |file: &Path| {
         // Its contents are held twice for a moment, as bytes and as numbers.
         let bytes = files::read(file, memory::available() / 3).map_err(|e| format!("cannot be read: {e}"))?;
-        from_bytes(&bytes, threads)
+        from_bytes(&bytes, registry, threads).map_err(|e| e.to_string())
     };
     let backup = files::backup_of(path);
     Identity::remember(path);
@@ -265,38 +217,21 @@ pub fn load(path: &Path, threads: usize) -> Result<Loaded, CheckpointError> {
     }
 }
 
+/// Why bytes are not taken as a checkpoint.
+#[derive(Debug, thiserror::Error)]
+pub enum LoadError {
+    /// They are none, or damaged.
+    #[error(transparent)]
+    Content(#[from] ContentError),
+    /// The run in them cannot go on.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+}
+
 /// Loads the run from a checkpoint's bytes.
 ///
 /// # Errors
 /// What is wrong with them.
-pub fn from_bytes(bytes: &[u8], threads: usize) -> Result<Trainer, String> {
-    let content = Content::read(bytes)?;
-    let texts = &content.texts;
-    let run: Run = texts.json("run")?;
-    run.settings.check().map_err(|(name, right)| format!("its setting {name} is not {right}"))?;
-    // A name that comes from a file must not lead anywhere when it becomes part of another file's name.
-    let name = file_name(texts.get("map_name")?);
-    let map = parse_map(&name, texts.get("map")?.as_bytes()).map_err(|e| e.to_string())?.named(&name);
-    let state: TrainerState = texts.json("trainer")?;
-    let updates = texts.get("learner_updates")?.parse();
-    let updates = updates.map_err(|_| "its number of updates is no number".to_owned())?;
-    let map = Arc::new(map);
-    memory::check(&run, PointMaze::new(map.clone(), 1, 0.0).spec(), map.free().len())?;
-    let mut trainer = Trainer::new(run, map, threads).map_err(|e| e.to_string())?;
-    let network = |network: &str, part: &str| content.f32(&format!("{network}.{part}")).ok();
-    trainer.learner_mut().restore(updates, network).map_err(|e| format!("its networks do not fit: {e}"))?;
-    trainer.replay_mut().restore(&ReplayState {
-        written: content.u64("replay.written")?,
-        episode: content.u64("replay.episode")?,
-        states: content.f32("replay.states")?,
-        actions: content.f32("replay.actions")?,
-        goals: content.f32("replay.goals")?,
-        left: content.u16("replay.left")?,
-    })?;
-    trainer.experience_mut().restore(&content.experience("bridge")?)?;
-    let graphs = GRAPHS.map(|name| content.graph(name));
-    let [current, next] = graphs;
-    let history: History = texts.history()?;
-    trainer.restore(state, &[current?, next?], content.u32("visited")?, history)?;
-    Ok(trainer)
+pub fn from_bytes(bytes: &[u8], registry: &Arc<Registry>, threads: usize) -> Result<Trainer, LoadError> {
+    Ok(Trainer::load(&content::from_bytes(bytes)?, registry, threads)?)
 }

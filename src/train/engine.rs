@@ -5,22 +5,20 @@ mod snapshot;
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, TryRecvError, sync_channel};
-use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
+use super::error::TrainError;
 use super::evaluate::Evaluation;
 use super::run::{Counters, Limits, Tick};
-use super::tasks::TaskSet;
 use super::trainer::Trainer;
-use crate::env::Environment;
-use crate::learn::Scratch;
-use crate::map::Diameter;
+use crate::learn::{Policy, Scratch};
 pub use command::Command;
-pub use snapshot::{Followed, Phase, Snapshot, Step};
+pub use snapshot::{Followed, Networks, Phase, Snapshot, Step};
 
 /// How often snapshots are published while training.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);
@@ -58,14 +56,13 @@ impl Engine {
     /// Starts training up to `limits`.
     ///
     /// # Errors
-    /// What candle reports, or that the thread cannot be started.
-    pub fn start(trainer: Trainer, limits: Limits) -> candle_core::Result<Self> {
+    /// What the learner reports, or that the thread cannot be started.
+    pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
         let first = Snapshot { limits, ..Snapshot::of(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = Worker {
             trainer,
-            diameter: Arc::default(),
             inbox,
             publish,
             current: first,
@@ -107,8 +104,6 @@ impl Engine {
 
 struct Worker {
     trainer: Trainer,
-    /// The map's farthest distance in steps, once an evaluation has found it out: on large maps that takes long.
-    diameter: Arc<OnceLock<u32>>,
     inbox: Receiver<Command>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
@@ -186,7 +181,7 @@ impl Worker {
     }
 
     /// Trains and carries out commands until the front end goes.
-    fn train(&mut self) -> candle_core::Result<()> {
+    fn train(&mut self) -> Result<(), TrainError> {
         let now = Instant::now();
         let rates_from = (self.trainer.seconds(), self.trainer.counters());
         let mut pace = Pace { published: now, renew_networks_at: now, rates_from };
@@ -249,7 +244,7 @@ impl Worker {
         }
     }
 
-    fn tell_progress(&mut self, pace: &mut Pace) -> candle_core::Result<()> {
+    fn tell_progress(&mut self, pace: &mut Pace) -> Result<(), TrainError> {
         pace.published = Instant::now();
         let networks = pace.published >= pace.renew_networks_at;
         let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
@@ -270,17 +265,15 @@ impl Worker {
     }
 
     /// Starts an evaluation of this moment unless one is under way or was a short while ago.
-    fn begin_evaluation(&mut self) -> candle_core::Result<()> {
+    fn begin_evaluation(&mut self) -> Result<(), TrainError> {
         if self.evaluation.is_some() || self.rested.is_some_and(|at| Instant::now() < at) {
             return Ok(());
         }
-        let (job, rng) = (self.trainer.evaluation()?, self.trainer.task_rng());
-        let (map, diameter) = (self.trainer.map().clone(), self.diameter.clone());
+        let job = self.trainer.evaluation()?;
         let began = Instant::now();
         let result = std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
-            let mut rng = rng;
-            let diameter = *diameter.get_or_init(|| Diameter::of(&map).steps);
-            job.carry_out(&TaskSet::sample(&map, diameter, EVALUATION_TASKS, &mut rng))
+            let tasks = job.tasks(EVALUATION_TASKS);
+            job.carry_out(&tasks)
         })?;
         self.evaluation = Some(Evaluating { updates: self.trainer.counters().updates, began, result });
         Ok(())
@@ -305,7 +298,7 @@ impl Worker {
     }
 
     /// Publishes what has changed; networks only now and then, as copying them takes longer.
-    fn renew(&mut self, networks: bool) -> candle_core::Result<()> {
+    fn renew(&mut self, networks: bool) -> Result<(), TrainError> {
         let trainer = &self.trainer;
         let current = &mut self.current;
         current.counters = trainer.counters();
@@ -319,8 +312,8 @@ impl Worker {
         current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());
         current.search = trainer.last_search().cloned();
         if networks {
-            current.networks = Arc::new((trainer.policy()?, trainer.experience().known()));
-            current.visited = Arc::new(trainer.visited().to_vec());
+            current.networks = Networks::of(trainer)?;
+            current.scene = trainer.world().scene();
         }
         self.current.followed = self.followed()?.map(Arc::new);
         self.publish();
@@ -328,7 +321,7 @@ impl Worker {
     }
 
     /// How the agent fares that is followed.
-    fn followed(&mut self) -> candle_core::Result<Option<Followed>> {
+    fn followed(&mut self) -> Result<Option<Followed>, TrainError> {
         let (trainer, scratch) = (&self.trainer, &mut self.scratch);
         let rollout = trainer.rollout();
         let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else { return Ok(None) };
@@ -336,9 +329,11 @@ impl Worker {
         let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
         let own = &rollout.agents()[agent];
         let (goal, waypoints) = rollout.pursuit(agent);
-        let distances = trainer.learner().with_nets(false, |nets| {
-            (nets.distance(&state, &own.goal, scratch), nets.distance(&state, goal, scratch))
-        })?;
+        let mut distances = (0.0, 0.0);
+        let mut measure = |policy: &dyn Policy| {
+            distances = (policy.distance(&state, &own.goal, scratch), policy.distance(&state, goal, scratch));
+        };
+        trainer.learner().with_policy(false, &mut measure)?;
         // Before its first step of an episode the replay knows of none.
         let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
         let (aim, goal, planned) = (own.goal.clone(), goal.to_vec(), !waypoints.is_empty());

@@ -1,4 +1,4 @@
-//! Evaluation against the truth of the map, on a random stream of its own.
+//! Evaluation against the truth of the world, on a random stream of its own.
 
 use std::sync::Arc;
 
@@ -6,14 +6,11 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
-use super::method::Method;
 use super::run::Run;
 use super::score::{DistanceScore, Score, Success, spearman};
-use super::tasks::{Task, TaskSet};
 use crate::bridge::{BridgeGraph, Experience, LINKS, Walker};
-use crate::env::{Environment, PointMaze};
-use crate::learn::{Nets, Policy, Scratch};
-use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use crate::env::{Environment, NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
+use crate::learn::{Acting, Policy, Scratch};
 
 /// Everything one evaluation found.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,13 +19,14 @@ pub struct Evaluation {
     pub greedy: Score,
     /// The actor walking between bridge points, where the method plans.
     pub planned: Option<Score>,
-    /// D against the truth.
-    pub distance_error: DistanceError,
+    /// D against the truth, where that is known.
+    pub distance_error: Option<DistanceError>,
     /// The bridge graph against the truth, where there is one.
     pub bridges: Option<BridgeFacts>,
-    /// Share of the cells of the map's largest component that an agent has been in while exploring.
-    pub coverage: f64,
-    /// The map's own task, from its first start to its first goal, where it has both.
+    /// Share of the world that agents have explored, where that can be said (of a maze: of the cells of its largest
+    /// component).
+    pub coverage: Option<f64>,
+    /// The world's own task, where it has one (of a map: from its first start to its first goal).
     pub marked: Option<MarkedTask>,
 }
 
@@ -40,21 +38,23 @@ impl Evaluation {
 
     /// Whether every number is one: D may have grown beyond all bounds.
     pub fn is_sound(&self) -> bool {
-        let DistanceError { mape, near_mape, bias, spearman, graph } = &self.distance_error;
-        let graph = graph.iter().flat_map(|graph| [graph.mape, graph.near_mape, graph.bias]);
         let scores = std::iter::once(&self.greedy).chain(&self.planned);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
-            let of_distance = |d: &DistanceScore| [d.distance_steps, d.success, d.spl];
-            let all = by_distance.iter().flat_map(of_distance).chain([*success, *spl, *steps_ratio]);
-            all.collect::<Vec<_>>()
+            let of_distance = |d: &DistanceScore| [d.distance_steps, d.success, d.spl.unwrap_or(0.0)];
+            let ratios = [*success, spl.unwrap_or(0.0), steps_ratio.unwrap_or(0.0)];
+            by_distance.iter().flat_map(of_distance).chain(ratios).collect::<Vec<_>>()
         };
-        let all = [*mape, *near_mape, *bias, *spearman, self.coverage];
-        all.into_iter().chain(graph).chain(scores.flat_map(of_score)).all(f64::is_finite)
+        let errors = self.distance_error.iter().flat_map(|error| {
+            let DistanceError { mape, near_mape, bias, spearman, graph } = error;
+            let graph = graph.iter().flat_map(|graph| [graph.mape, graph.near_mape, graph.bias]);
+            graph.chain([*mape, *near_mape, *bias, *spearman]).collect::<Vec<_>>()
+        });
+        scores.flat_map(of_score).chain(errors).chain(self.coverage).all(f64::is_finite)
     }
 }
 
-/// The map's own task.
+/// The world's own task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarkedTask {
     /// By the actor alone.
@@ -70,11 +70,11 @@ pub struct Journey {
     pub reached: bool,
     /// Steps taken.
     pub steps: u32,
-    /// True steps from where it ended to the goal.
+    /// True steps from where it ended to the goal; `u32::MAX` where they are not known.
     pub left_steps: u32,
 }
 
-/// Error of the learned distance, by pairs of free cells that reach each other.
+/// Error of the learned distance, by pairs whose true distance is known.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceError {
     /// Mean absolute relative error.
@@ -107,92 +107,87 @@ pub struct BridgeFacts {
     pub candidates: usize,
     /// Edges between them.
     pub edges: usize,
-    /// Edges whose true distance is above 2 D + 4.
-    pub false_edges: usize,
+    /// Edges whose true distance is above 2 D + 4, where that is known.
+    pub false_edges: Option<usize>,
 }
-
-/// Pairs within this many steps count as near.
-const NEAR_STEPS: u32 = 10;
-
-/// Goals, starts for each, and near starts for each, that D's error is measured on.
-const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
 
 /// An evaluation with all that it needs: it can be carried out at any time, by any thread.
 pub struct EvaluationJob {
     pub(super) run: Run,
-    pub(super) world: PointMaze,
-    pub(super) policy: Policy,
+    /// The world, without agents.
+    pub(super) world: Box<dyn Environment>,
+    pub(super) policy: Arc<dyn Policy>,
+    pub(super) acting: Acting,
     /// Candidates and what was seen between them, for methods that plan.
     pub(super) experience: Option<Arc<Experience>>,
-    /// How often an agent was in each cell, row-major.
-    pub(super) visited: Vec<u32>,
+    pub(super) coverage: Option<f64>,
+    /// Draws tasks.
+    pub(super) task_rng: ChaCha8Rng,
+    /// Draws everything else.
     pub(super) rng: ChaCha8Rng,
 }
 
 impl EvaluationJob {
+    /// The tasks of this moment, `per_group` at each distance: the same ones however often was evaluated before.
+    pub fn tasks(&self, per_group: usize) -> TaskSet {
+        self.world.tasks(per_group, &mut self.task_rng.clone())
+    }
+
     /// Evaluates on `tasks`, against the truth.
     pub fn carry_out(self, tasks: &TaskSet) -> Evaluation {
         crate::faults::point("evaluation");
-        let Self { run, world, policy, experience, visited, mut rng } = self;
-        let (nets, mut scratch, rng) = (policy.nets(), Scratch::default(), &mut rng);
+        let Self { run, world, policy, acting, experience, coverage, mut rng, .. } = self;
+        let (policy, mut scratch, rng) = (&*policy, Scratch::default(), &mut rng);
         let graph =
-            experience.as_ref().map(|e| BridgeGraph::build(world.spec(), &run.bridge(), e, &nets, &mut scratch));
-        let greedy = match run.method {
-            Method::Random => Actor::Random { hold_steps: run.settings.train.random_hold_steps },
-            _ => Actor::Greedy(&nets),
-        };
-        let planned = graph.as_ref().map(|graph| Actor::Planned(&nets, graph));
-        let mut score = |actor: &Actor| Score::new(tasks, &walk(&world, &tasks.tasks, actor, rng).taken);
+            experience.as_ref().map(|e| BridgeGraph::build(world.spec(), &run.bridge(), e, policy, &mut scratch));
+        let hold_steps = (acting == Acting::AtRandom).then_some(run.settings.train.random_hold_steps);
+        let greedy = Actor { policy, graph: None, hold_steps };
+        let planned = graph.as_ref().map(|graph| Actor { graph: Some(graph), ..greedy });
+        let mut score = |actor: &Actor| Score::new(tasks, &walk(&*world, &tasks.tasks, actor, rng).taken);
         let planned_score = planned.as_ref().map(&mut score);
         let greedy_score = score(&greedy);
+        let mut truth = world.truth();
         Evaluation {
-            distance_error: distance_error(world.map(), &nets, graph.as_ref(), rng),
-            bridges: graph.as_ref().map(|graph| bridge_facts(world.map(), graph)),
-            coverage: coverage(world.map(), &visited),
-            marked: marked_task(&world, (&greedy, planned.as_ref()), rng),
+            distance_error: truth.as_mut().map(|truth| distance_error(&truth.pairs(rng), policy, graph.as_ref())),
+            bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
+            coverage,
+            marked: marked_task(&*world, truth.as_deref_mut(), (&greedy, planned.as_ref()), rng),
             greedy: greedy_score,
             planned: planned_score,
         }
     }
 }
 
-/// Share of the largest component's cells that have been visited.
-fn coverage(map: &Grid, visited: &[u32]) -> f64 {
-    let components = StepSearch::new(map).components(map);
-    let (mut cells, mut seen) = (0u32, 0u32);
-    for cell in components.largest_cells(map) {
-        cells += 1;
-        seen += u32::from(visited[map.index(cell)] > 0);
-    }
-    f64::from(seen) / f64::from(cells.max(1))
-}
-
-/// Walks the map's own task.
+/// Walks the world's own task.
 fn marked_task(
-    world: &PointMaze,
+    world: &dyn Environment,
+    mut truth: Option<&mut (dyn Truth + '_)>,
     (greedy, planned): (&Actor, Option<&Actor>),
     rng: &mut ChaCha8Rng,
 ) -> Option<MarkedTask> {
-    let map = world.map();
-    let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
-    let steps = StepSearch::new(map).from(goal).to_vec();
-    let shortest = Some(steps[map.index(start)]).filter(|steps| *steps != UNREACHABLE)?;
-    let task = Task { start, goal, shortest, group: 0 };
+    let task = world.own_task()?;
     let mut journey = |actor: &Actor| {
-        let walked = walk(world, &[task], actor, rng);
-        let at = walked.env.states();
-        let left = steps[map.index(Cell::new(at[0] as usize, at[1] as usize))];
+        let walked = walk(world, std::slice::from_ref(&task), actor, rng);
+        let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
+        let left = truth.as_mut().and_then(|truth| truth.steps(&end, &task.goal, u32::MAX)?[0]);
         let taken = walked.taken[0];
-        Journey { reached: taken.is_some(), steps: taken.unwrap_or(task.budget()), left_steps: left }
+        Journey {
+            reached: taken.is_some(),
+            steps: taken.unwrap_or(task.budget()),
+            left_steps: left.unwrap_or(u32::MAX),
+        }
     };
     Some(MarkedTask { greedy: journey(greedy), planned: planned.map(journey) })
 }
 
 /// Who walks.
-enum Actor<'a> {
-    Greedy(&'a Nets<'a>),
-    Planned(&'a Nets<'a>, &'a BridgeGraph),
-    Random { hold_steps: f32 },
+#[derive(Clone, Copy)]
+struct Actor<'a> {
+    policy: &'a dyn Policy,
+    /// The graph that it plans through.
+    graph: Option<&'a BridgeGraph>,
+    /// Steps for which it holds a random direction, where it acts at random.
+    hold_steps: Option<f32>,
 }
 
 /// How a number of tasks went.
@@ -200,29 +195,31 @@ struct Walked {
     /// Steps that each took, `None` where the goal was not reached in time.
     taken: Vec<Option<u32>>,
     /// Where the agents ended.
-    env: PointMaze,
+    env: Box<dyn Environment>,
 }
 
 /// Walks all tasks side by side.
-fn walk(world: &PointMaze, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> Walked {
-    let mut env = world.with_agents(tasks.len());
+fn walk(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> Walked {
+    let mut env = world.fork(tasks.len());
+    let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
     let mut scratch = Scratch::default();
-    let goals: Vec<[f32; 2]> = tasks.iter().map(|t| t.goal.centre()).collect();
     for (i, task) in tasks.iter().enumerate() {
-        env.place(i, &task.start.centre());
+        env.place(i, &task.start);
     }
-    let mut walkers: Vec<Walker> = match actor {
-        Actor::Planned(nets, graph) => goals.iter().map(|g| Walker::new(graph.route(g, nets, &mut scratch))).collect(),
-        _ => Vec::new(),
+    let mut walkers: Vec<Walker> = match actor.graph {
+        Some(graph) => {
+            tasks.iter().map(|task| Walker::new(graph.route(&task.goal, actor.policy, &mut scratch))).collect()
+        }
+        None => Vec::new(),
     };
     let mut taken: Vec<Option<u32>> = vec![None; tasks.len()];
     let mut active: Vec<usize> = (0..tasks.len()).collect();
-    let mut actions = vec![0.0; 2 * tasks.len()];
+    let mut actions = vec![0.0; a * tasks.len()];
     let (mut states, mut aims, mut chosen) = (Vec::new(), Vec::new(), Vec::new());
     for clock in 0.. {
         active.retain(|&i| {
-            let at = &env.states()[2 * i..2 * i + 2];
-            if env.spec().reached(at, &goals[i]) {
+            let at = &env.states()[s * i..s * (i + 1)];
+            if env.spec().reached(at, &tasks[i].goal) {
                 taken[i] = Some(clock);
             }
             taken[i].is_none() && clock < tasks[i].budget()
@@ -233,19 +230,19 @@ fn walk(world: &PointMaze, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) 
         states.clear();
         aims.clear();
         for &i in &active {
-            let state = &env.states()[2 * i..2 * i + 2];
+            let state = &env.states()[s * i..s * (i + 1)];
             states.extend(state);
-            match actor {
-                Actor::Planned(nets, graph) => aims.extend(walkers[i].step(state, graph, nets, &mut scratch)),
-                _ => aims.extend(goals[i]),
+            match actor.graph {
+                Some(graph) => aims.extend(walkers[i].step(state, graph, actor.policy, &mut scratch)),
+                None => aims.extend(&tasks[i].goal),
             }
         }
-        chosen.resize(states.len(), 0.0);
-        match actor {
-            Actor::Greedy(nets) | Actor::Planned(nets, _) => nets.actions(&states, &aims, &mut chosen, &mut scratch),
-            Actor::Random { hold_steps } => {
-                for (&i, action) in active.iter().zip(chosen.chunks_exact_mut(2)) {
-                    action.copy_from_slice(&actions[2 * i..2 * i + 2]);
+        chosen.resize(active.len() * a, 0.0);
+        match actor.hold_steps {
+            None => actor.policy.actions(&states, &aims, &mut chosen, &mut scratch),
+            Some(hold_steps) => {
+                for (&i, action) in active.iter().zip(chosen.chunks_exact_mut(a)) {
+                    action.copy_from_slice(&actions[a * i..a * (i + 1)]);
                     if clock == 0 || rng.random::<f32>() < 1.0 / hold_steps {
                         action.fill_with(|| rng.random_range(-1.0..=1.0));
                     }
@@ -253,48 +250,29 @@ fn walk(world: &PointMaze, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) 
             }
         }
         actions.fill(0.0);
-        for (&i, action) in active.iter().zip(chosen.chunks_exact(2)) {
-            actions[2 * i..2 * i + 2].copy_from_slice(action);
+        for (&i, action) in active.iter().zip(chosen.chunks_exact(a)) {
+            actions[a * i..a * (i + 1)].copy_from_slice(action);
         }
         env.step(&actions, rng);
     }
     Walked { taken, env }
 }
 
-/// Compares D with breadth-first search.
-fn distance_error(map: &Grid, nets: &Nets, graph: Option<&BridgeGraph>, rng: &mut ChaCha8Rng) -> DistanceError {
-    let mut search = StepSearch::new(map);
-    let components = search.components(map);
-    let cells: Vec<Cell> = components.largest_cells(map).collect();
-    let (mut states, mut goals, mut truth, mut near) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
+/// Compares D, and the distance that `graph` composes, with the truth.
+fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&BridgeGraph>) -> DistanceError {
     let (mut composed, mut scratch) = (Vec::new(), Scratch::default());
-    for _ in 0..ERROR_PAIRS.0 {
-        let goal = cells[rng.random_range(0..cells.len())];
-        let steps = search.from(goal);
-        let first = states.len();
-        let around: Vec<usize> = (0..steps.len()).filter(|i| (1..=NEAR_STEPS).contains(&steps[*i])).collect();
-        let mut push = |i: usize, only_near: bool| {
-            if steps[i] == 0 {
-                return;
-            }
-            states.extend(map.cell(i).centre());
-            goals.extend(goal.centre());
-            truth.push(f64::from(steps[i]));
-            near.push(only_near);
-        };
-        for _ in 0..ERROR_PAIRS.1 {
-            push(map.index(cells[rng.random_range(0..cells.len())]), false);
-        }
-        for _ in 0..ERROR_PAIRS.2.min(around.len()) {
-            push(around[rng.random_range(0..around.len())], true);
-        }
+    for TruePairs { goal, states, .. } in groups {
         if let Some(graph) = graph {
-            let route = graph.route(&goal.centre(), nets, &mut scratch);
-            composed.extend(graph.composed(&states[first..], &route, LINKS, nets, &mut scratch));
+            let route = graph.route(goal, policy, &mut scratch);
+            composed.extend(graph.composed(states, &route, LINKS, policy, &mut scratch));
         }
     }
+    let truth: Vec<f64> = groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
+    let states: Vec<f32> = groups.iter().flat_map(|group| &group.states).copied().collect();
+    let goals: Vec<f32> = groups.iter().flat_map(|group| group.goal.repeat(group.steps.len())).collect();
     let mut learned = vec![0.0; truth.len()];
-    nets.distances(&states, &goals, &mut learned, &mut scratch);
+    policy.distances(&states, &goals, &mut learned, &mut scratch);
+    let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
     // Of all pairs drawn at random, and of those that are near: the relative errors of some distances.
     let errors = |distances: &[f32]| {
@@ -319,23 +297,20 @@ fn longest_true(distance: f32) -> f32 {
     2.0 * distance + 4.0
 }
 
-/// Counts false edges, by the true distance between the candidates' cells.
-fn bridge_facts(map: &Grid, graph: &BridgeGraph) -> BridgeFacts {
-    let mut search = StepSearch::new(map);
-    let cell = |i: usize| Cell::new(graph.point(i)[0] as usize, graph.point(i)[1] as usize);
-    let mut false_edges = 0;
-    for edges in graph.edges().chunk_by(|a, b| a.from == b.from) {
-        let from = cell(edges[0].from);
-        if !map.is_free(from) {
-            continue;
-        }
-        let longest = edges.iter().map(|e| longest_true(e.distance)).fold(0.0, f32::max);
-        let steps = search.within(from, longest as u32);
-        let is_false = |to: Cell, distance: f32| {
-            let truth = steps[map.index(to)];
-            truth == UNREACHABLE || truth as f32 > longest_true(distance)
+/// Counts false edges, by the true distance between the candidates.
+fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn Truth + '_)>) -> BridgeFacts {
+    let false_edges = truth.map(|truth| {
+        let of_candidate = |edges: &[crate::bridge::Edge]| {
+            let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
+            let longest = edges.iter().map(|e| longest_true(e.distance)).fold(0.0, f32::max);
+            // Where an edit has put a wall nobody stands.
+            let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32) else { return 0 };
+            let is_false = |(steps, edge): (Option<u32>, &crate::bridge::Edge)| {
+                steps.is_none_or(|steps| steps as f32 > longest_true(edge.distance))
+            };
+            steps.into_iter().zip(edges).filter(|pair| is_false(*pair)).count()
         };
-        false_edges += edges.iter().filter(|e| is_false(cell(e.to), e.distance)).count();
-    }
+        graph.edges().chunk_by(|a, b| a.from == b.from).map(of_candidate).sum()
+    });
     BridgeFacts { candidates: graph.experience().len(), edges: graph.edges().len(), false_edges }
 }

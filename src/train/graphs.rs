@@ -12,6 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::bridge::{BridgeGraph, BridgeSettings, Distilled, Experience, GraphState};
 use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
+use crate::store::{Store, StoreError};
 
 /// Candidates whose graph distances are distilled between two builds.
 const DISTILLED_GOALS: usize = 32;
@@ -23,7 +24,7 @@ const JOIN_AFTER: u64 = 4;
 pub struct GraphJob {
     pub spec: Spec,
     pub settings: BridgeSettings,
-    pub policy: Policy,
+    pub policy: Arc<dyn Policy>,
     pub experience: Arc<Experience>,
     /// Draws what is distilled.
     pub rng: ChaCha8Rng,
@@ -64,11 +65,34 @@ pub struct StoredGraph {
     pub state: GraphState,
 }
 
+impl StoredGraph {
+    /// Writes the graph to `store`, its names beginning with `prefix`.
+    pub fn write(self, store: &mut Store, prefix: &str) {
+        store.put(format!("{prefix}.when"), vec![self.at, self.due]);
+        self.state.write(store, prefix);
+    }
+
+    /// Reads what [`Self::write`] wrote, if it wrote anything.
+    ///
+    /// # Errors
+    /// That a part is missing, of another type or length.
+    pub fn read(store: &Store, prefix: &str) -> Result<Option<Self>, StoreError> {
+        let when = format!("{prefix}.when");
+        if !store.has(&when) {
+            return Ok(None);
+        }
+        let [at, due] = store.u64(&when)? else {
+            return Err(StoreError::misfit(format!("its {when} is of another length than 2")));
+        };
+        Ok(Some(Self { at: *at, due: *due, state: GraphState::read(store, prefix)? }))
+    }
+}
+
 impl GraphJob {
     fn carry_out(&self, at: u64) -> Built {
         crate::faults::point("graph");
-        let nets = self.policy.nets();
-        let graph = BridgeGraph::build(&self.spec, &self.settings, &self.experience, &nets, &mut Scratch::default());
+        let graph =
+            BridgeGraph::build(&self.spec, &self.settings, &self.experience, &*self.policy, &mut Scratch::default());
         Built::of(at, graph, self.rng.clone())
     }
 }
@@ -129,9 +153,9 @@ impl Graphs {
         settings: &BridgeSettings,
         state: &[Option<StoredGraph>; 2],
         rng: impl Fn(u64) -> ChaCha8Rng,
-    ) -> Result<(), String> {
+    ) -> Result<(), StoreError> {
         let built = |stored: &StoredGraph| {
-            Ok::<_, String>(Built::of(
+            Ok::<_, StoreError>(Built::of(
                 stored.at,
                 BridgeGraph::from_state(spec, settings, &stored.state)?,
                 rng(stored.at),

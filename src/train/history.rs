@@ -7,6 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use super::evaluate::Evaluation;
 use super::score::Success;
+use crate::store::StoreError;
 
 /// Updates between two points of the curves at first.
 const POINT_EVERY_UPDATES: u64 = 50;
@@ -108,7 +109,7 @@ impl History {
     ///
     /// # Errors
     /// What is out of its range.
-    pub fn check(&self) -> Result<(), String> {
+    pub fn check(&self) -> Result<(), StoreError> {
         let short = |entry: &LogEntry| entry.seconds.is_finite() && entry.text.chars().count() <= MOST_CHARACTERS;
         let sound = self.every > 0
             && self.points.len() <= MOST_POINTS
@@ -118,7 +119,7 @@ impl History {
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_sound())
             && self.log.len() <= MOST_ENTRIES
             && self.log.iter().all(short);
-        if sound { Ok(()) } else { Err("its history is out of range".to_owned()) }
+        if sound { Ok(()) } else { Err(StoreError::misfit("its history is out of range")) }
     }
 }
 

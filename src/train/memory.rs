@@ -2,9 +2,10 @@
 
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
+use super::error::TrainError;
+use super::registry::Registry;
 use super::run::Run;
-use crate::env::Spec;
-use crate::learn::Learner;
+use crate::env::Environment;
 
 /// Copies of the networks' parameters that a run keeps: the value, its average and two moments; these four again as they
 /// were good last; packed ones; gradients of the parts of a batch; frozen copies for graphs, evaluations and the screen.
@@ -15,9 +16,6 @@ const COPIES_OF_PARAMETERS: u64 = 36;
 /// Copies of what was observed between candidates: the trainer's, and those of graphs, evaluation and viewer.
 const COPIES_OF_OBSERVED: u64 = 6;
 
-/// Bytes for each cell of a map: searches, visits, components, the picture.
-const BYTES_PER_CELL: u64 = 120;
-
 /// The program itself, its threads and buffers.
 const BASE_BYTES: u64 = 60 << 20;
 
@@ -27,11 +25,11 @@ const RESERVED_BYTES: u64 = 600 << 20;
 /// The part of the free memory that a run may take.
 const SHARE: f64 = 0.9;
 
-/// Estimated bytes that a run on a map of `cells` cells takes, including saving it.
-pub fn needed(run: &Run, spec: &Spec, cells: usize) -> u64 {
+/// Estimated bytes that a run in `world` takes, including saving it; `parameters` is how many numbers its learner trains.
+pub fn needed(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     let (learn, bridge) = (&run.settings.learn, &run.settings.bridge);
     let f32s = |count: u64| 4 * count;
-    let parameters = Learner::parameters(spec, learn);
+    let spec = world.spec();
     let widest = learn.hidden.max(64) as u64;
     // Activations and their gradients, for each of the networks that a part of a batch goes through.
     let batch = learn.batch as u64 * widest * (learn.layers as u64 + 2) * 12;
@@ -39,12 +37,7 @@ pub fn needed(run: &Run, spec: &Spec, cells: usize) -> u64 {
     // Once as it is, twice on its way to a file.
     let replay = 3 * slot * (learn.replay_capacity as u64 + run.settings.train.agents as u64);
     let observed = 2 * (bridge.most_candidates() as u64).pow(2) * COPIES_OF_OBSERVED;
-    BASE_BYTES
-        + f32s(parameters * COPIES_OF_PARAMETERS)
-        + f32s(batch)
-        + replay
-        + observed
-        + cells as u64 * BYTES_PER_CELL
+    BASE_BYTES + f32s(parameters * COPIES_OF_PARAMETERS) + f32s(batch) + replay + observed + world.memory_bytes()
 }
 
 /// Estimated bytes this process can still allocate: the least that machine, container and process limits leave.
@@ -76,45 +69,40 @@ fn address_space(system: &mut System) -> u64 {
 /// Checks that a run fits.
 ///
 /// # Errors
-/// How much it needs, how much there is, and what makes it smaller.
-pub fn check(run: &Run, spec: &Spec, cells: usize) -> Result<(), String> {
-    let (needed, available) = (needed(run, spec, cells), available());
-    if needed as f64 <= SHARE * available as f64 {
-        return Ok(());
-    }
-    let gigabytes = |bytes: u64| bytes as f64 / 1e9;
-    Err(format!(
-        "these settings need about {:.1} GB of memory, and there are {:.1} GB: make hidden, layers, batch, candidates, \
-         replay_capacity or grid_channels smaller",
-        gigabytes(needed),
-        gigabytes(available)
-    ))
+/// How much it needs and how much there is; or that its learner is not known.
+pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<(), TrainError> {
+    let parameters = (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);
+    let (needed, available) = (needed(run, world, parameters), available());
+    if needed as f64 <= SHARE * available as f64 { Ok(()) } else { Err(TrainError::Memory { needed, available }) }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::env::{Environment, PointMaze};
+    use crate::env::PointMaze;
     use crate::map::builtin;
-    use crate::train::{Method, Preset};
+    use crate::train::{Method, Preset, Settings};
 
     #[test]
     fn the_default_fits_and_what_is_beyond_all_machines_does_not() {
-        let map = builtin("fourrooms").expect("built in");
-        let cells = map.free().len();
-        let world = PointMaze::new(map.into(), 1, 0.0);
-        let run = |change: fn(&mut crate::train::Settings)| {
+        let world = PointMaze::new(builtin("fourrooms").expect("built in").into(), 0);
+        let registry = Registry::builtin();
+        let run = |change: fn(&mut Settings)| {
             let mut settings = Preset::Default.settings();
             change(&mut settings);
-            Run { method: Method::GdgBridge, preset: Preset::Default, seed: 0, settings }
+            Run { method: Method::default(), preset: Preset::Default, seed: 0, settings }
         };
-        let bytes = |change: fn(&mut crate::train::Settings)| needed(&run(change), world.spec(), cells);
+        let bytes = |change: fn(&mut Settings)| {
+            let run = run(change);
+            let parameters = (registry.learner("gdg").expect("built in").parameters)(world.spec(), &run.settings.learn);
+            needed(&run, &world, parameters)
+        };
         let default = bytes(|_| {});
         assert!((50_000_000..400_000_000).contains(&default), "{default}");
         assert!(bytes(|s| (s.learn.hidden, s.learn.layers) = (4096, 8)) > 15_000_000_000);
         assert!(bytes(|s| s.bridge.candidates = 10_000) > 5_000_000_000);
         assert!(bytes(|s| s.learn.replay_capacity = 100_000_000) > 5_000_000_000);
-        let error = check(&run(|s| (s.learn.hidden, s.learn.layers) = (4096, 8)), world.spec(), 1 << 40);
-        assert!(error.expect_err("no machine has that much").contains("GB of memory"));
+        let error = check(&run(|s| s.learn.replay_capacity = 100_000_000_000), &world, &registry);
+        assert!(error.expect_err("no machine has that much").to_string().contains("GB of memory"));
     }
 }

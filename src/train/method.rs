@@ -1,44 +1,131 @@
-//! What is trained, and from which settings it starts.
+//! What is trained: a learner and a planner, and from which settings they start.
 
-use serde::{Deserialize, Serialize};
+use std::fmt;
+use std::str::FromStr;
+
+use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::settings::{Settings, TrainSettings};
-use crate::bridge::BridgeSettings;
+use crate::bridge::{BridgeSettings, Planner};
 use crate::learn::LearnSettings;
 
-/// How agents act and what is learned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Method {
-    /// Goal-distance gradient: the actor alone.
-    Gdg,
-    /// The same with bridge points: searched in exploration, planned through at execution.
-    GdgBridge,
-    /// Search on the replay buffer (Eysenbach et al. 2019) on the same learned D: unverified edges, one plan.
-    Sorb,
-    /// Random actions, nothing learned: the floor.
-    Random,
+/// A learner, which learns D and acts, and a planner, which walks through D.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Method {
+    /// The name of the learner's [`crate::learn::LearnerKind`].
+    pub learner: String,
+    /// What walks through its distance.
+    pub planner: Planner,
+}
+
+/// A combination that has a name.
+#[derive(Clone, Copy, Debug)]
+pub struct NamedMethod {
+    /// Its name on the command line and in records.
+    pub name: &'static str,
+    /// The learner's name.
+    pub learner: &'static str,
+    /// The planner.
+    pub planner: Planner,
+    /// What it is, in a few words.
+    pub about: &'static str,
+}
+
+/// The combinations that have a name, the default one first. Any other is called `LEARNER+PLANNER`.
+pub const METHODS: [NamedMethod; 4] = [
+    NamedMethod {
+        name: "gdg-bridge",
+        learner: "gdg",
+        planner: Planner::Bridges,
+        about: "Explores, and plans at execution, through bridge points",
+    },
+    NamedMethod {
+        name: "gdg",
+        learner: "gdg",
+        planner: Planner::None,
+        about: "Goal-distance gradient: the actor alone",
+    },
+    NamedMethod {
+        name: "sorb",
+        learner: "gdg",
+        planner: Planner::Sorb,
+        about: "Search on the replay buffer: unverified edges, one plan",
+    },
+    NamedMethod {
+        name: "random",
+        learner: "random",
+        planner: Planner::None,
+        about: "Random actions, nothing learned: the floor",
+    },
+];
+
+/// A text that names no method.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("there is no method {0:?}")]
+pub struct UnknownMethod(String);
+
+impl Default for Method {
+    fn default() -> Self {
+        Self::from(&METHODS[0])
+    }
+}
+
+impl From<&NamedMethod> for Method {
+    fn from(named: &NamedMethod) -> Self {
+        Self { learner: named.learner.to_owned(), planner: named.planner }
+    }
 }
 
 impl Method {
     /// Its name on the command line and in records.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Gdg => "gdg",
-            Self::GdgBridge => "gdg-bridge",
-            Self::Sorb => "sorb",
-            Self::Random => "random",
+    pub fn name(&self) -> String {
+        match METHODS.iter().find(|named| Self::from(*named) == *self) {
+            Some(named) => named.name.to_owned(),
+            None => format!("{}+{}", self.learner, self.planner.name()),
         }
     }
 
     /// Whether it plans over a graph at execution.
-    pub fn plans(self) -> bool {
-        matches!(self, Self::GdgBridge | Self::Sorb)
+    pub fn plans(&self) -> bool {
+        self.planner != Planner::None
     }
 
     /// Whether it also explores and learns by bridges.
-    pub fn bridges(self) -> bool {
-        self == Self::GdgBridge
+    pub fn bridges(&self) -> bool {
+        self.planner == Planner::Bridges
+    }
+}
+
+impl FromStr for Method {
+    type Err = UnknownMethod;
+
+    /// The name of a combination, or `LEARNER+PLANNER`; whether there is such a learner is up to the registry.
+    fn from_str(text: &str) -> Result<Self, UnknownMethod> {
+        if let Some(named) = METHODS.iter().find(|named| named.name == text) {
+            return Ok(named.into());
+        }
+        let unknown = || UnknownMethod(text.to_owned());
+        let (learner, planner) = text.split_once('+').ok_or_else(unknown)?;
+        let planner = Planner::ALL.into_iter().find(|known| known.name() == planner).ok_or_else(unknown)?;
+        Ok(Self { learner: learner.to_owned(), planner })
+    }
+}
+
+impl fmt::Display for Method {
+    fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
+        f.write_str(&self.name())
+    }
+}
+
+impl Serialize for Method {
+    fn serialize<S: Serializer>(&self, to: S) -> Result<S::Ok, S::Error> {
+        to.serialize_str(&self.name())
+    }
+}
+
+impl<'de> Deserialize<'de> for Method {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        String::deserialize(from)?.parse().map_err(serde::de::Error::custom)
     }
 }
 
@@ -53,11 +140,27 @@ pub enum Preset {
 }
 
 impl Preset {
+    /// All of them.
+    pub const ALL: [Self; 2] = [Self::Default, Self::Paper];
+
     /// Its name on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
             Self::Paper => "paper",
+        }
+    }
+
+    /// The preset of that name.
+    pub fn named(name: &str) -> Option<Self> {
+        Self::ALL.into_iter().find(|preset| preset.name() == name)
+    }
+
+    /// What it is, in a few words.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Default => "Everything that measurement has shown to help",
+            Self::Paper => "The published algorithms to the letter",
         }
     }
 
@@ -71,5 +174,23 @@ impl Preset {
                 train: TrainSettings::paper(),
             },
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_combination_is_read_back_from_its_name() {
+        for learner in ["gdg", "random", "my-own"] {
+            for planner in Planner::ALL {
+                let method = Method { learner: learner.to_owned(), planner };
+                assert_eq!(method.name().parse(), Ok(method.clone()), "{method}");
+            }
+        }
+        assert_eq!(Method::default().name(), "gdg-bridge");
+        assert_eq!("gdg+none".parse::<Method>().map(|m| m.name()), Ok("gdg".to_owned()));
+        assert!("gdg+walls".parse::<Method>().is_err() && "gdgg".parse::<Method>().is_err());
     }
 }

@@ -7,11 +7,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
-use super::method::Method;
 use super::settings::Settings;
 use crate::bridge::{BridgeGraph, Experience, Hop, SearchOutcome, Walker, WalkerState, search};
 use crate::env::Environment;
-use crate::learn::{Nets, Replay, Scratch};
+use crate::learn::{Acting, Policy, Replay, Scratch};
+use crate::store::StoreError;
 
 /// One agent's episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -44,12 +44,14 @@ pub struct PlanState {
 
 /// What a round of steps reads, and what it adds to.
 pub struct Surroundings<'a> {
+    /// Whether episodes are begun and walked by bridges.
+    pub bridges: bool,
     /// How agents act.
-    pub method: Method,
+    pub acting: Acting,
     /// All settings.
     pub settings: &'a Settings,
-    /// The networks at this moment.
-    pub nets: &'a Nets<'a>,
+    /// What has been learned by now.
+    pub policy: &'a dyn Policy,
     /// The bridge graph in use.
     pub graph: Option<&'a BridgeGraph>,
     /// Gets the transitions.
@@ -59,8 +61,8 @@ pub struct Surroundings<'a> {
 }
 
 /// Agents in an environment, acting and remembering.
-pub struct Rollout<E> {
-    env: E,
+pub struct Rollout {
+    env: Box<dyn Environment>,
     agents: Vec<Agent>,
     plans: Vec<Option<Plan>>,
     rng: ChaCha8Rng,
@@ -86,15 +88,15 @@ pub struct RolloutState {
     pub agents: Vec<Agent>,
     /// Their plans.
     pub plans: Vec<Option<PlanState>>,
-    /// Their states, `(agents, state_dim)`.
-    pub states: Vec<f32>,
+    /// Their whole states, one behind the other.
+    pub states: Vec<f64>,
     /// The random state.
     pub rng: ChaCha8Rng,
 }
 
-impl<E: Environment> Rollout<E> {
+impl Rollout {
     /// Agents at random starts with random goals.
-    pub fn new(mut env: E, mut rng: ChaCha8Rng) -> Self {
+    pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Self {
         let goal_dim = env.spec().goal_dim();
         let agents = (0..env.agents()).map(|i| {
             env.restart(i, &mut rng);
@@ -116,8 +118,13 @@ impl<E: Environment> Rollout<E> {
     }
 
     /// The environment.
-    pub fn env(&self) -> &E {
-        &self.env
+    pub fn env(&self) -> &dyn Environment {
+        &*self.env
+    }
+
+    /// The environment, to change its settings and statistics.
+    pub fn env_mut(&mut self) -> &mut dyn Environment {
+        &mut *self.env
     }
 
     /// The agents.
@@ -145,7 +152,7 @@ impl<E: Environment> Rollout<E> {
     pub fn step(&mut self, around: &mut Surroundings) -> Option<Round> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.follow_plans(around);
-        self.choose_actions(around.method, around.settings, around.nets);
+        self.choose_actions(around.acting, around.settings, around.policy);
         if !self.actions.iter().all(|a| a.is_finite()) {
             return None;
         }
@@ -197,7 +204,7 @@ impl<E: Environment> Rollout<E> {
     fn begin_episode(&mut self, i: usize, around: &Surroundings) {
         self.env.restart(i, &mut self.rng);
         self.begin_afresh(i);
-        if !around.method.bridges() {
+        if !around.bridges {
             return;
         }
         let bridge = &around.settings.bridge;
@@ -227,7 +234,7 @@ impl<E: Environment> Rollout<E> {
             (&self.env.states()[i * s..(i + 1) * s], goal),
             (experience.states(), experience.points()),
             around.settings.bridge.search_budget,
-            around.nets,
+            around.policy,
             &mut self.rng,
             &mut self.scratch,
         );
@@ -240,19 +247,19 @@ impl<E: Environment> Rollout<E> {
     fn plan(&mut self, i: usize, around: &Surroundings) {
         let Some(graph) = around.graph else { return };
         let goal = self.agents[i].goal.clone();
-        let walker = Walker::new(graph.route(&goal, around.nets, &mut self.scratch));
+        let walker = Walker::new(graph.route(&goal, around.policy, &mut self.scratch));
         self.plans[i] = Some(Plan { walker, goal, disturbed: false });
     }
 
     /// Puts all agents, where they are, into another environment of the same kind: their episodes end and others begin.
-    pub fn enter(&mut self, env: E, replay: &mut Replay) {
+    pub fn enter(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
         let s = env.spec().state_dim();
         let before = std::mem::replace(&mut self.env, env);
         for (i, state) in before.states().chunks_exact(s).enumerate() {
             if self.agents[i].steps > 0 {
                 replay.end_episode(i, state);
             }
-            self.env.place(i, state);
+            self.env.place(i, &before.whole(i));
             self.begin_afresh(i);
         }
     }
@@ -282,7 +289,7 @@ impl<E: Environment> Rollout<E> {
         for (i, plan) in self.plans.iter_mut().enumerate() {
             let Some(plan) = plan else { continue };
             let (state, before) = (&self.env.states()[i * s..(i + 1) * s], plan.walker.target());
-            let aim = plan.walker.step(state, graph, around.nets, &mut self.scratch);
+            let aim = plan.walker.step(state, graph, around.policy, &mut self.scratch);
             self.agents[i].goal.copy_from_slice(aim);
             if let Some(Hop { from, to, arrived }) = plan.walker.ended_hop()
                 && (arrived || !plan.disturbed)
@@ -298,19 +305,19 @@ impl<E: Environment> Rollout<E> {
     }
 
     /// The actor's actions with noise, or a random direction held for a while.
-    fn choose_actions(&mut self, method: Method, settings: &Settings, nets: &Nets) {
+    fn choose_actions(&mut self, acting: Acting, settings: &Settings, policy: &dyn Policy) {
         let a = self.env.spec().action_dim;
         self.actions.resize(self.agents.len() * a, 0.0);
-        if method != Method::Random {
+        if acting == Acting::Policy {
             self.goals.clear();
             self.goals.extend(self.agents.iter().flat_map(|agent| agent.goal.iter().copied()));
-            nets.actions(self.env.states(), &self.goals, &mut self.actions, &mut self.scratch);
+            policy.actions(self.env.states(), &self.goals, &mut self.actions, &mut self.scratch);
         }
         // With holds of h steps on average, a share r of all steps is random when a hold begins with probability
         // r / (r + (1 - r) h) at each free step.
-        let (share, hold) = match method {
-            Method::Random => (1.0, settings.train.random_hold_steps),
-            _ => (settings.train.random_actions, settings.train.random_hold_steps),
+        let (share, hold) = match acting {
+            Acting::AtRandom => (1.0, settings.train.random_hold_steps),
+            Acting::Policy => (settings.train.random_actions, settings.train.random_hold_steps),
         };
         let begin = if share > 0.0 { share / (share + (1.0 - share) * hold) } else { 0.0 };
         let rng = &mut self.rng;
@@ -347,7 +354,7 @@ impl<E: Environment> Rollout<E> {
         RolloutState {
             agents: self.agents.clone(),
             plans: plans.collect(),
-            states: self.env.states().to_vec(),
+            states: (0..self.agents.len()).flat_map(|i| self.env.whole(i)).collect(),
             rng: self.rng.clone(),
         }
     }
@@ -367,31 +374,32 @@ impl<E: Environment> Rollout<E> {
     ///
     /// # Errors
     /// Where it was not saved from as many agents in such an environment.
-    pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), String> {
-        let (s, g) = (self.env.spec().state_dim(), self.env.spec().goal_dim());
+    pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), StoreError> {
+        let (whole, g) = (self.env.whole(0).len(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;
         let sound = |numbers: &[f32], length: usize| numbers.len() == length && numbers.iter().all(|v| v.is_finite());
-        let whole = state.agents.iter().all(|agent| {
+        let agents = state.agents.iter().all(|agent| {
             sound(&agent.goal, g)
                 && agent.after_bridge.as_ref().is_none_or(|goal| sound(goal, g))
                 && agent.held.as_ref().is_none_or(|(action, steps)| sound(action, a) && *steps > 0)
         });
         let plans = state.plans.iter().flatten().all(|plan| sound(&plan.goal, g));
-        if state.agents.len() != self.agents.len() || !sound(&state.states, self.agents.len() * s) || !whole || !plans {
-            return Err("the stored agents do not fit these settings".to_owned());
+        let states = state.states.len() == self.agents.len() * whole && state.states.iter().all(|v| v.is_finite());
+        if state.agents.len() != self.agents.len() || !states || !agents || !plans {
+            return Err(StoreError::misfit("the stored agents do not fit these settings"));
         }
-        for (i, own) in state.states.chunks_exact(s).enumerate() {
+        for (i, own) in state.states.chunks_exact(whole).enumerate() {
             self.env.place(i, own);
         }
         if state.plans.len() != self.agents.len() {
-            return Err("the stored plans do not fit the agents".to_owned());
+            return Err(StoreError::misfit("the stored plans do not fit the agents"));
         }
         let plans = state.plans.into_iter().map(|plan| {
             let Some(PlanState { walker, goal, disturbed }) = plan else { return Ok(None) };
-            let graph = graph.ok_or_else(|| "a stored plan has no bridge graph".to_owned())?;
+            let graph = graph.ok_or_else(|| StoreError::misfit("a stored plan has no bridge graph"))?;
             Ok(Some(Plan { walker: Walker::from_state(graph, walker)?, goal, disturbed }))
         });
-        self.plans = plans.collect::<Result<_, String>>()?;
+        self.plans = plans.collect::<Result<_, StoreError>>()?;
         self.agents = state.agents;
         self.rng = state.rng;
         Ok(())

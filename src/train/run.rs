@@ -5,6 +5,7 @@ use serde::{Deserialize, Serialize};
 use super::method::{Method, Preset};
 use super::settings::Settings;
 use crate::bridge::BridgeSettings;
+use crate::store::StoreError;
 
 /// What a run is of: everything that its result depends on.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -22,17 +23,14 @@ pub struct Run {
 impl Run {
     /// Settings of bridges as the method has them.
     pub fn bridge(&self) -> BridgeSettings {
-        match self.method {
-            Method::Sorb => self.settings.bridge.sorb(),
-            _ => self.settings.bridge.clone(),
-        }
+        self.settings.bridge.of(self.method.planner)
     }
 }
 
 /// How far a run has come.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Updates of the networks (for the method `random`: that would have been due).
+    /// Updates of the networks (of the learner `random`: that would have been due).
     pub updates: u64,
     /// Environment steps of all agents together.
     pub env_steps: u64,
@@ -61,10 +59,10 @@ impl Counters {
     ///
     /// # Errors
     /// That a number is out of range.
-    pub(super) fn check(&self) -> Result<(), String> {
+    pub(super) fn check(&self) -> Result<(), StoreError> {
         let counts = [self.updates, self.env_steps, self.episodes, self.goals_reached, self.owed, self.waiting];
         let sound = counts.iter().all(|n| *n < Self::MOST) && self.losses.iter().all(|loss| loss.is_finite());
-        if sound { Ok(()) } else { Err("the stored counters are out of range".to_owned()) }
+        if sound { Ok(()) } else { Err(StoreError::misfit("the stored counters are out of range")) }
     }
 }
 

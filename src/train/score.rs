@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use super::tasks::TaskSet;
+use crate::env::TaskSet;
 
 /// How a run did in its latest evaluation: what lists of checkpoints show.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -32,10 +32,10 @@ impl fmt::Display for Success {
 pub struct Score {
     /// Share of all tasks whose goal was reached in time.
     pub success: f64,
-    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018).
-    pub spl: f64,
+    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), where the shortest ways are known.
+    pub spl: Option<f64>,
     /// Mean of steps / shortest over the tasks that were done; 0 if none was.
-    pub steps_ratio: f64,
+    pub steps_ratio: Option<f64>,
     /// The same for each distance.
     pub by_distance: Vec<DistanceScore>,
 }
@@ -49,39 +49,47 @@ pub struct DistanceScore {
     pub tasks: usize,
     /// Share reached in time.
     pub success: f64,
-    /// Success weighted by path length.
-    pub spl: f64,
+    /// Success weighted by path length, where the shortest ways are known.
+    pub spl: Option<f64>,
 }
 
 impl Score {
     /// The score of `set` whose tasks took `steps`, `None` where the goal was not reached in time.
     pub fn new(set: &TaskSet, steps: &[Option<u32>]) -> Self {
-        let mut by_distance: Vec<DistanceScore> = set
-            .distances
-            .iter()
-            .map(|distance_steps| DistanceScore { distance_steps: *distance_steps, ..DistanceScore::default() })
-            .collect();
+        let known = set.tasks.iter().all(|task| task.shortest.is_some());
+        let group = |distance_steps: &f64| DistanceScore {
+            distance_steps: *distance_steps,
+            spl: known.then_some(0.0),
+            ..DistanceScore::default()
+        };
+        let mut by_distance: Vec<DistanceScore> = set.distances.iter().map(group).collect();
         let (mut success, mut spl, mut ratios) = (0.0, 0.0, 0.0);
         for (task, steps) in set.tasks.iter().zip(steps) {
             let group = &mut by_distance[task.group];
             group.tasks += 1;
             let Some(steps) = steps else { continue };
-            // A goal at the start is reached in no step, as shortly as can be.
-            let weight = f64::from(task.shortest.max(1)) / f64::from((*steps).max(task.shortest).max(1));
             group.success += 1.0;
-            group.spl += weight;
             success += 1.0;
+            // A goal at the start is reached in no step, as shortly as can be.
+            let shortest = task.shortest.unwrap_or_default().max(1);
+            let weight = f64::from(shortest) / f64::from((*steps).max(shortest));
+            group.spl = group.spl.map(|spl| spl + weight);
             spl += weight;
-            ratios += f64::from((*steps).max(1)) / f64::from(task.shortest.max(1));
+            ratios += f64::from((*steps).max(1)) / f64::from(shortest);
         }
         for group in &mut by_distance {
             let tasks = group.tasks.max(1) as f64;
             group.success /= tasks;
-            group.spl /= tasks;
+            group.spl = group.spl.map(|spl| spl / tasks);
         }
         let tasks = set.tasks.len().max(1) as f64;
         let steps_ratio = if success > 0.0 { ratios / success } else { 0.0 };
-        Self { success: success / tasks, spl: spl / tasks, steps_ratio, by_distance }
+        Self {
+            success: success / tasks,
+            spl: known.then_some(spl / tasks),
+            steps_ratio: known.then_some(steps_ratio),
+            by_distance,
+        }
     }
 }
 

@@ -3,6 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 use crate::bridge::BridgeSettings;
+use crate::env::{EnvSettings, Restart};
 use crate::learn::LearnSettings;
 
 /// Every setting, in one flat list of names.
@@ -27,16 +28,6 @@ pub enum UpdateWhen {
     Step,
     /// At the end of each episode, as in Algorithm 1.
     EpisodeEnd,
-}
-
-/// Where episodes begin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "kebab-case")]
-pub enum Restart {
-    /// At a random free place.
-    Anywhere,
-    /// At the map's start `S` (one of them at random, if there are several).
-    StartCell,
 }
 
 /// Settings of agents, episodes and exploration.
@@ -95,6 +86,11 @@ impl TrainSettings {
             new_goal_when_reached: false,
             ..Self::default()
         }
+    }
+
+    /// Those of the world.
+    pub fn env(&self) -> EnvSettings {
+        EnvSettings { restart: self.restart, noise: self.env_noise }
     }
 
     /// Checks every value's range.

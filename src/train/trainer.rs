@@ -6,26 +6,32 @@ mod recovery;
 use std::sync::Arc;
 use std::time::Instant;
 
-use candle_core::Result;
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use serde::{Deserialize, Serialize};
 
+use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::graphs::{Built, GraphJob, Graphs, StoredGraph};
 use super::history::History;
-use super::method::Method;
+use super::memory;
+use super::registry::Registry;
 use super::rollout::{Rollout, RolloutState, Surroundings};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
-use super::settings::{Restart, Settings, TrainSettings, UpdateWhen};
-use super::tasks::TaskSet;
-use crate::bridge::{Experience, SearchOutcome};
-use crate::env::{Environment, PointMaze, Spec};
-use crate::learn::{Batch, BatchSampler, Learner, Losses, Phase, Policy, Profile, Replay};
-use crate::map::{Cell, Grid};
-pub use change::{Kept, MapChange};
+use super::settings::{Settings, UpdateWhen};
+use crate::bridge::{Experience, ExperienceState, SearchOutcome};
+use crate::env::{Environment, Spec, TaskSet};
+use crate::learn::{
+    Acting, KnownDistances, Learner, Losses, Phase, Policy, Profile, Replay, ReplayState, TrainingData,
+};
+use crate::store::{Store, StoreError};
+pub use change::{Kept, WorldChange};
 use recovery::LastGood;
 pub use recovery::Recovery;
+
+/// The names of what a saved run holds: bridge candidates; the bridge graph in use, and the one to come.
+const CANDIDATES: &str = "bridge";
+const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
 /// Losses are reported as running means over about this many updates.
 const LOSS_MEMORY_UPDATES: f64 = 500.0;
@@ -56,18 +62,13 @@ pub struct TrainerState {
 /// A run in progress.
 pub struct Trainer {
     run: Run,
-    map: Arc<Grid>,
-    world: PointMaze,
-    rollout: Rollout<PointMaze>,
-    learner: Learner,
+    registry: Arc<Registry>,
+    rollout: Rollout,
+    learner: Box<dyn Learner>,
     replay: Replay,
-    sampler: BatchSampler,
-    batch: Batch,
     batch_rng: ChaCha8Rng,
     experience: Experience,
     graphs: Graphs,
-    /// How often an agent was in each cell, row-major.
-    visited: Vec<u32>,
     counters: Counters,
     seconds: f64,
     profile: Profile,
@@ -86,46 +87,50 @@ fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
     rng
 }
 
-/// The agents' world on `map`.
-fn world_on(map: &Arc<Grid>, train: &TrainSettings) -> PointMaze {
-    let world = PointMaze::new(map.clone(), train.agents, train.env_noise);
-    match train.restart {
-        Restart::Anywhere => world,
-        Restart::StartCell => world.from_starts(),
-    }
+type Result<T> = std::result::Result<T, TrainError>;
+
+/// A fresh learner for `run` in a world of `spec`.
+fn learner_of(run: &Run, spec: &Spec, registry: &Registry, threads: usize) -> Result<Box<dyn Learner>> {
+    let kind = registry.learner(&run.method.learner)?;
+    Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
+}
+
+/// `world` for the agents of `run`.
+fn world_of(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
+    let mut world = world.fork(run.settings.train.agents);
+    world.configure(&run.settings.train.env());
+    world
+}
+
+fn replay_of(run: &Run, spec: &Spec) -> Replay {
+    let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+    Replay::new(sizes.into(), run.settings.train.agents, run.settings.learn.replay_capacity)
 }
 
 impl Trainer {
-    /// A run on `map` that has not begun; `threads` share the work of each update, without changing its result.
+    /// A run in `world` that has not begun; `threads` share the work of each update, without changing its result.
     ///
     /// # Errors
-    /// What candle reports, or that the threads could not be started.
-    pub fn new(run: Run, map: Arc<Grid>, threads: usize) -> Result<Self> {
-        let settings = &run.settings;
-        let world = world_on(&map, &settings.train);
-        let spec = world.spec().clone();
-        let learner = Learner::new(&spec, &settings.learn, threads, &mut stream(run.seed, Stream::Initial))?;
-        let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+    /// That the method's learner is not in the registry, or what making it reports.
+    pub fn new(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
+        let (world, spec) = (world_of(&run, world), world.spec());
+        let learner = learner_of(&run, spec, registry, threads)?;
         Ok(Self {
-            rollout: Rollout::new(world.clone(), stream(run.seed, Stream::Explore)),
-            replay: Replay::new(sizes.into(), settings.train.agents, settings.learn.replay_capacity),
-            sampler: BatchSampler::new(&spec, &settings.learn),
-            batch: Batch::default(),
+            rollout: Rollout::new(world, stream(run.seed, Stream::Explore)),
+            replay: replay_of(&run, spec),
             batch_rng: stream(run.seed, Stream::Batch),
-            experience: Experience::new(&spec, settings.train.agents, &settings.bridge),
+            experience: Experience::new(spec, run.settings.train.agents, &run.settings.bridge),
             graphs: Graphs::default(),
-            visited: vec![0; map.free().len()],
             counters: Counters::default(),
             seconds: 0.0,
             profile: Profile::default(),
             threads,
             history: History::default(),
-            last_good: LastGood::of(0, [0.0; 3], learner.state()?),
+            last_good: LastGood::of(0, [0.0; 3], &*learner)?,
             recovery: None,
             in_update: false,
             learner,
-            world,
-            map,
+            registry: registry.clone(),
             run,
         })
     }
@@ -140,14 +145,24 @@ impl Trainer {
         &self.run
     }
 
-    /// The map.
-    pub fn map(&self) -> &Arc<Grid> {
-        &self.map
+    /// The worlds and learners that the run may be changed to.
+    pub fn registry(&self) -> &Arc<Registry> {
+        &self.registry
+    }
+
+    /// The world with the agents that explore it.
+    pub fn world(&self) -> &dyn Environment {
+        self.rollout.env()
+    }
+
+    /// The same, to change what evaluation asks of it.
+    pub fn world_mut(&mut self) -> &mut dyn Environment {
+        self.rollout.env_mut()
     }
 
     /// What states, goals and actions are.
     pub fn spec(&self) -> &Spec {
-        self.world.spec()
+        self.world().spec()
     }
 
     /// How far it has come.
@@ -172,13 +187,13 @@ impl Trainer {
     }
 
     /// The agents.
-    pub fn rollout(&self) -> &Rollout<PointMaze> {
+    pub fn rollout(&self) -> &Rollout {
         &self.rollout
     }
 
-    /// The networks.
-    pub fn learner(&self) -> &Learner {
-        &self.learner
+    /// The learner.
+    pub fn learner(&self) -> &dyn Learner {
+        &*self.learner
     }
 
     /// The replay.
@@ -209,7 +224,7 @@ impl Trainer {
     /// One update if one is due, else one step of every agent.
     ///
     /// # Errors
-    /// What candle reports.
+    /// What the learner reports, or that the run has diverged for the last time.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
         // Without a warm-up an update can be due before any agent's second state is known.
@@ -227,10 +242,7 @@ impl Trainer {
             self.go_back()?;
             return Ok(Tick::Step);
         };
-        for at in self.rollout.env().states().chunks_exact(2) {
-            let cell = self.map.index(Cell::new(at[0] as usize, at[1] as usize));
-            self.visited[cell] = self.visited[cell].saturating_add(1);
-        }
+        self.rollout.env_mut().count_visits();
         let steps = self.run.settings.train.agents as u64;
         let counters = &mut self.counters;
         counters.env_steps += steps;
@@ -247,30 +259,36 @@ impl Trainer {
     }
 
     /// Lets the agents do something with what surrounds them.
-    fn with_surroundings<R>(&mut self, act: impl FnOnce(&mut Rollout<PointMaze>, &mut Surroundings) -> R) -> Result<R> {
+    fn with_surroundings<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut Surroundings) -> R) -> Result<R> {
         let Self { rollout, learner, replay, experience, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
-        learner.with_nets(false, |nets| {
-            let (method, settings) = (run.method, &run.settings);
-            act(rollout, &mut Surroundings { method, settings, nets: &nets, graph, replay, experience })
-        })
+        let (bridges, acting, settings) = (run.method.bridges(), learner.acting(), &run.settings);
+        let (mut act, mut done) = (Some(act), None);
+        learner.with_policy(false, &mut |policy| {
+            let mut around = Surroundings { bridges, acting, settings, policy, graph, replay, experience };
+            done = act.take().map(|act| act(rollout, &mut around));
+        })?;
+        Ok(done.unwrap_or_else(|| unreachable!("a learner uses what is handed to it once")))
     }
 
     fn update(&mut self) -> Result<Tick> {
         self.counters.owed -= self.run.settings.train.env_steps_per_update;
         self.counters.updates += 1;
-        if self.run.method == Method::Random {
+        if self.learner.acting() == Acting::AtRandom {
             return Ok(Tick::Update);
         }
         let began = Instant::now();
         self.renew_graph()?;
-        let began = self.profile.lap(Phase::Graph, began);
-        let grown = self.counters.updates <= self.counters.relearns_until;
-        self.sampler.sample(&self.replay, grown, &mut self.batch_rng, &mut self.batch);
-        self.distil_into_batch();
-        self.profile.lap(Phase::Sample, began);
+        self.profile.lap(Phase::Graph, began);
+        let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
+        let known = graphs.current().map(|Built { graph, distilled, .. }| KnownDistances {
+            states: graph.experience().states(),
+            goals: graph.experience().points(),
+            pairs: &distilled.pairs,
+        });
+        let relearning = self.counters.updates <= self.counters.relearns_until;
         self.in_update = true;
-        let losses = self.learner.update(&self.batch, &mut self.profile)?;
+        let losses = learner.update(TrainingData { replay, known, relearning, rng: batch_rng }, profile)?;
         self.in_update = false;
         let keep = (1.0 - 1.0 / LOSS_MEMORY_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
         for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
@@ -312,41 +330,18 @@ impl Trainer {
         rng
     }
 
-    /// Replaces a share of the batch by pairs of candidates with their graph distance.
-    fn distil_into_batch(&mut self) {
-        let share = self.run.settings.learn.distillation;
-        let Some(Built { graph, distilled, .. }) = self.graphs.current().filter(|_| share > 0.0) else { return };
-        if distilled.pairs.is_empty() {
-            return;
-        }
-        let count = (share * self.batch.len() as f32).round() as usize;
-        for i in 0..count {
-            let (from, to, steps) = distilled.pairs[self.batch_rng.random_range(0..distilled.pairs.len())];
-            self.batch.set_known(i, graph.candidate(from as usize), graph.point(to as usize), steps);
-        }
-    }
-
-    /// How often an agent was in each cell, row-major.
-    pub fn visited(&self) -> &[u32] {
-        &self.visited
-    }
-
     /// A frozen copy of the networks, as planning and evaluation use them.
     ///
     /// # Errors
-    /// What candle reports.
-    pub fn policy(&self) -> Result<Policy> {
-        self.learner.policy(self.run.settings.bridge.averaged_weights)
+    /// What the learner reports.
+    pub fn policy(&self) -> Result<Arc<dyn Policy>> {
+        Ok(self.learner.policy(self.run.settings.bridge.averaged_weights)?)
     }
 
-    /// Random tasks for an evaluation at this moment: the same ones however often was evaluated before.
-    pub fn tasks(&self, diameter: u32, per_distance: usize) -> TaskSet {
-        TaskSet::sample(&self.map, diameter, per_distance, &mut self.task_rng())
-    }
-
-    /// The random numbers that [`Self::tasks`] draws by.
-    pub fn task_rng(&self) -> ChaCha8Rng {
-        self.evaluation_rng(1)
+    /// Tasks for an evaluation at this moment, `per_group` at each distance: the same ones however often was evaluated
+    /// before.
+    pub fn tasks(&self, per_group: usize) -> TaskSet {
+        self.world().tasks(per_group, &mut self.evaluation_rng(1))
     }
 
     fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
@@ -359,14 +354,16 @@ impl Trainer {
     /// An evaluation of this moment; the training goes on as if it had not happened.
     ///
     /// # Errors
-    /// What candle reports.
+    /// What the learner reports.
     pub fn evaluation(&self) -> Result<EvaluationJob> {
         Ok(EvaluationJob {
             run: self.run.clone(),
-            world: self.world.clone(),
+            world: self.world().fork(0),
             policy: self.policy()?,
+            acting: self.learner.acting(),
             experience: self.run.method.plans().then(|| self.experience.known()),
-            visited: self.visited.clone(),
+            coverage: self.world().coverage(),
+            task_rng: self.evaluation_rng(1),
             rng: self.evaluation_rng(0),
         })
     }
@@ -374,7 +371,7 @@ impl Trainer {
     /// Evaluates against the truth.
     ///
     /// # Errors
-    /// What candle reports.
+    /// What the learner reports.
     pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
         Ok(self.evaluation()?.carry_out(tasks))
     }
@@ -389,8 +386,58 @@ impl Trainer {
         &mut self.history
     }
 
-    /// What a checkpoint holds besides networks, replay and candidates.
-    pub fn state(&self) -> TrainerState {
+    /// Everything that the run needs to go on as if it had never stopped.
+    ///
+    /// # Errors
+    /// What the learner reports; numbers that are not finite.
+    pub fn save(&self) -> Result<Store> {
+        let mut store = Store::default();
+        self.learner.save(&mut store)?;
+        if !store.is_finite() {
+            return Err(TrainError::NotFinite);
+        }
+        self.replay.state_of_all().write(&mut store);
+        self.experience.state().write(&mut store, CANDIDATES);
+        for (name, graph) in GRAPHS.iter().zip(self.graphs.state()) {
+            if let Some(graph) = graph {
+                graph.write(&mut store, name);
+            }
+        }
+        store.put_text("world", self.world().kind());
+        store.put_text("title", self.world().title());
+        self.world().save(&mut store);
+        store.put_json("run", &self.run)?;
+        store.put_json("trainer", &self.state())?;
+        store.put_json("success", &self.history.success())?;
+        store.put_json("history", &self.history)?;
+        Ok(store)
+    }
+
+    /// The run that [`Self::save`] saved.
+    ///
+    /// # Errors
+    /// What of the store is missing, or does not fit; a run that does not fit into memory.
+    pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
+        let run: Run = store.json("run")?;
+        let range = |(name, right)| StoreError::misfit(format!("its setting {name} is not {right}"));
+        run.settings.check().map_err(range)?;
+        let world = registry.load_world(store)?;
+        let state: TrainerState = store.json("trainer")?;
+        memory::check(&run, &*world, registry)?;
+        let mut trainer = Self::new(run, &*world, registry, threads)?;
+        trainer.learner.load(store)?;
+        trainer.replay.restore(&ReplayState::read(store)?)?;
+        trainer.experience.restore(&ExperienceState::read(store, CANDIDATES)?)?;
+        trainer.rollout.env_mut().restore_statistics(store)?;
+        let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
+        let graphs = [current?, next?];
+        // The first format had none.
+        let history = if store.texts().contains_key("history") { store.json("history")? } else { History::default() };
+        trainer.restore(state, &graphs, history)?;
+        Ok(trainer)
+    }
+
+    fn state(&self) -> TrainerState {
         TrainerState {
             counters: self.counters,
             seconds: self.seconds,
@@ -399,59 +446,25 @@ impl Trainer {
         }
     }
 
-    /// The bridge graphs, for a checkpoint.
-    pub fn graph_state(&self) -> [Option<StoredGraph>; 2] {
-        self.graphs.state()
-    }
-
-    /// Takes up a state; the networks, replay and candidates come through their own parts.
-    ///
-    /// # Errors
-    /// Where it was not saved from such a run.
-    pub fn restore(
-        &mut self,
-        state: TrainerState,
-        graphs: &[Option<StoredGraph>; 2],
-        visited: Vec<u32>,
-        history: History,
-    ) -> std::result::Result<(), String> {
-        if visited.len() != self.visited.len() {
-            return Err("the stored visits do not fit the map".to_owned());
-        }
+    fn restore(&mut self, state: TrainerState, graphs: &[Option<StoredGraph>; 2], history: History) -> Result<()> {
         history.check()?;
         state.counters.check()?;
         if !(0.0..1e12).contains(&state.seconds) {
-            return Err("the stored training time is out of range".to_owned());
+            return Err(StoreError::misfit("the stored training time is out of range").into());
         }
         let mut restored = Graphs::default();
         restored.restore(self.spec(), &self.run.bridge(), graphs, |at| self.graph_rng(at))?;
         self.graphs = restored;
         self.rollout.restore(state.rollout, self.graphs.current().map(|built| &*built.graph))?;
-        self.visited = visited;
         self.counters = state.counters;
         self.seconds = state.seconds;
         self.batch_rng = state.batch_rng;
         self.history = history;
-        let good = self.learner.state().map_err(|e| e.to_string())?;
-        if !good.is_finite() {
-            return Err("its networks hold numbers that are not finite: the run had diverged".to_owned());
+        self.last_good = LastGood::of(self.counters.updates, self.counters.losses, &*self.learner)?;
+        if !self.last_good.is_finite() {
+            let what = "its networks hold numbers that are not finite: the run had diverged";
+            return Err(StoreError::misfit(what).into());
         }
-        self.last_good = LastGood::of(self.counters.updates, self.counters.losses, good);
         Ok(())
-    }
-
-    /// The networks, to restore them.
-    pub fn learner_mut(&mut self) -> &mut Learner {
-        &mut self.learner
-    }
-
-    /// The replay, to restore it.
-    pub fn replay_mut(&mut self) -> &mut Replay {
-        &mut self.replay
-    }
-
-    /// The candidates, to restore them.
-    pub fn experience_mut(&mut self) -> &mut Experience {
-        &mut self.experience
     }
 }

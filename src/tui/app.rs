@@ -28,6 +28,7 @@ use super::places::Places;
 use super::raster::{MapFrame, Marker, Viewport};
 use super::theme::{Depth, Theme};
 use super::viewer::{Request, Tour, View, Viewer};
+use crate::env::PointMaze;
 use crate::faults::Failure;
 use crate::map::{Cell, Grid};
 use crate::train::{Command, Engine, Run, Snapshot, Success};
@@ -98,7 +99,7 @@ impl App {
         let mut app = Self {
             keymap,
             theme: Theme::new(config.theme, Depth::detect()),
-            map: snapshot.map.clone(),
+            map: snapshot.scene.maze().map,
             editor: Editor::default(),
             goal: Cell::new(0, 0),
             goals_asked: 0,
@@ -139,7 +140,8 @@ impl App {
 
     /// Turns to a run that is new to the screen.
     fn begin(&mut self) {
-        let Snapshot { run, map, .. } = &*self.snapshot.clone();
+        let snapshot = self.snapshot.clone();
+        let (run, map) = (&snapshot.run, snapshot.scene.maze().map);
         self.map = map.clone();
         self.saving.begin(&self.snapshot);
         self.log.begin(&self.snapshot.log);
@@ -297,7 +299,8 @@ impl App {
     /// The map is to be this from now on.
     fn change_map(&mut self, map: Option<Arc<Grid>>) {
         let Some(map) = map else { return };
-        if !self.command(Command::ChangeMap(map.clone())) {
+        let world = PointMaze::new(map.clone(), 0);
+        if !self.command(Command::ChangeWorld(Box::new(world))) {
             return;
         }
         self.map = map;

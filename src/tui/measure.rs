@@ -16,7 +16,7 @@ use super::keymap::Keymap;
 use super::theme::{Depth, Theme, ThemeName};
 use super::viewer::{View, Viewer};
 use super::{ANSWER, Pace, render};
-use crate::train::{Command, Engine, Limits, Phase, Snapshot, Trainer};
+use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
 
 /// A run with the interface open on a screen that nobody sees.
 pub struct Watched {
@@ -39,11 +39,11 @@ impl Watched {
     /// Opens the interface on `trainer`, with `columns` and `rows` of characters; training is paused.
     ///
     /// # Errors
-    /// What candle reports, or that a thread cannot be started.
-    pub fn open(trainer: Trainer, (columns, rows): (u16, u16)) -> candle_core::Result<Self> {
+    /// What the learner reports, or that a thread cannot be started.
+    pub fn open(trainer: Trainer, (columns, rows): (u16, u16)) -> Result<Self, TrainError> {
         let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
-        let keymap = Keymap::new(&BTreeMap::new()).map_err(|(_, what, _)| candle_core::Error::msg(what))?;
+        let keymap = Keymap::new(&BTreeMap::new()).map_err(|(_, what, _)| std::io::Error::other(what))?;
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
         app.theme = Theme::new(ThemeName::Dark, Depth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));

@@ -24,8 +24,9 @@ use super::layers::Field;
 use super::render;
 use super::theme::{Depth, Theme, ThemeName};
 use super::viewer::Viewer;
+use crate::env::PointMaze;
 use crate::map::{Cell, Grid, parse_map};
-use crate::train::{Engine, Limits, Method, Phase, Preset, Run, SaveTo, Settings, Trainer};
+use crate::train::{Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Trainer};
 
 const ROOMS: &str = "\
 ..........#.........
@@ -46,13 +47,19 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     settings.learn.replay_capacity = 20_000;
     settings.bridge.candidates = 40;
     let run = Run { method, preset: Preset::Default, seed: 1, settings };
-    let trainer = Trainer::new(run, Arc::new(map), 1).expect("a trainer");
+    let world = PointMaze::new(Arc::new(map), 0);
+    let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), files);
     app.theme = Theme::new(ThemeName::Dark, Depth::True);
     app
+}
+
+/// The actor alone.
+fn gdg() -> Method {
+    "gdg".parse().expect("a method")
 }
 
 fn app_on(map: Grid, method: Method) -> App {
@@ -64,7 +71,7 @@ fn rooms() -> Grid {
 }
 
 fn app() -> App {
-    app_on(rooms(), Method::GdgBridge)
+    app_on(rooms(), Method::default())
 }
 
 fn mouse(app: &mut App, kind: MouseEventKind, at: Position) {
@@ -134,7 +141,7 @@ fn every_size_can_be_drawn() {
 fn maps_of_every_shape_can_be_drawn() {
     for (width, height) in [(1, 1), (300, 1), (1, 300), (256, 256)] {
         let map = parse_map("shape", format!("{}\n", ".".repeat(width)).repeat(height).as_bytes()).expect("a map");
-        let mut app = app_on(map, Method::Gdg);
+        let mut app = app_on(map, gdg());
         for (columns, rows) in [(80, 24), (30, 5), (200, 60)] {
             draw(&mut app, columns, rows);
             app.on_event(&Event::Mouse(MouseEvent {
@@ -270,24 +277,24 @@ fn a_door_can_be_closed_while_it_trains_and_opened_again() {
     assert_eq!(app.editor.preview().map(|(cells, free)| (cells.contains(&door), free)), Some((true, false)));
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
     assert!(!app.map().is_free(door), "the door is closed");
-    wait_until(&mut app, |app| !app.snapshot.map.is_free(door));
+    wait_until(&mut app, |app| !app.snapshot.scene.maze().map.is_free(door));
     assert!(app.log.notice().is_some_and(|(n, _)| n.contains("walled") && n.contains("2 pieces")), "{:?}", app.log);
     let updates = app.snapshot.counters.updates;
     wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
     press(&mut app, KeyCode::Char('u'));
-    wait_until(&mut app, |app| app.snapshot.map.is_free(door));
+    wait_until(&mut app, |app| app.snapshot.scene.maze().map.is_free(door));
     press_with(&mut app, KeyCode::Char('r'), KeyModifiers::CONTROL);
-    wait_until(&mut app, |app| !app.snapshot.map.is_free(door));
+    wait_until(&mut app, |app| !app.snapshot.scene.maze().map.is_free(door));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Right), below);
     mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
-    wait_until(&mut app, |app| app.snapshot.map.is_free(door));
+    wait_until(&mut app, |app| app.snapshot.scene.maze().map.is_free(door));
     // By keyboard alone: from the goal, where the cursor begins.
     assert_eq!(app.editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
     let wall = app.map().is_free(Cell::new(10, 4));
     press(&mut app, KeyCode::Char('x'));
-    wait_until(&mut app, |app| app.snapshot.map.is_free(Cell::new(10, 4)) != wall);
+    wait_until(&mut app, |app| app.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall);
     press(&mut app, KeyCode::Esc);
     assert!(!app.editor.is_open());
     assert_eq!(app.goal, Cell::new(19, 4), "the goal stayed where it was");
@@ -374,7 +381,7 @@ fn the_walking_agent_visits_one_goal_after_the_other_if_asked() {
 fn autosaves_have_files_of_their_own_of_which_three_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("kept.safetensors");
-    let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path.clone()));
+    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
     wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
     app.on_tick();
     assert!(app.snapshot.autosaves.is_empty(), "not yet");
@@ -396,7 +403,7 @@ fn another_runs_file_is_left_alone_and_the_run_keeps_its_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mine.safetensors");
     std::fs::write(&path, b"another run's").expect("written");
-    let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path.clone()));
+    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
     let own = folder.path().join("mine-2.safetensors");
     for _ in 0..2 {
         let (before, updates) = (app.snapshot.saved.clone(), app.snapshot.counters.updates);
@@ -416,7 +423,7 @@ fn a_save_that_fails_before_leaving_asks_for_another_place() {
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, b"").expect("written");
     let path = blocked.join("below.safetensors");
-    let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path));
+    let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
     wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
     app.act(Action::Quit);
     wait_until(&mut app, |app| matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));

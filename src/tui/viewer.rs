@@ -14,11 +14,11 @@ use tokio::sync::watch;
 
 use super::layers::Field;
 use super::raster::{MapFrame, Raster};
-use crate::bridge::{BridgeGraph, BridgeSettings, Experience, Standing, Walker};
-use crate::env::{Environment, PointMaze};
-use crate::learn::{Policy, Scratch};
+use crate::bridge::{BridgeGraph, BridgeSettings, Standing, Walker};
+use crate::env::{Environment, MazeScene, PointMaze};
+use crate::learn::Scratch;
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use crate::train::{Engine, Method, Run, Snapshot};
+use crate::train::{Engine, Networks, Run, Snapshot};
 pub use walk::{Tour, Walk};
 
 /// Time between two steps of the walking agent.
@@ -145,9 +145,9 @@ struct Worker {
     inbox: Receiver<Request>,
     publish: watch::Sender<Arc<View>>,
     /// What the graph was built of and the agent walks by.
-    networks: Arc<(Policy, Arc<Experience>)>,
+    networks: Arc<Networks>,
     /// What the field was computed by.
-    shown: Arc<(Policy, Arc<Experience>)>,
+    shown: Arc<Networks>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
     frame: Option<MapFrame>,
@@ -191,7 +191,8 @@ impl Worker {
         (inbox, publish): (Receiver<Request>, watch::Sender<Arc<View>>),
     ) -> Self {
         let first = snapshots.borrow().clone();
-        let world = PointMaze::new(first.map.clone(), 1, 0.0);
+        let scene = first.scene.maze();
+        let world = PointMaze::new(scene.map.clone(), 1);
         let mut worker = Self {
             search: StepSearch::new(world.map()),
             rng: ChaCha8Rng::seed_from_u64(first.run.seed),
@@ -219,10 +220,6 @@ impl Worker {
         };
         worker.restart(None);
         worker
-    }
-
-    fn method(&self) -> Method {
-        self.run.method
     }
 
     fn run(mut self) {
@@ -293,8 +290,9 @@ impl Worker {
             (self.graph, self.walker) = (None, None);
             self.graph_age.ask();
         }
-        if !Arc::ptr_eq(&snapshot.map, self.world.map()) {
-            self.enter(snapshot.map.clone());
+        let MazeScene { map, .. } = snapshot.scene.maze();
+        if !Arc::ptr_eq(&map, self.world.map()) {
+            self.enter(map);
         }
         if let Some(followed) = &snapshot.followed {
             let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
@@ -324,13 +322,13 @@ impl Worker {
     fn enter(&mut self, map: Arc<Grid>) {
         let at = self.position();
         let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
-        self.world = PointMaze::new(map, 1, 0.0);
+        self.world = PointMaze::new(map, 1);
         self.search = StepSearch::new(self.world.map());
         self.view.goal.0 = self.view.goal.0.and_then(|goal| self.world.map().nearest_free(goal));
         self.view.trail.clear();
         self.graph = None;
         if same_size {
-            self.world.place(0, &at);
+            self.world.place(0, &at.map(f64::from));
             self.begin_journey();
         } else {
             self.view.walk.journeys = (0, 0);
@@ -343,21 +341,22 @@ impl Worker {
     fn renew_graph(&mut self) {
         let began = Instant::now();
         let networks = self.networks.clone();
-        let nets = networks.0.nets();
+        let policy = &*networks.policy;
         (self.view.edges, self.view.candidates) = (Arc::default(), Arc::default());
-        if self.method().plans() {
-            let graph = BridgeGraph::build(self.world.spec(), &self.bridge, &networks.1, &nets, &mut self.scratch);
+        if self.run.method.plans() {
+            let graph =
+                BridgeGraph::build(self.world.spec(), &self.bridge, &networks.candidates, policy, &mut self.scratch);
             let at = |i: usize| [graph.point(i)[0], graph.point(i)[1]];
             let edge = |e: &crate::bridge::Edge| ([at(e.from), at(e.to)], e.standing);
             self.view.edges = Arc::new(graph.edges().iter().map(edge).collect());
-            let mut degrees = vec![0u32; networks.1.len()];
+            let mut degrees = vec![0u32; networks.candidates.len()];
             graph.edges().iter().for_each(|e| degrees[e.from] += 1);
             let most = degrees.iter().copied().max().unwrap_or(0).max(1) as f32;
             let candidate = |(i, degree): (usize, &u32)| Candidate { at: at(i), degree: *degree as f32 / most };
             self.view.candidates = Arc::new(degrees.iter().enumerate().map(candidate).collect());
             // Candidates may have changed places: the walk is planned anew.
             if let (Some(goal), false) = (self.view.goal.0, self.view.walk.arrived) {
-                self.walker = Some(Walker::new(graph.route(&goal.centre(), &nets, &mut self.scratch)));
+                self.walker = Some(Walker::new(graph.route(&goal.centre(), policy, &mut self.scratch)));
             }
             self.graph = Some(graph);
         }
@@ -386,8 +385,9 @@ impl Worker {
         }
         let truth = self.true_steps(cell, goal);
         let shown = self.shown.clone();
-        let learned = shown.0.nets().distance(&cell.centre(), &goal.centre(), &mut self.scratch);
-        let visits = self.snapshots.borrow().visited.get(self.world.map().index(cell)).copied().unwrap_or(0);
+        let learned = shown.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
+        let visits = self.snapshots.borrow().scene.maze().visits;
+        let visits = visits.get(self.world.map().index(cell)).copied().unwrap_or(0);
         self.view.inspected = Some(Inspected { cell, learned, truth, visits });
     }
 }

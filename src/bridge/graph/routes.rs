@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{BridgeGraph, nearest};
-use crate::learn::{Nets, Scratch};
+use crate::learn::{Policy, Scratch};
 
 /// Costs are integers in this many parts of a step: shortest paths are then exact and the same everywhere.
 const PARTS_PER_STEP: f32 = 1024.0;
@@ -62,7 +62,7 @@ const GOAL: u32 = u32::MAX;
 
 impl BridgeGraph {
     /// The ways to `goal`: last links from candidates around it, then shortest paths back through the graph.
-    pub fn route(&self, goal: &[f32], nets: &Nets, scratch: &mut Scratch) -> Route {
+    pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
         // Candidates around the goal by straight line; D then says how far they are.
         let mut around: Vec<(usize, f32)> = (0..self.experience.len())
@@ -72,7 +72,7 @@ impl BridgeGraph {
         around.truncate(LINKS);
         let states: Vec<f32> = around.iter().flat_map(|(i, _)| self.candidate(*i).iter().copied()).collect();
         let mut distances = vec![0.0; around.len()];
-        nets.distances(&states, &goal.repeat(states.len() / s), &mut distances, scratch);
+        policy.distances(&states, &goal.repeat(states.len() / s), &mut distances, scratch);
         debug_assert_eq!(goal.len(), g);
         let nearest = around.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|((i, _), _)| *i);
         let links: Vec<(u32, u32)> = around
@@ -123,13 +123,13 @@ impl BridgeGraph {
         states: &[f32],
         route: &Route,
         links: usize,
-        nets: &Nets,
+        policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Vec<f32> {
         let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
         // Many at once: the networks take large batches better than small ones.
         let batches =
-            states.chunks(COMPOSED_AT_ONCE).flat_map(|states| self.options(states, route, links, nets, scratch));
+            states.chunks(COMPOSED_AT_ONCE).flat_map(|states| self.options(states, route, links, policy, scratch));
         let distances = batches.map(|options| {
             let over = options.candidates.iter().filter_map(|o| Some(o.cost? + route.steps[o.candidate]));
             over.chain(options.direct)
@@ -146,7 +146,7 @@ impl BridgeGraph {
         states: &[&[f32]],
         route: &Route,
         links: usize,
-        nets: &Nets,
+        policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Vec<Options> {
         let around: Vec<Vec<usize>> =
@@ -158,7 +158,7 @@ impl BridgeGraph {
             to.extend(&route.goal);
         }
         let mut distances = vec![0.0; to.len() / route.goal.len()];
-        nets.distances(&from, &to, &mut distances, scratch);
+        policy.distances(&from, &to, &mut distances, scratch);
         let mut rest = &distances[..];
         let options = around.into_iter().map(|around| {
             let (own, others) = rest.split_at(around.len() + 1);

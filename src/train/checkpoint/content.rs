@@ -1,75 +1,103 @@
-//! A checkpoint's bytes: named tensors and texts in the safetensors format, under a checksum.
+//! A checkpoint's bytes: a store in the safetensors format, under a checksum.
 
 use std::collections::{BTreeMap, HashMap};
 
-use safetensors::tensor::{Dtype, SafeTensors, TensorView};
-use serde::de::DeserializeOwned;
+use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
+use serde::Deserialize;
 
-use crate::bridge::{ExperienceState, GraphState};
-use crate::train::graphs::StoredGraph;
+use crate::store::{Array, Store, StoreError};
 
-/// What the metadata calls this kind of file. Format 1 had neither a checksum nor a history.
-const FORMAT: &str = "gdg-tui checkpoint 2";
-const FORMAT_BEFORE: &str = "gdg-tui checkpoint 1";
+/// What the metadata calls this kind of file. Format 1 had neither a checksum nor a history, formats 1 and 2 named no
+/// world.
+const FORMAT: &str = "gdg-tui checkpoint 3";
+const WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
+const WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
 
-/// The checksum's place among the texts.
+/// The names of the format and the checksum among the texts.
+const FORMAT_NAME: &str = "format";
 const CHECKSUM: &str = "checksum";
 
-/// Tensors on their way to a file: name, type and bytes.
-#[derive(Default)]
-pub struct Tensors(BTreeMap<String, (Dtype, Vec<u8>)>);
+/// What is wrong with a checkpoint's bytes.
+#[derive(Debug, thiserror::Error)]
+pub enum ContentError {
+    /// Another kind of file.
+    #[error("is not a safetensors file: {0}")]
+    Foreign(#[from] SafeTensorError),
+    /// A header that is cut off or no JSON.
+    #[error("is not a safetensors file")]
+    Header,
+    /// A format that this version does not know.
+    #[error("is of the format {format:?}, written by version {version}; this one reads {FORMAT:?}")]
+    Format {
+        /// The format.
+        format: String,
+        /// The version of this program that wrote it.
+        version: String,
+    },
+    /// Contents that have changed since they were written.
+    #[error("is damaged: its checksum is not that of its contents")]
+    Damaged,
+    /// Contents that are missing or do not fit.
+    #[error(transparent)]
+    Store(#[from] StoreError),
+}
 
-impl Tensors {
-    pub fn f32(&mut self, name: impl Into<String>, values: &[f32]) {
-        self.0.insert(name.into(), (Dtype::F32, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
-    }
+/// A tensor as it stands in a file.
+struct Tensor {
+    dtype: Dtype,
+    bytes: Vec<u8>,
+}
 
-    pub fn u16(&mut self, name: &str, values: &[u16]) {
-        self.0.insert(name.to_owned(), (Dtype::U16, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+impl From<Array> for Tensor {
+    fn from(array: Array) -> Self {
+        let (dtype, bytes) = match array {
+            Array::F32(v) => (Dtype::F32, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Array::U16(v) => (Dtype::U16, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Array::U32(v) => (Dtype::U32, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+            Array::U64(v) => (Dtype::U64, v.iter().flat_map(|v| v.to_le_bytes()).collect()),
+        };
+        Self { dtype, bytes }
     }
+}
 
-    pub fn u32(&mut self, name: &str, values: &[u32]) {
-        self.0.insert(name.to_owned(), (Dtype::U32, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
+/// The numbers of a tensor; `None` for types that no store has.
+fn array(view: &TensorView) -> Option<Array> {
+    fn numbers<T, const N: usize>(bytes: &[u8], parse: fn([u8; N]) -> T) -> Vec<T> {
+        bytes.as_chunks::<N>().0.iter().map(|bytes| parse(*bytes)).collect()
     }
+    let bytes = view.data();
+    Some(match view.dtype() {
+        Dtype::F32 => numbers(bytes, f32::from_le_bytes).into(),
+        Dtype::U16 => numbers(bytes, u16::from_le_bytes).into(),
+        Dtype::U32 => numbers(bytes, u32::from_le_bytes).into(),
+        Dtype::U64 => numbers(bytes, u64::from_le_bytes).into(),
+        _ => return None,
+    })
+}
 
-    pub fn u64(&mut self, name: &str, values: &[u64]) {
-        self.0.insert(name.to_owned(), (Dtype::U64, values.iter().flat_map(|v| v.to_le_bytes()).collect()));
-    }
+/// The bytes of a file that holds `store`.
+///
+/// # Errors
+/// What the format does not allow.
+pub fn to_bytes(store: Store) -> Result<Vec<u8>, ContentError> {
+    let (arrays, mut texts) = store.into_parts();
+    texts.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
+    texts.insert(FORMAT_NAME.to_owned(), FORMAT.to_owned());
+    sealed(&arrays.into_iter().map(|(name, array)| (name, array.into())).collect(), texts)
+}
 
-    pub fn experience(&mut self, name: &str, state: &ExperienceState) {
-        self.f32(format!("{name}.spacing"), &[state.spacing]);
-        self.f32(format!("{name}.states"), &state.states);
-        self.u16(&format!("{name}.observed"), &state.observed);
-        self.u32(&format!("{name}.visits"), &state.visits);
-        self.u32(&format!("{name}.names"), &state.names);
-        self.u32(&format!("{name}.practice"), &state.practice);
-    }
-
-    pub fn graph(&mut self, name: &str, StoredGraph { at, due, state }: &StoredGraph) {
-        self.u64(&format!("{name}.when"), &[*at, *due]);
-        self.experience(name, &state.experience);
-        self.u32(&format!("{name}.ends"), &state.ends);
-        self.f32(format!("{name}.lengths"), &state.lengths);
-    }
-
-    /// The file's bytes, with `texts` as metadata and a checksum over all.
-    ///
-    /// # Errors
-    /// What the format does not allow.
-    pub fn into_bytes(self, texts: impl IntoIterator<Item = (impl Into<String>, String)>) -> Result<Vec<u8>, String> {
-        let mut texts: BTreeMap<String, String> = texts.into_iter().map(|(name, text)| (name.into(), text)).collect();
-        texts.insert("format".to_owned(), FORMAT.to_owned());
-        let parts = self.0.iter().map(|(name, (dtype, bytes))| (name.as_str(), *dtype, bytes.as_slice()));
-        let sum = checksum(texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), parts);
-        texts.insert(CHECKSUM.to_owned(), sum);
-        let views = self.0.iter().map(|(name, (dtype, bytes))| {
-            // Types of less than a byte are never ours.
-            let size = (dtype.bitsize() / 8).max(1);
-            TensorView::new(*dtype, vec![bytes.len() / size], bytes).map(|view| (name.as_str(), view))
-        });
-        let views = views.collect::<Result<Vec<_>, _>>().map_err(|e| e.to_string())?;
-        safetensors::serialize(views, Some(texts.into_iter().collect())).map_err(|e| e.to_string())
-    }
+/// The bytes of a file with these contents, and a checksum over all.
+fn sealed(tensors: &BTreeMap<String, Tensor>, mut texts: BTreeMap<String, String>) -> Result<Vec<u8>, ContentError> {
+    let parts = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.dtype, tensor.bytes.as_slice()));
+    let sum = checksum(texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), parts);
+    texts.insert(CHECKSUM.to_owned(), sum);
+    let views = tensors.iter().map(|(name, Tensor { dtype, bytes })| {
+        // Types of less than a byte are never ours.
+        let size = (dtype.bitsize() / 8).max(1);
+        TensorView::new(*dtype, vec![bytes.len() / size], bytes).map(|view| (name.as_str(), view))
+    });
+    let views = views.collect::<Result<Vec<_>, _>>()?;
+    Ok(safetensors::serialize(views, Some(texts.into_iter().collect()))?)
 }
 
 /// CRC-32 of texts and tensors, each in the order of their names: so that it does not depend on the order in a file.
@@ -95,130 +123,70 @@ fn checksum<'a>(
     format!("{:08x}", hasher.finalize())
 }
 
-/// The texts of a checkpoint.
-pub struct Texts(HashMap<String, String>);
-
-impl Texts {
-    /// # Errors
-    /// That they are not those of a checkpoint of this program.
-    pub fn of(metadata: Option<HashMap<String, String>>) -> Result<Self, String> {
-        let texts = Self(metadata.unwrap_or_default());
-        match texts.get("format")? {
-            FORMAT | FORMAT_BEFORE => Ok(texts),
-            other => {
-                let version = texts.get("version").unwrap_or("unknown");
-                Err(format!("is of the format {other:?}, written by version {version}; this one reads {FORMAT:?}"))
-            }
+/// The store that a file's bytes hold.
+///
+/// # Errors
+/// What is wrong with the bytes.
+pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
+    let (_, header) = SafeTensors::read_metadata(bytes)?;
+    let tensors = SafeTensors::deserialize(bytes)?;
+    let texts = texts_of(header.metadata().clone())?;
+    if texts.get(FORMAT_NAME).is_some_and(|format| format != WITHOUT_CHECKSUM) {
+        let kept = texts.iter().filter(|(name, _)| *name != CHECKSUM);
+        let views: BTreeMap<_, _> = tensors.iter().collect();
+        let sum = checksum(
+            kept.map(|(name, text)| (name.as_str(), text.as_str())),
+            views.iter().map(|(name, view)| (*name, view.dtype(), view.data())),
+        );
+        let stated = texts.get(CHECKSUM).ok_or_else(|| StoreError::Missing(CHECKSUM.to_owned()))?;
+        if *stated != sum {
+            return Err(ContentError::Damaged);
         }
     }
-
-    /// # Errors
-    /// That there is none of that name.
-    pub fn get(&self, name: &str) -> Result<&str, String> {
-        self.0.get(name).map(String::as_str).ok_or_else(|| format!("holds no {name}: it is not a checkpoint"))
+    let mut store = Store::default();
+    for (name, view) in tensors.iter() {
+        if let Some(array) = array(&view) {
+            store.put(name, array);
+        }
     }
-
-    /// The value whose JSON is the text called `name`.
-    ///
-    /// # Errors
-    /// That there is none, or that it is another value's.
-    pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T, String> {
-        serde_json::from_str(self.get(name)?).map_err(|e| format!("its {name} cannot be read: {e}"))
-    }
-
-    /// The history; format 1 had none.
-    ///
-    /// # Errors
-    /// See [`Self::json`].
-    pub fn history<T: DeserializeOwned + Default>(&self) -> Result<T, String> {
-        if self.get("format")? == FORMAT_BEFORE { Ok(T::default()) } else { self.json("history") }
-    }
+    texts.into_iter().for_each(|(name, text)| store.put_text(name, text));
+    Ok(store)
 }
 
-/// A checkpoint read from bytes whose checksum is right.
-pub struct Content<'a> {
-    pub texts: Texts,
-    tensors: SafeTensors<'a>,
+/// The texts of a checkpoint that begins with these bytes, without its tensors: they need not be there.
+///
+/// # Errors
+/// That it is none of this program, or of a format that is not known.
+pub fn texts_from_header(header: &[u8]) -> Result<Store, ContentError> {
+    #[derive(Deserialize)]
+    struct Header {
+        #[serde(rename = "__metadata__")]
+        metadata: Option<HashMap<String, String>>,
+    }
+    // The library wants the whole file before it reads the header.
+    let header: Header = serde_json::from_slice(header).map_err(|_| ContentError::Header)?;
+    let mut store = Store::default();
+    texts_of(header.metadata)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
+    Ok(store)
 }
 
-impl<'a> Content<'a> {
-    /// # Errors
-    /// What is wrong with the bytes.
-    pub fn read(bytes: &'a [u8]) -> Result<Self, String> {
-        let not_ours = |e: safetensors::SafeTensorError| format!("is not a safetensors file: {e}");
-        let (_, header) = SafeTensors::read_metadata(bytes).map_err(not_ours)?;
-        let tensors = SafeTensors::deserialize(bytes).map_err(not_ours)?;
-        let texts = Texts::of(header.metadata().clone())?;
-        let content = Self { texts, tensors };
-        if content.texts.get("format")? == FORMAT && content.texts.get(CHECKSUM)? != content.checksum() {
-            return Err("is damaged: its checksum is not that of its contents".to_owned());
-        }
-        Ok(content)
+fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String, String>, ContentError> {
+    let texts: BTreeMap<String, String> = metadata.unwrap_or_default().into_iter().collect();
+    let format = texts.get(FORMAT_NAME).ok_or_else(|| StoreError::Missing(FORMAT_NAME.to_owned()))?;
+    if [FORMAT, WITHOUT_WORLD, WITHOUT_CHECKSUM].contains(&format.as_str()) {
+        return Ok(texts);
     }
-
-    fn checksum(&self) -> String {
-        let texts: BTreeMap<_, _> = self.texts.0.iter().filter(|(name, _)| *name != CHECKSUM).collect();
-        let tensors: BTreeMap<_, _> = self.tensors.iter().collect();
-        checksum(
-            texts.into_iter().map(|(name, text)| (name.as_str(), text.as_str())),
-            tensors.iter().map(|(name, view)| (*name, view.dtype(), view.data())),
-        )
-    }
-
-    pub fn f32(&self, name: &str) -> Result<Vec<f32>, String> {
-        self.numbers(name, Dtype::F32, f32::from_le_bytes)
-    }
-
-    pub fn u16(&self, name: &str) -> Result<Vec<u16>, String> {
-        self.numbers(name, Dtype::U16, u16::from_le_bytes)
-    }
-
-    pub fn u32(&self, name: &str) -> Result<Vec<u32>, String> {
-        self.numbers(name, Dtype::U32, u32::from_le_bytes)
-    }
-
-    pub fn u64(&self, name: &str) -> Result<Vec<u64>, String> {
-        self.numbers(name, Dtype::U64, u64::from_le_bytes)
-    }
-
-    pub fn experience(&self, name: &str) -> Result<ExperienceState, String> {
-        Ok(ExperienceState {
-            spacing: self.f32(&format!("{name}.spacing"))?.first().copied().unwrap_or_default(),
-            states: self.f32(&format!("{name}.states"))?,
-            observed: self.u16(&format!("{name}.observed"))?,
-            visits: self.u32(&format!("{name}.visits"))?,
-            names: self.u32(&format!("{name}.names"))?,
-            practice: self.u32(&format!("{name}.practice"))?,
-        })
-    }
-
-    /// The bridge graph saved under `name`, if there is one.
-    pub fn graph(&self, name: &str) -> Result<Option<StoredGraph>, String> {
-        let when = format!("{name}.when");
-        if !self.tensors.names().iter().any(|known| **known == when) {
-            return Ok(None);
-        }
-        let [at, due] = self.u64(&when)?[..] else { return Err(format!("its {when} is of another length than 2")) };
-        let (ends, lengths) = (self.u32(&format!("{name}.ends"))?, self.f32(&format!("{name}.lengths"))?);
-        Ok(Some(StoredGraph { at, due, state: GraphState { experience: self.experience(name)?, ends, lengths } }))
-    }
-
-    fn numbers<T, const N: usize>(&self, name: &str, dtype: Dtype, parse: fn([u8; N]) -> T) -> Result<Vec<T>, String> {
-        let view = self.tensors.tensor(name).map_err(|_| format!("holds no {name}"))?;
-        if view.dtype() != dtype {
-            return Err(format!("its {name} is of another type than {dtype:?}"));
-        }
-        let (numbers, _) = view.data().as_chunks::<N>();
-        Ok(numbers.iter().map(|bytes| parse(*bytes)).collect())
-    }
+    let version = texts.get("version").map_or("unknown", String::as_str).to_owned();
+    Err(ContentError::Format { format: format.clone(), version })
 }
 
 /// The same checkpoint with a checksum that is right: for tests of what comes behind it. `None` where it is none.
 pub fn resealed(bytes: &[u8]) -> Option<Vec<u8>> {
     let (_, header) = SafeTensors::read_metadata(bytes).ok()?;
     let read = SafeTensors::deserialize(bytes).ok()?;
-    let texts = header.metadata().clone()?;
-    let tensors = read.iter().map(|(name, view)| (name.to_owned(), (view.dtype(), view.data().to_vec())));
-    let kept = texts.into_iter().filter(|(name, _)| name != CHECKSUM && name != "format");
-    Tensors(tensors.collect()).into_bytes(kept).ok()
+    let mut texts: BTreeMap<String, String> = header.metadata().clone()?.into_iter().collect();
+    texts.remove(CHECKSUM);
+    texts.insert(FORMAT_NAME.to_owned(), FORMAT.to_owned());
+    let tensor = |view: &TensorView| Tensor { dtype: view.dtype(), bytes: view.data().to_vec() };
+    sealed(&read.iter().map(|(name, view)| (name.to_owned(), tensor(&view))).collect(), texts).ok()
 }

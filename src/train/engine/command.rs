@@ -6,10 +6,10 @@ use std::sync::Arc;
 
 use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
-use crate::env::{Environment, PointMaze};
-use crate::map::{Grid, StepSearch};
+use crate::env::Environment;
 use crate::text::plain;
 use crate::train::checkpoint::{self, Loaded, SaveTo};
+use crate::train::error::TrainError;
 use crate::train::history::LogEntry;
 use crate::train::memory;
 use crate::train::run::{Limits, Run};
@@ -19,7 +19,6 @@ use crate::train::trainer::Trainer;
 const AUTOSAVES_KEPT: usize = 3;
 
 /// What a front end can ask for.
-#[derive(Debug)]
 pub enum Command {
     /// Stop training until told otherwise.
     Pause,
@@ -35,34 +34,31 @@ pub enum Command {
     Save(SaveTo, Vec<LogEntry>),
     /// Save a checkpoint to a file of its own, named after this one; of such files the newest few are kept.
     Autosave(PathBuf, Vec<LogEntry>),
-    /// Go on with another map of the same size.
-    ChangeMap(Arc<Grid>),
+    /// Go on in an edited world.
+    ChangeWorld(Box<dyn Environment>),
     /// Go on with other settings, method or preset; the data and, where they fit, the networks are kept.
     Change(Box<Run>),
-    /// Begin anew, perhaps on another map.
-    Begin(Box<Run>, Arc<Grid>),
+    /// Begin anew, perhaps in another world.
+    Begin(Box<Run>, Box<dyn Environment>),
     /// Go on with a checkpoint's run.
     Load(PathBuf),
 }
 
 impl Worker {
-    /// Changes the map; what is to be said of it, or against it.
-    fn change_map(&mut self, map: Arc<Grid>) -> Result<String, String> {
-        let change = self.trainer.change_map(map.clone())?;
-        self.diameter = Arc::default();
-        let pieces = StepSearch::new(&map).components(&map).sizes.len();
-        self.current.map = map;
-        // What is being found out about the map as it was says nothing of the map that there is now.
+    /// Goes on in an edited world; what is to be said of it, or against it.
+    fn change_world(&mut self, world: &dyn Environment) -> Result<String, String> {
+        let change = self.trainer.change_world(world).map_err(|e| e.to_string())?;
+        self.current.title = self.trainer.world().title().into();
+        // What is being found out about the world as it was says nothing of the one that there is now.
         (self.evaluation, self.rested) = (None, None);
-        self.renew(true).map_err(|error| error.to_string())?;
-        let apart = if pieces > 1 { format!("; {pieces} pieces that do not reach each other") } else { String::new() };
-        let (walled, opened, gone) = (change.walled, change.opened, change.transitions_removed);
-        Ok(format!("{walled} cells walled, {opened} opened, {gone} transitions forgotten{apart}"))
+        self.renew(true).map_err(|e| e.to_string())?;
+        let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
+        Ok(format!("{}, {} transitions forgotten{warning}", change.what, change.transitions_removed))
     }
 
     /// Goes on with other settings; what was kept.
     fn change(&mut self, run: Run) -> Result<String, String> {
-        memory::check(&run, self.trainer.spec(), self.trainer.map().free().len())?;
+        memory::check(&run, self.trainer.world(), self.trainer.registry()).map_err(|e| e.to_string())?;
         let kept = self.trainer.change_run(run).map_err(|e| e.to_string())?;
         self.current.run = Arc::new(self.trainer.run().clone());
         (self.evaluation, self.rested) = (None, None);
@@ -75,8 +71,7 @@ impl Worker {
     }
 
     /// Goes on with another run altogether.
-    fn adopt(&mut self, trainer: Trainer) -> candle_core::Result<()> {
-        self.diameter = Arc::default();
+    fn adopt(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         self.trainer = trainer;
         (self.evaluation, self.rested, self.next_update, self.follow, self.fresh) = (None, None, None, None, None);
         self.autosaved.clear();
@@ -180,9 +175,9 @@ impl Worker {
             }
             Command::Save(to, log) => self.save(to, log).map(Some),
             Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
-            Command::ChangeMap(map) => self.change_map(map).map(Some),
+            Command::ChangeWorld(world) => self.change_world(&*world).map(Some),
             Command::Change(run) => self.change(*run).map(Some),
-            Command::Begin(run, map) => self.begin(*run, map).map(Some),
+            Command::Begin(run, world) => self.begin(*run, &*world).map(Some),
             Command::Load(path) => self.load(path).map(Some),
         };
         match told {
@@ -193,18 +188,23 @@ impl Worker {
     }
 
     /// Begins a new run.
-    fn begin(&mut self, run: Run, map: Arc<Grid>) -> Result<String, String> {
-        memory::check(&run, PointMaze::new(map.clone(), 1, 0.0).spec(), map.free().len())?;
-        let trainer = Trainer::new(run, map, self.trainer.threads()).map_err(|e| e.to_string())?;
+    fn begin(&mut self, run: Run, world: &dyn Environment) -> Result<String, String> {
+        let begin = || {
+            let registry = self.trainer.registry();
+            memory::check(&run, world, registry)?;
+            Trainer::new(run, world, registry, self.trainer.threads())
+        };
+        let trainer = begin().map_err(|e| e.to_string())?;
         self.adopt(trainer).map_err(|e| e.to_string())?;
         Ok("a new run has begun".to_owned())
     }
 
     fn load(&mut self, path: PathBuf) -> Result<String, String> {
-        let Loaded { trainer, warning } = checkpoint::load(&path, self.trainer.threads()).map_err(|e| {
-            let name = path.file_name().unwrap_or_default().to_string_lossy();
-            format!("not loaded: {name} {}; {}", e.what, e.right)
-        })?;
+        let Loaded { trainer, warning } = checkpoint::load(&path, self.trainer.registry(), self.trainer.threads())
+            .map_err(|e| {
+                let name = path.file_name().unwrap_or_default().to_string_lossy();
+                format!("not loaded: {name} {}; {}", e.what, e.right)
+            })?;
         let phase = self.current.phase.clone();
         self.adopt(trainer).map_err(|e| e.to_string())?;
         if !phase.trains() {

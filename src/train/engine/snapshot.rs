@@ -4,9 +4,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use crate::bridge::{Experience, SearchOutcome};
-use crate::env::Environment;
+use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
-use crate::map::Grid;
+use crate::train::error::TrainError;
 use crate::train::evaluate::Evaluation;
 use crate::train::history::{LogEntry, LossPoint};
 use crate::train::run::{Counters, Limits, Run};
@@ -50,8 +50,10 @@ pub struct Snapshot {
     pub run: Arc<Run>,
     /// How many runs there have been on this engine: curves of one do not go on with another's.
     pub generation: u64,
-    /// The map.
-    pub map: Arc<Grid>,
+    /// What its world is called.
+    pub title: Arc<str>,
+    /// What there is to be drawn of the world, renewed with the networks.
+    pub scene: Scene,
     /// What it is doing.
     pub phase: Phase,
     /// How far it has come.
@@ -77,9 +79,7 @@ pub struct Snapshot {
     /// How the agent that is followed fares.
     pub followed: Option<Arc<Followed>>,
     /// Networks and bridge candidates, renewed now and then.
-    pub networks: Arc<(Policy, Arc<Experience>)>,
-    /// How often an agent was in each cell, row-major, renewed with the networks.
-    pub visited: Arc<Vec<u32>>,
+    pub networks: Arc<Networks>,
     /// The latest bridge search.
     pub search: Option<Arc<SearchOutcome>>,
     /// Losses over time.
@@ -96,6 +96,21 @@ pub struct Snapshot {
     pub autosaves: Arc<Vec<PathBuf>>,
     /// What happened last that is worth telling, and how often something did.
     pub notice: (u64, String),
+}
+
+/// What has been learned, and the bridge candidates.
+pub struct Networks {
+    /// D and mu.
+    pub policy: Arc<dyn Policy>,
+    /// Candidates and what was seen between them.
+    pub candidates: Arc<Experience>,
+}
+
+impl Networks {
+    /// Those of `trainer` at this moment.
+    pub(super) fn of(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
+        Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.experience().known() }))
+    }
 }
 
 /// An agent that explores, in the midst of its episode.
@@ -121,11 +136,12 @@ pub struct Followed {
 
 impl Snapshot {
     /// The present state of `trainer`, as if it had just begun to train.
-    pub(super) fn of(trainer: &Trainer) -> candle_core::Result<Self> {
+    pub(super) fn of(trainer: &Trainer) -> Result<Self, TrainError> {
         Ok(Self {
             run: Arc::new(trainer.run().clone()),
             generation: 0,
-            map: trainer.map().clone(),
+            title: trainer.world().title().into(),
+            scene: trainer.world().scene(),
             phase: Phase::Running,
             counters: trainer.counters(),
             limits: Limits::default(),
@@ -135,11 +151,10 @@ impl Snapshot {
             profile: *trainer.profile(),
             losses: trainer.losses(),
             replay: (trainer.replay().len(), trainer.replay().capacity()),
-            agents: Arc::new(trainer.rollout().env().states().to_vec()),
+            agents: Arc::new(trainer.world().states().to_vec()),
             trails: Arc::default(),
             followed: None,
-            networks: Arc::new((trainer.policy()?, trainer.experience().known())),
-            visited: Arc::new(trainer.visited().to_vec()),
+            networks: Networks::of(trainer)?,
             search: trainer.last_search().cloned(),
             curve: trainer.history().points().clone(),
             evaluations: trainer.history().evaluations().clone(),

@@ -1,10 +1,11 @@
 //! What becomes of a run whose numbers are no longer finite, or that a panic has stopped in the middle.
 
-use candle_core::{Result, bail};
 use serde::Serialize;
 
-use super::Trainer;
-use crate::learn::{LearnerState, Losses, Scratch};
+use super::{Result, Trainer, learner_of};
+use crate::learn::{Learner, Losses};
+use crate::store::Store;
+use crate::train::error::TrainError;
 use crate::train::graphs::Graphs;
 
 /// Updates between two looks at all weights; the networks are kept then, to go back to.
@@ -20,7 +21,7 @@ const SLOWER: f32 = 0.5;
 pub(super) struct LastGood {
     updates: u64,
     losses: [f64; 3],
-    learner: LearnerState,
+    learner: Store,
 }
 
 /// A run's way back.
@@ -48,8 +49,15 @@ impl std::fmt::Display for Recovery {
 }
 
 impl LastGood {
-    pub fn of(updates: u64, losses: [f64; 3], learner: LearnerState) -> Self {
-        Self { updates, losses, learner }
+    /// A copy of what has been learned.
+    pub fn of(updates: u64, losses: [f64; 3], learner: &dyn Learner) -> Result<Self> {
+        let mut store = Store::default();
+        learner.save(&mut store)?;
+        Ok(Self { updates, losses, learner: store })
+    }
+
+    pub fn is_finite(&self) -> bool {
+        self.learner.is_finite()
     }
 }
 
@@ -76,49 +84,45 @@ impl Trainer {
     /// # Errors
     /// See [`Self::check_update`].
     pub fn ensure_finite(&mut self) -> Result<()> {
-        if self.learner.state()?.is_finite() { Ok(()) } else { self.go_back() }
+        if self.networks()?.is_finite() { Ok(()) } else { self.go_back() }
     }
 
     /// Keeps the networks to go back to, if they are good.
     fn keep_good(&mut self) -> Result<()> {
-        let state = self.learner.state()?;
-        if !state.is_finite() || !self.distances_are_finite()? {
+        let good = self.networks()?;
+        if !good.is_finite() || !self.learner.is_sound()? {
             return self.go_back();
         }
-        self.last_good = LastGood::of(self.counters.updates, self.counters.losses, state);
+        self.last_good = good;
         Ok(())
     }
 
-    /// Whether D of the latest batch's pairs is finite.
-    fn distances_are_finite(&self) -> Result<bool> {
-        let (states, goals) = (&self.batch.states, &self.batch.goals);
-        let mut distances = vec![0.0; self.batch.len()];
-        self.learner.with_nets(true, |nets| nets.distances(states, goals, &mut distances, &mut Scratch::default()))?;
-        Ok(distances.iter().all(|d| d.is_finite()))
+    /// The networks as they are now.
+    fn networks(&self) -> Result<LastGood> {
+        LastGood::of(self.counters.updates, self.counters.losses, &*self.learner)
     }
 
     /// Goes on with the networks that were good last, in smaller steps; replay and agents stay.
     pub(super) fn go_back(&mut self) -> Result<()> {
         self.restore_last_good()?;
         if self.counters.recoveries >= MOST_RECOVERIES {
-            bail!(
-                "training diverged again at update {} after going back {MOST_RECOVERIES} times: set a smaller \
-                 learning_rate (it is {} now); the networks are those of update {}, and can be saved",
-                self.counters.updates,
-                self.run.settings.learn.learning_rate,
-                self.last_good.updates
-            );
+            return Err(TrainError::Diverged {
+                updates: self.counters.updates,
+                times: MOST_RECOVERIES,
+                learning_rate: self.run.settings.learn.learning_rate,
+                back_to: self.last_good.updates,
+            });
         }
         self.counters.recoveries += 1;
         let learn = &mut self.run.settings.learn;
         learn.learning_rate *= SLOWER;
         learn.grid_learning_rate *= SLOWER;
-        self.learner.set_rates(learn);
+        self.take_last_good()?;
         let recovery = Recovery {
             updates: self.counters.updates,
             back_to: self.last_good.updates,
             times: self.counters.recoveries,
-            learning_rate: learn.learning_rate,
+            learning_rate: self.run.settings.learn.learning_rate,
         };
         tracing::warn!("{recovery}");
         self.recovery = Some(recovery);
@@ -126,23 +130,26 @@ impl Trainer {
     }
 
     fn restore_last_good(&mut self) -> Result<()> {
-        let LastGood { losses, learner, .. } = &self.last_good;
-        let find = |network: &str, part: &str| {
-            let (_, parts) = learner.networks.iter().find(|(name, _)| name == network)?;
-            parts.iter().find(|(name, _)| *name == part).map(|(_, values)| values.clone())
-        };
-        self.learner.restore(learner.updates, find)?;
-        self.counters.losses = *losses;
+        self.take_last_good()?;
+        self.counters.losses = self.last_good.losses;
         // Graphs and plans may be those of networks that were no longer good.
         self.graphs = Graphs::default();
         self.rollout.drop_plans();
         Ok(())
     }
 
+    /// A learner with the settings as they are now, and the networks that were good last.
+    fn take_last_good(&mut self) -> Result<()> {
+        let mut learner = learner_of(&self.run, self.spec(), &self.registry, self.threads)?;
+        learner.load(&self.last_good.learner)?;
+        self.learner = learner;
+        Ok(())
+    }
+
     /// Mends what a panic in the middle of a tick may have left half done, so that the run can be saved.
     ///
     /// # Errors
-    /// What candle reports.
+    /// What the learner reports.
     pub fn mend_after_panic(&mut self) -> Result<()> {
         if std::mem::take(&mut self.in_update) {
             return self.restore_last_good();

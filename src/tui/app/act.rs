@@ -31,7 +31,7 @@ impl App {
             Action::Freeze => self.freeze(!self.frozen),
             Action::NewSeed => self.ask_seed(),
             Action::Settings => self.pick(lists::settings(&self.run().settings)),
-            Action::Method => self.pick(lists::methods(self.run().method)),
+            Action::Method => self.pick(lists::methods(&self.run().method)),
             Action::Preset => self.pick(lists::presets(self.run().preset)),
             Action::NewGoal => {
                 let cell = self.random_cell();
@@ -48,7 +48,7 @@ impl App {
             }
             Action::Follow => self.follow_next(),
             Action::Field(forward) => {
-                self.field = self.field.turn(forward, self.run().method);
+                self.field = self.field.turn(forward, &self.run().method);
                 self.viewer.ask(Request::Field(self.field));
             }
             Action::Toggle(overlay) => {

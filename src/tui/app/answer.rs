@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use super::App;
 use super::files::checkpoint_file;
+use crate::env::PointMaze;
 use crate::map::{Grid, MAX_CELLS};
 use crate::train::{Command, Effect, Run, effect_of, list_settings, with_setting};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
@@ -75,7 +76,7 @@ impl App {
 
     fn begin_on(&mut self, map: Arc<Grid>) {
         let run = self.run().clone();
-        self.command(Command::Begin(Box::new(run), map));
+        self.command(Command::Begin(Box::new(run), Box::new(PointMaze::new(map, 0))));
     }
 
     /// Turns to another map as the user says who is asked.
@@ -134,7 +135,8 @@ impl App {
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| "a whole number from 0 on".to_owned())?;
                 let run = Run { seed, ..self.run().clone() };
-                self.command(Command::Begin(Box::new(run), self.map.clone()));
+                let world = PointMaze::new(self.map.clone(), 0);
+                self.command(Command::Begin(Box::new(run), Box::new(world)));
             }
             Question::Autosave => {
                 let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));

@@ -40,8 +40,8 @@ impl App {
 
     fn note_evaluation(&mut self) {
         let Some((updates, e)) = self.snapshot.evaluations.last() else { return };
-        let error = 100.0 * e.distance_error.mape;
-        let text = format!("evaluated: {}, error of D {error:.0} %", e.success(*updates));
+        let error = e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
+        let text = format!("evaluated: {}{error}", e.success(*updates));
         self.log.note(&text, *updates);
     }
 

@@ -56,8 +56,8 @@ impl Saving {
 
     /// Turns to the run that `snapshot` shows: a file belongs to the run that wrote or loaded it.
     pub fn begin(&mut self, snapshot: &Snapshot) {
-        let Snapshot { map, run, saved, .. } = snapshot;
-        let name = format!("{}-{}-seed{}.safetensors", map.name(), run.method.name(), run.seed);
+        let Snapshot { title, run, saved, .. } = snapshot;
+        let name = format!("{title}-{}-seed{}.safetensors", run.method.name(), run.seed);
         let resumed = self.files.resumed.take();
         self.to = match (self.files.save.take(), saved, resumed, &self.named) {
             (Some(to), ..) => to,

@@ -8,7 +8,9 @@ use jiff::tz::TimeZone;
 
 use super::{Choice, Item, Picker};
 use crate::map::{BUILTIN, Grid};
-use crate::train::{CheckpointError, Description, Effect, Method, Preset, Settings, effect_of, list_settings};
+use crate::train::{
+    CheckpointError, Description, Effect, METHODS, Method, NamedMethod, Preset, Settings, effect_of, list_settings,
+};
 use crate::tui::action::{Action, Binding, bindings};
 use crate::tui::keymap::Keymap;
 use crate::tui::output::What;
@@ -28,27 +30,17 @@ pub fn themes(now: ThemeName) -> Picker {
 }
 
 /// Methods.
-pub fn methods(now: Method) -> Picker {
-    let about = |method: Method| match method {
-        Method::Gdg => "the actor alone",
-        Method::GdgBridge => "explores and plans through bridge points",
-        Method::Sorb => "unverified edges, waypoints planned once",
-        Method::Random => "random actions, nothing learned",
-    };
-    let items = [Method::GdgBridge, Method::Gdg, Method::Sorb, Method::Random];
-    let items = items.map(|m| Item::new(m.name(), about(m), Choice::Method(m))).to_vec();
+pub fn methods(now: &Method) -> Picker {
+    let item = |named: &NamedMethod| Item::new(named.name, named.about, Choice::Method(named.into()));
     let title = "go on with method (data and networks are kept)";
-    Picker::new(title, items).selecting(|choice| *choice == Choice::Method(now))
+    Picker::new(title, METHODS.iter().map(item).collect()).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
 
 /// Presets.
 pub fn presets(now: Preset) -> Picker {
-    let items = vec![
-        Item::new("default", "everything that measurement has shown to help", Choice::Preset(Preset::Default)),
-        Item::new("paper", "the published algorithms to the letter", Choice::Preset(Preset::Paper)),
-    ];
+    let items = Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
     let title = "go on with preset (data is kept, networks begin anew)";
-    Picker::new(title, items).selecting(|choice| *choice == Choice::Preset(now))
+    Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
 /// Settings, their values, and what a change of them costs.
@@ -157,5 +149,5 @@ fn about(d: &Description, zone: &TimeZone) -> String {
     let written = d.written.and_then(|at| Timestamp::try_from(at).ok());
     let date = written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());
     let (method, megabytes) = (d.run.method.name(), d.bytes as f64 / 1e6);
-    format!("{date}, {success}, {} updates, {} {method}, {megabytes:.1} MB", d.updates, d.map)
+    format!("{date}, {success}, {} updates, {} {method}, {megabytes:.1} MB", d.updates, d.title)
 }

@@ -69,8 +69,8 @@ fn success(snapshot: &Snapshot) -> Vec<Series> {
 }
 
 fn errors(snapshot: &Snapshot) -> Vec<Series> {
-    let learned = series("learned", snapshot, |e| Some(e.distance_error.mape));
-    let composed = series("by bridges", snapshot, |e| e.distance_error.graph.map(|g| g.mape));
+    let learned = series("learned", snapshot, |e| Some(e.distance_error?.mape));
+    let composed = series("by bridges", snapshot, |e| Some(e.distance_error?.graph?.mape));
     vec![learned, composed]
 }
 
@@ -101,8 +101,9 @@ pub fn csv(app: &App) -> Result<Vec<u8>, String> {
         let mut line = vec![updates.to_string(), String::new(), String::new(), String::new()];
         line.push(e.greedy.success.to_string());
         line.push(e.planned.as_ref().map_or(String::new(), |s| s.success.to_string()));
-        line.push(e.distance_error.mape.to_string());
-        line.push(e.distance_error.graph.map_or(String::new(), |g| g.mape.to_string()));
+        let number = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
+        line.push(number(e.distance_error.map(|e| e.mape)));
+        line.push(number(e.distance_error.and_then(|e| Some(e.graph?.mape))));
         line.extend(e.greedy.by_distance.iter().map(|d| d.success.to_string()));
         line.extend(e.planned.iter().flat_map(|s| &s.by_distance).map(|d| d.success.to_string()));
         line.resize(width, String::new());

@@ -69,7 +69,7 @@ fn plots(app: &App) -> Vec<Plot> {
     let success =
         vec![of("planned", &|e| e.planned.as_ref().map(|s| s.success)), of("greedy", &|e| Some(e.greedy.success))];
     let errors =
-        vec![of("D", &|e| Some(e.distance_error.mape)), of("by bridges", &|e| e.distance_error.graph.map(|g| g.mape))];
+        vec![of("D", &|e| Some(e.distance_error?.mape)), of("by bridges", &|e| Some(e.distance_error?.graph?.mape))];
     vec![
         Plot { title: "success", series: success, most: Some(1.0), log: false },
         Plot { title: "loss of D", series: vec![loss(0)], most: None, log: true },

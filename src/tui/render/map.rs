@@ -84,7 +84,7 @@ impl Base {
         if app.overlays.has(Overlay::Edges) {
             // The more telling over the others, and each only once over the ground.
             let [confirmed, demoted, untried] = app.theme.edges;
-            let spacing = app.snapshot.networks.1.spacing();
+            let spacing = app.snapshot.networks.candidates.spacing();
             for (kind, rgb, share, mark) in [
                 (Standing::Untried, untried, 0.4, '-'),
                 (Standing::Confirmed, confirmed, 0.6, '='),

@@ -52,8 +52,10 @@ fn success(app: &App) -> Vec<Line<'static>> {
     let score = |name: &str, score: &Score| fact(name, format!("{:.2}  {}", score.success, bars(&score.by_distance)));
     lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
     lines.push(score("greedy", &evaluation.greedy));
-    let graph = evaluation.distance_error.graph.map_or(String::new(), |g| format!(", graph {:.0} %", 100.0 * g.mape));
-    lines.push(fact("D error", format!("{:.0} %{graph}", 100.0 * evaluation.distance_error.mape)));
+    if let Some(error) = evaluation.distance_error {
+        let graph = error.graph.map_or(String::new(), |g| format!(", graph {:.0} %", 100.0 * g.mape));
+        lines.push(fact("D error", format!("{:.0} %{graph}", 100.0 * error.mape)));
+    }
     lines.push(fact("at update", short(*updates as f64)));
     lines
 }

@@ -69,7 +69,7 @@ fn every_action_is_taken_by_its_keys() {
     for binding in bindings() {
         for key in binding.keys {
             let path = folder.path().join("run.safetensors");
-            let mut app = app_saving_to(rooms(), Method::GdgBridge, Limits::default(), Some(path));
+            let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
             draw(&mut app, 80, 24);
             wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
             if binding.when == When::Editing {

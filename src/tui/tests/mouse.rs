@@ -122,7 +122,7 @@ fn dialogs_are_answered_and_closed_by_clicks() {
 /// A map much wider than its pane, drawn once.
 fn wide() -> App {
     let map = parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
-    let mut app = app_on(map, Method::Gdg);
+    let mut app = app_on(map, gdg());
     draw(&mut app, 80, 24);
     app
 }

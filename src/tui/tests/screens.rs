@@ -29,25 +29,25 @@ fn score(success: f64) -> Score {
         distance_steps: f64::from(5 * i),
         tasks: 10,
         success: (success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0),
-        spl: success,
+        spl: Some(success),
     });
-    Score { success, spl: success, steps_ratio: 1.1, by_distance: by_distance.collect() }
+    Score { success, spl: Some(success), steps_ratio: Some(1.1), by_distance: by_distance.collect() }
 }
 
 fn evaluation(at: f64) -> Evaluation {
     Evaluation {
         greedy: score(0.6 * at),
         planned: Some(score(at)),
-        distance_error: DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() },
+        distance_error: Some(DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() }),
         bridges: None,
-        coverage: 1.0,
+        coverage: Some(1.0),
         marked: None,
     }
 }
 
 /// The rooms in the midst of a run of which every number is known, drawn once at that size.
 fn stage(width: u16, height: u16) -> App {
-    let mut app = app_with(rooms(), Method::GdgBridge, Limits { updates: Some(0), ..Limits::default() });
+    let mut app = app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
     draw(&mut app, width, height);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
     let search = SearchOutcome {
@@ -256,7 +256,7 @@ fn lists_of_files() {
     let recent = [PathBuf::from("/home/ada/rooms-edited.txt")];
     let description = |name: &str, days: u64, planned| Description {
         file: PathBuf::from(format!("saves/{name}.safetensors")),
-        map: "rooms".to_owned(),
+        title: "rooms".to_owned(),
         run: stage(80, 24).run().clone(),
         updates: 20_000,
         success: Some(Success { updates: 20_000, greedy: 0.91, planned }),
@@ -289,13 +289,13 @@ fn lists_of_files() {
 #[test]
 fn nothing_is_cut_off_on_the_smallest_screen() {
     let longest = stage(80, 24);
-    for method in [Method::GdgBridge, Method::Gdg] {
+    for method in [Method::default(), gdg()] {
         for following in [None, Some(2)] {
             let mut app = stage(80, 24);
             app.following = following;
             let mut snapshot = (*app.snapshot).clone();
             // Numbers as long as they become in a day of training.
-            Arc::make_mut(&mut snapshot.run).method = method;
+            Arc::make_mut(&mut snapshot.run).method = method.clone();
             snapshot.seconds = 90_000.0;
             snapshot.rates = (1_234.0, 19_744.0);
             snapshot.counters.updates = 99_900_000;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use ratatui::layout::Position;
 
 use super::{Worker, cell_of};
-use crate::learn::Nets;
+use crate::learn::Policy;
 use crate::map::UNREACHABLE;
 use crate::train::Snapshot;
 use crate::tui::layers::Field;
@@ -23,8 +23,8 @@ impl Worker {
         let began = Instant::now();
         if let (Some(goal), Some(frame)) = (self.view.goal.0, self.frame.clone()) {
             let shown = self.shown.clone();
-            let nets = shown.0.nets();
-            self.view.field = Arc::new(self.field(frame.raster, goal.centre(), &nets, snapshot));
+            let policy = &*shown.policy;
+            self.view.field = Arc::new(self.field(frame.raster, goal.centre(), policy, snapshot));
             self.view.farthest = self.view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
             self.view.raster = Some(frame.raster);
             let places = || {
@@ -39,7 +39,7 @@ impl Worker {
                 let at: Vec<[f32; 2]> = at.filter(|at| map.is_free_at(at[0], at[1])).collect();
                 let mut actions = vec![0.0; 2 * at.len()];
                 let goals = goal.centre().repeat(at.len());
-                nets.actions(at.as_flattened(), &goals, &mut actions, &mut self.scratch);
+                policy.actions(at.as_flattened(), &goals, &mut actions, &mut self.scratch);
                 let (actions, _) = actions.as_chunks::<2>();
                 self.view.directions = Arc::new(at.into_iter().zip(actions.iter().copied()).collect());
             }
@@ -49,7 +49,7 @@ impl Worker {
     }
 
     /// The value of every pixel that shows free ground.
-    fn field(&mut self, raster: Raster, goal: [f32; 2], nets: &Nets, snapshot: &Snapshot) -> Vec<f32> {
+    fn field(&mut self, raster: Raster, goal: [f32; 2], policy: &dyn Policy, snapshot: &Snapshot) -> Vec<f32> {
         let (columns, rows) = raster.pixels;
         let map = self.world.map();
         let free = (0..columns * rows).filter_map(|i| match raster.ground(map, i % columns, i / columns) {
@@ -61,23 +61,24 @@ impl Worker {
         let values = match (self.view.kind, &self.graph) {
             (Field::Plain, _) => return vec![f32::NAN; columns * rows],
             (Field::Visits, _) => {
-                let visits = |at: &[f32; 2]| snapshot.visited.get(map.index(cell_of(*at))).copied().unwrap_or(0);
-                positions.iter().map(|at| visits(at) as f32).collect()
+                let visits = snapshot.scene.maze().visits;
+                let of = |at: &[f32; 2]| visits.get(map.index(cell_of(*at))).copied().unwrap_or(0);
+                positions.iter().map(|at| of(at) as f32).collect()
             }
             (Field::True, _) => self.true_distances(&positions, goal),
             (Field::FromStart, _) => {
                 let mut distances = vec![0.0; free.len()];
                 let start = self.view.walk.start.repeat(free.len());
-                nets.distances(&start, states, &mut distances, &mut self.scratch);
+                policy.distances(&start, states, &mut distances, &mut self.scratch);
                 distances
             }
             (Field::Composed, Some(graph)) => {
-                let route = graph.route(&goal, nets, &mut self.scratch);
-                graph.composed(states, &route, LINKS_OF_A_PIXEL, nets, &mut self.scratch)
+                let route = graph.route(&goal, policy, &mut self.scratch);
+                graph.composed(states, &route, LINKS_OF_A_PIXEL, policy, &mut self.scratch)
             }
             (kind, _) => {
                 let mut distances = vec![0.0; free.len()];
-                nets.distances(states, &goal.repeat(free.len()), &mut distances, &mut self.scratch);
+                policy.distances(states, &goal.repeat(free.len()), &mut distances, &mut self.scratch);
                 if kind == Field::Error {
                     let truth = self.true_distances(&positions, goal);
                     distances.iter_mut().zip(truth).for_each(|(d, t)| *d = (*d - t) / t.max(1.0));

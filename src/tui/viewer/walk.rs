@@ -3,7 +3,7 @@
 use super::{Worker, cell_of};
 use crate::bridge::{Target, Walker};
 use crate::env::Environment;
-use crate::learn::Nets;
+use crate::learn::Policy;
 use crate::map::Cell;
 
 /// Steps that the walking agent rests at the goal.
@@ -71,7 +71,7 @@ impl Worker {
     /// The walking agent at a place, or a random one.
     pub(super) fn restart(&mut self, cell: Option<Cell>) {
         match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
-            Some(cell) => self.world.place(0, &cell.centre()),
+            Some(cell) => self.world.place(0, &cell.centre().map(f64::from)),
             None => self.world.restart(0, &mut self.rng),
         }
         self.view.trail.clear();
@@ -118,8 +118,8 @@ impl Worker {
         self.changed = true;
         let (goal, at) = (goal.centre(), self.position());
         let networks = self.networks.clone();
-        let nets = networks.0.nets();
-        self.view.walk.distances.0 = nets.distance(&at, &goal, &mut self.scratch);
+        let policy = &*networks.policy;
+        self.view.walk.distances.0 = policy.distance(&at, &goal, &mut self.scratch);
         if self.world.spec().reached(&at, &goal) {
             self.view.walk.arrived = true;
             self.view.walk.waypoint = None;
@@ -133,11 +133,11 @@ impl Worker {
             self.restart(None);
             return;
         }
-        let aim = self.aim(at, goal, &nets);
-        self.view.walk.distances.1 = nets.distance(&at, &aim, &mut self.scratch);
+        let aim = self.aim(at, goal, policy);
+        self.view.walk.distances.1 = policy.distance(&at, &aim, &mut self.scratch);
         self.view.walk.waypoint = (aim != goal).then_some(aim);
         let mut action = [0.0; 2];
-        nets.actions(&at, &aim, &mut action, &mut self.scratch);
+        policy.actions(&at, &aim, &mut action, &mut self.scratch);
         self.world.step(&action, &mut self.rng);
         self.view.walk.steps += 1;
         self.view.trail.push(at);
@@ -147,14 +147,14 @@ impl Worker {
     }
 
     /// Where the agent heads for next; renews the path that is shown.
-    fn aim(&mut self, at: [f32; 2], goal: [f32; 2], nets: &Nets) -> [f32; 2] {
+    fn aim(&mut self, at: [f32; 2], goal: [f32; 2], policy: &dyn Policy) -> [f32; 2] {
         let Some(graph) = &self.graph else {
             self.view.path = vec![goal];
             return goal;
         };
         let scratch = &mut self.scratch;
-        let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, nets, scratch)));
-        let aim = walker.step(&at, graph, nets, scratch);
+        let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, policy, scratch)));
+        let aim = walker.step(&at, graph, policy, scratch);
         let aim = [aim[0], aim[1]];
         self.view.path = match walker.target() {
             Some(Target::Candidate(_)) => {

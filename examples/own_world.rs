@@ -1,0 +1,225 @@
+//! A world and a learner of your own: a bead on a wire, and a table.
+//!
+//! Neither is known to the library. The bead has a speed that the learner does not see; the table learns D by
+//! Q-learning on intervals of the wire. Everything else is the library's: exploration, bridges, evaluation, checkpoints,
+//! records.
+//!
+//! ```sh
+//! cargo run --release --example own_world -- bead --no-ui --method table+bridges --max-updates 5000
+//! ```
+
+use std::process::ExitCode;
+use std::sync::Arc;
+
+use clap::Parser;
+use gdg_tui::cli::Cli;
+use gdg_tui::env::{Environment, Spec, WorldKind};
+use gdg_tui::learn::{LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData};
+use gdg_tui::store::{Store, StoreError};
+use gdg_tui::train::Registry;
+use gdg_tui::{headless, setup};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+/// The length of the wire.
+const LENGTH: f32 = 20.0;
+
+/// The built-in worlds and learners, and these two.
+pub fn registry() -> Arc<Registry> {
+    let bead = WorldKind {
+        name: "bead",
+        about: "a bead on a wire",
+        create: Some(|| Box::new(Bead::new(0))),
+        load: |_| Ok(Box::new(Bead::new(0))),
+    };
+    let table = LearnerKind {
+        name: "table",
+        about: "Q-learning on intervals of a wire",
+        create: |spec, _, _, _| Ok(Box::new(Table::new(spec))),
+        parameters: |_, _| (INTERVALS * ACTIONS.len() * INTERVALS) as u64,
+    };
+    Registry::builtin().with_world(bead).with_learner(table)
+}
+
+/// Beads that are pushed along a wire and roll on a little.
+struct Bead {
+    spec: Spec,
+    positions: Vec<f32>,
+    /// Hidden from the learner.
+    speeds: Vec<f32>,
+}
+
+impl Bead {
+    fn new(agents: usize) -> Self {
+        let spec = Spec {
+            state_centre: vec![LENGTH / 2.0],
+            state_half_range: vec![LENGTH / 2.0],
+            change_scale: vec![1.0],
+            achieved: vec![0],
+            action_dim: 1,
+            goal_radius: 0.6,
+            goals_are_positions: true,
+        };
+        Self { spec, positions: vec![0.0; agents], speeds: vec![0.0; agents] }
+    }
+}
+
+impl Environment for Bead {
+    fn kind(&self) -> &'static str {
+        "bead"
+    }
+
+    fn title(&self) -> &'static str {
+        "wire"
+    }
+
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn agents(&self) -> usize {
+        self.positions.len()
+    }
+
+    fn states(&self) -> &[f32] {
+        &self.positions
+    }
+
+    fn whole(&self, agent: usize) -> Vec<f64> {
+        vec![f64::from(self.positions[agent]), f64::from(self.speeds[agent])]
+    }
+
+    fn place(&mut self, agent: usize, whole: &[f64]) {
+        (self.positions[agent], self.speeds[agent]) = (whole[0] as f32, whole[1] as f32);
+    }
+
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
+        (self.positions[agent], self.speeds[agent]) = (rng.random_range(0.0..LENGTH), 0.0);
+    }
+
+    fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
+        goal[0] = rng.random_range(0.0..LENGTH);
+    }
+
+    fn step(&mut self, actions: &[f32], _: &mut ChaCha8Rng) {
+        for ((position, speed), action) in self.positions.iter_mut().zip(&mut self.speeds).zip(actions) {
+            *speed = 0.5 * (*speed + action.clamp(-1.0, 1.0));
+            *position = (*position + *speed).clamp(0.0, LENGTH);
+        }
+    }
+
+    fn fork(&self, agents: usize) -> Box<dyn Environment> {
+        Box::new(Self::new(agents))
+    }
+
+    fn save(&self, _: &mut Store) {}
+}
+
+/// Actions that the table knows, and intervals of the wire.
+const ACTIONS: [f32; 3] = [-1.0, 0.0, 1.0];
+const INTERVALS: usize = 40;
+
+/// The part of an error that an update takes away, and transitions that it looks at.
+const RATE: f32 = 0.2;
+const BATCH: usize = 64;
+
+/// Steps Q(s, a, g) from interval s by action a to the middle of interval g.
+#[derive(Clone)]
+struct Table {
+    spec: Spec,
+    steps: Vec<f32>,
+}
+
+impl Table {
+    fn new(spec: &Spec) -> Self {
+        Self { spec: spec.clone(), steps: vec![0.0; INTERVALS * ACTIONS.len() * INTERVALS] }
+    }
+
+    fn interval(position: f32) -> usize {
+        ((position / LENGTH * INTERVALS as f32) as usize).min(INTERVALS - 1)
+    }
+
+    fn at(position: f32, action: usize, goal: usize) -> usize {
+        (Self::interval(position) * ACTIONS.len() + action) * INTERVALS + goal
+    }
+
+    /// The best action, and D = min Q.
+    fn best(&self, position: f32, goal: usize) -> (f32, f32) {
+        let all = ACTIONS.iter().enumerate().map(|(i, action)| (*action, self.steps[Self::at(position, i, goal)]));
+        all.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0))
+    }
+}
+
+impl Policy for Table {
+    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+        for ((state, goal), out) in states.iter().zip(goals).zip(out) {
+            let there = self.spec.reached(&[*state], &[*goal]);
+            *out = if there { 0.0 } else { self.best(*state, Self::interval(*goal)).1 };
+        }
+    }
+
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+        for ((state, goal), out) in states.iter().zip(goals).zip(out) {
+            *out = self.best(*state, Self::interval(*goal)).0;
+        }
+    }
+}
+
+impl Learner for Table {
+    fn kind(&self) -> &'static str {
+        "table"
+    }
+
+    fn update(&mut self, data: TrainingData, _: &mut Profile) -> Result<Losses, LearnError> {
+        let mut loss = 0.0;
+        for _ in 0..BATCH {
+            let (now, _) = data.replay.sample(data.rng);
+            let next = data.replay.state(Moment { slot: now.slot + 1, ..now })[0];
+            let action = (data.replay.action(now)[0].round() + 1.0) as usize;
+            for goal in 0..INTERVALS {
+                let middle = (goal as f32 + 0.5) * LENGTH / INTERVALS as f32;
+                let ahead = if self.spec.reached(&[next], &[middle]) { 0.0 } else { self.best(next, goal).1 };
+                let steps = &mut self.steps[Self::at(data.replay.state(now)[0], action, goal)];
+                let error = 1.0 + ahead - *steps;
+                *steps += RATE * error;
+                loss += error * error / (BATCH * INTERVALS) as f32;
+            }
+        }
+        Ok(Losses { critic: loss, ..Losses::default() })
+    }
+
+    fn policy(&self, _: bool) -> Result<Arc<dyn Policy>, LearnError> {
+        Ok(Arc::new(self.clone()))
+    }
+
+    fn with_policy(&self, _: bool, use_policy: &mut dyn FnMut(&dyn Policy)) -> Result<(), LearnError> {
+        use_policy(self);
+        Ok(())
+    }
+
+    fn save(&self, store: &mut Store) -> Result<(), LearnError> {
+        store.put("table.steps", self.steps.clone());
+        Ok(())
+    }
+
+    fn load(&mut self, store: &Store) -> Result<(), LearnError> {
+        let steps = store.f32("table.steps")?;
+        if steps.len() != self.steps.len() {
+            return Err(StoreError::misfit("the stored table is of another size").into());
+        }
+        self.steps.copy_from_slice(steps);
+        Ok(())
+    }
+}
+
+fn main() -> ExitCode {
+    let args = Cli::parse().train;
+    let status = setup::prepare(&args, &registry()).and_then(|setup| headless::run(setup, &args));
+    status.map_or_else(
+        |error| {
+            eprintln!("{error:?}");
+            ExitCode::FAILURE
+        },
+        ExitCode::from,
+    )
+}

@@ -1,0 +1,362 @@
+//! The point maze: continuous positions on a grid map, the setting of SoRB (Eysenbach et al. 2019).
+
+mod tasks;
+mod truth;
+
+use std::any::Any;
+use std::sync::{Arc, OnceLock};
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
+use serde_json::{Map, Value, json};
+
+use super::{
+    Change, EnvError, EnvSettings, Environment, MazeScene, Restart, Scene, Spec, Task, TaskSet, Truth, WorldKind,
+};
+use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
+use crate::store::{Store, StoreError};
+use crate::text::file_name;
+
+/// The maze as it is registered.
+pub const KIND: WorldKind = WorldKind {
+    name: NAME,
+    about: "a point on a grid map, that slides along walls",
+    create: None,
+    load: |store| Ok(Box::new(PointMaze::load(store)?)),
+};
+
+const NAME: &str = "maze";
+
+/// Sub-steps of a step; in each, the axes move one after the other.
+const SUBSTEPS: usize = 10;
+
+/// Goal reached below this Euclidean distance, in cells.
+const GOAL_RADIUS_CELLS: f32 = 1.0;
+
+/// Places nearer than this are the same, in cells.
+const SAME_PLACE_CELLS: f32 = 1e-3;
+
+/// Memory for each cell: searches, visits, components, the picture.
+const BYTES_PER_CELL: u64 = 120;
+
+/// Agents as points on a map; state and goal are the position (x, y) in cells, y down.
+#[derive(Clone)]
+pub struct PointMaze {
+    map: Arc<Grid>,
+    spec: Spec,
+    settings: EnvSettings,
+    /// `(agents, 2)`.
+    positions: Vec<f32>,
+    /// Free cells by connected component, and each cell's component: tasks are drawn within one component.
+    components: Arc<Vec<Vec<Cell>>>,
+    component_of: Arc<Vec<Option<u32>>>,
+    largest: u32,
+    /// How often an agent was in each cell, row-major.
+    visits: Arc<Vec<u32>>,
+    /// The farthest distance, once somebody has asked: on large maps it takes seconds.
+    diameter: Arc<OnceLock<Diameter>>,
+    /// Tasks to evaluate on instead of random ones.
+    scenario: Arc<[ScenarioTask]>,
+}
+
+impl PointMaze {
+    /// A maze of `agents` agents, all at the first free cell of the largest component.
+    ///
+    /// # Panics
+    /// If the map has no free cell: parsers refuse such maps.
+    pub fn new(map: Arc<Grid>, agents: usize) -> Self {
+        let components = StepSearch::new(&map).components(&map);
+        let mut cells = vec![Vec::new(); components.sizes.len()];
+        for cell in map.free_cells() {
+            if let Some(component) = components.of_cell[map.index(cell)] {
+                cells[component as usize].push(cell);
+            }
+        }
+        let largest = components.largest();
+        let first = cells[largest as usize][0].centre();
+        // One scale for both axes: a step is as long to the right as it is down.
+        let half = map.width().max(map.height()) as f32 / 2.0;
+        let spec = Spec {
+            state_centre: vec![map.width() as f32 / 2.0, map.height() as f32 / 2.0],
+            state_half_range: vec![half; 2],
+            change_scale: vec![1.0; 2],
+            achieved: vec![0, 1],
+            action_dim: 2,
+            goal_radius: GOAL_RADIUS_CELLS,
+            goals_are_positions: true,
+        };
+        Self {
+            spec,
+            settings: EnvSettings::default(),
+            positions: first.repeat(agents),
+            components: Arc::new(cells),
+            component_of: Arc::new(components.of_cell),
+            largest,
+            visits: Arc::new(vec![0; map.free().len()]),
+            diameter: Arc::default(),
+            scenario: Arc::from([]),
+            map,
+        }
+    }
+
+    /// `world`, where it is a maze.
+    pub fn of(world: &dyn Environment) -> Option<&Self> {
+        (world as &dyn Any).downcast_ref()
+    }
+
+    /// The same maze under other settings.
+    #[must_use]
+    pub fn with_settings(self, settings: EnvSettings) -> Self {
+        Self { settings, ..self }
+    }
+
+    /// The same as [`Self::of`], to be changed.
+    pub fn of_mut(world: &mut dyn Environment) -> Option<&mut Self> {
+        (world as &mut dyn Any).downcast_mut()
+    }
+
+    /// Evaluates on the tasks of a scenario from now on.
+    pub fn set_scenario(&mut self, tasks: Vec<ScenarioTask>) {
+        self.scenario = tasks.into();
+    }
+
+    /// A maze on another map that is to take this one's place: with the same settings and scenario, without agents.
+    #[must_use]
+    pub fn on_map(&self, map: Arc<Grid>) -> Self {
+        Self { scenario: self.scenario.clone(), settings: self.settings, ..Self::new(map, 0) }
+    }
+
+    /// The map that the agents move on.
+    pub fn map(&self) -> &Arc<Grid> {
+        &self.map
+    }
+
+    /// How often an agent was in each cell, row-major.
+    pub fn visits(&self) -> &[u32] {
+        &self.visits
+    }
+
+    /// The farthest distance on the map; takes seconds on large maps, the first time.
+    pub fn diameter(&self) -> Diameter {
+        *self.diameter.get_or_init(|| Diameter::of(&self.map))
+    }
+
+    fn load(store: &Store) -> Result<Self, StoreError> {
+        // A name that comes from a file must not lead anywhere when it becomes part of another file's name.
+        let name = file_name(store.text("map_name")?);
+        let map = parse_map(&name, store.text("map")?.as_bytes());
+        let map = map.map_err(|e| StoreError::misfit(e.to_string()))?.named(&name);
+        Ok(Self::new(Arc::new(map), 0))
+    }
+
+    fn random_position(&self, component: u32, rng: &mut ChaCha8Rng) -> [f32; 2] {
+        Self::random_position_in(&self.components[component as usize], rng)
+    }
+
+    fn random_position_in(cells: &[Cell], rng: &mut ChaCha8Rng) -> [f32; 2] {
+        let cell = cells[rng.random_range(0..cells.len())];
+        // Below 1 even after rounding to the precision of a coordinate of some thousands.
+        let mut inside = || rng.random::<f32>() * 0.998 + 0.001;
+        [cell.x as f32 + inside(), cell.y as f32 + inside()]
+    }
+}
+
+/// Where a point at (`x`, `y`) comes to within one step of action (`ax`, `ay`): it slides along walls.
+fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
+    let (dx, dy) = (ax / SUBSTEPS as f32, ay / SUBSTEPS as f32);
+    for _ in 0..SUBSTEPS {
+        if map.is_free_at(x + dx, y) {
+            x += dx;
+        }
+        if map.is_free_at(x, y + dy) {
+            y += dy;
+        }
+    }
+    [x, y]
+}
+
+/// A position as a whole state.
+pub fn whole_of([x, y]: [f32; 2]) -> [f64; 2] {
+    [f64::from(x), f64::from(y)]
+}
+
+impl Environment for PointMaze {
+    fn kind(&self) -> &'static str {
+        NAME
+    }
+
+    fn title(&self) -> &str {
+        self.map.name()
+    }
+
+    fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    fn agents(&self) -> usize {
+        self.positions.len() / 2
+    }
+
+    fn states(&self) -> &[f32] {
+        &self.positions
+    }
+
+    fn whole(&self, agent: usize) -> Vec<f64> {
+        self.positions[2 * agent..2 * agent + 2].iter().map(|v| f64::from(*v)).collect()
+    }
+
+    fn place(&mut self, agent: usize, whole: &[f64]) {
+        let mut position = [whole[0] as f32, whole[1] as f32];
+        if !self.map.is_free_at(position[0], position[1]) {
+            let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
+            if let Some(free) = self.map.nearest_free(cell) {
+                position = free.centre();
+            }
+        }
+        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
+    }
+
+    fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
+        let position = match (self.settings.restart, self.map.starts()) {
+            (Restart::StartCell, starts @ [_, ..]) => Self::random_position_in(starts, rng),
+            _ => self.random_position(self.largest, rng),
+        };
+        self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
+    }
+
+    fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
+        let cell = Cell::new(self.positions[2 * agent] as usize, self.positions[2 * agent + 1] as usize);
+        let component = self.component_of[self.map.index(cell)].unwrap_or(self.largest);
+        goal.copy_from_slice(&self.random_position(component, rng));
+    }
+
+    fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {
+        let noise = self.settings.noise;
+        for (position, action) in self.positions.chunks_exact_mut(2).zip(actions.chunks_exact(2)) {
+            let mut a = [action[0].clamp(-1.0, 1.0), action[1].clamp(-1.0, 1.0)];
+            if noise > 0.0 {
+                for component in &mut a {
+                    let sample: f32 = StandardNormal.sample(rng);
+                    *component = (*component + noise * sample).clamp(-1.0, 1.0);
+                }
+            }
+            position.copy_from_slice(&slide(&self.map, [position[0], position[1]], a));
+        }
+    }
+
+    /// All at the first free cell.
+    fn fork(&self, agents: usize) -> Box<dyn Environment> {
+        let first = self.components[self.largest as usize][0].centre();
+        let visits = Arc::new(vec![0; self.map.free().len()]);
+        Box::new(Self { positions: first.repeat(agents), visits, ..self.clone() })
+    }
+
+    fn configure(&mut self, settings: &EnvSettings) {
+        self.settings = *settings;
+    }
+
+    fn save(&self, store: &mut Store) {
+        store.put_text("map_name", self.map.name());
+        store.put_text("map", print_ascii(&self.map));
+        store.put("visited", self.visits.to_vec());
+    }
+
+    fn restore_statistics(&mut self, store: &Store) -> Result<(), StoreError> {
+        let visits = store.u32("visited")?;
+        if visits.len() != self.visits.len() {
+            return Err(StoreError::misfit("the stored visits do not fit the map"));
+        }
+        self.visits = Arc::new(visits.to_vec());
+        Ok(())
+    }
+
+    fn count_visits(&mut self) {
+        let visits = Arc::make_mut(&mut self.visits);
+        for at in self.positions.chunks_exact(2) {
+            let cell = self.map.index(Cell::new(at[0] as usize, at[1] as usize));
+            visits[cell] = visits[cell].saturating_add(1);
+        }
+    }
+
+    /// The share of the largest component's cells.
+    fn coverage(&self) -> Option<f64> {
+        let cells = &self.components[self.largest as usize];
+        let seen = cells.iter().filter(|cell| self.visits[self.map.index(**cell)] > 0).count();
+        Some(seen as f64 / cells.len().max(1) as f64)
+    }
+
+    fn facts(&self) -> Map<String, Value> {
+        let (map, diameter) = (&self.map, self.diameter());
+        let facts = json!({
+            "name": map.name(),
+            "width": map.width(),
+            "height": map.height(),
+            "free_cells": map.free_count(),
+            "diameter_steps": diameter.steps,
+            // Whether no two cells are farther apart, or that is only the farthest pair found.
+            "diameter_exact": diameter.exact,
+        });
+        Map::from_iter([("map".to_owned(), facts)])
+    }
+
+    /// Of the scenario, where there is one: six times `per_group`, evenly spaced through it. Else random ones at six
+    /// distances, the farthest at 0.9 of the map's diameter.
+    fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+        if self.scenario.is_empty() {
+            tasks::at_distances(&self.map, self.diameter().steps, per_group, rng)
+        } else {
+            tasks::of_scenario(&self.map, &self.scenario, per_group)
+        }
+    }
+
+    /// From the map's first start to its first goal.
+    fn own_task(&self) -> Option<Task> {
+        tasks::marked(&self.map)
+    }
+
+    fn truth(&self) -> Option<Box<dyn Truth + '_>> {
+        Some(Box::new(truth::StepTruth::new(&self.map, &self.components[self.largest as usize])))
+    }
+
+    /// With noise of the environment's own: whether both are free places.
+    fn is_possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool {
+        let free = |at: &[f32]| self.map.is_free_at(at[0], at[1]);
+        if !free(state) || !free(next) {
+            return false;
+        }
+        let reached = slide(&self.map, [state[0], state[1]], [action[0], action[1]]);
+        let off = (reached[0] - next[0]).abs().max((reached[1] - next[1]).abs());
+        self.settings.noise > 0.0 || off < SAME_PLACE_CELLS
+    }
+
+    fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError> {
+        let other = EnvError::OtherKind { run: before.kind(), other: NAME };
+        let before = Self::of(before).ok_or(other)?;
+        let size = |maze: &Self| (maze.map.width(), maze.map.height());
+        if size(self) != size(before) {
+            return Err(EnvError::OtherSize { map: size(self), run: size(before) });
+        }
+        let cells = || self.map.free().iter().zip(before.map.free());
+        let changed = |to: bool| cells().filter(|(new, old)| new != old && **new == to).count();
+        let (walled, opened, pieces) = (changed(false), changed(true), self.components.len());
+        Ok(Change {
+            may_lengthen: walled > 0,
+            what: format!("{walled} cells walled, {opened} opened"),
+            warning: (pieces > 1).then(|| format!("{pieces} pieces that do not reach each other")),
+            facts: Map::from_iter([
+                ("map".to_owned(), json!(self.map.name())),
+                ("walled".to_owned(), json!(walled)),
+                ("opened".to_owned(), json!(opened)),
+            ]),
+        })
+    }
+
+    fn scene(&self) -> Scene {
+        Scene::Maze(MazeScene { map: self.map.clone(), visits: self.visits.clone() })
+    }
+
+    fn memory_bytes(&self) -> u64 {
+        self.map.free().len() as u64 * BYTES_PER_CELL
+    }
+}

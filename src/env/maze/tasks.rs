@@ -1,0 +1,93 @@
+//! Evaluation tasks: pairs of cells at known distances.
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::whole_of;
+use crate::env::{Task, TaskSet};
+use crate::map::{Cell, Grid, ScenarioTask, StepSearch, UNREACHABLE};
+
+/// Distances at which a map is evaluated.
+const DISTANCES: usize = 6;
+
+/// The farthest of them, as a share of the map's diameter.
+const FARTHEST: f64 = 0.9;
+
+/// Starts tried for one task before its distance is given up.
+const TRIES: usize = 400;
+
+/// From the middle of a cell to that of another.
+fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
+    Task { start: whole_of(start.centre()).to_vec(), goal: goal.centre().to_vec(), shortest: Some(shortest), group }
+}
+
+/// `per_distance` random tasks at each of six distances, the farthest at 0.9 of the diameter, each to within one step.
+/// Distances that the map does not have are left out.
+pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+    let mut search = StepSearch::new(map);
+    let components = search.components(map);
+    let cells: Vec<Cell> = components.largest_cells(map).collect();
+    let mut set = TaskSet::default();
+    for i in 1..=DISTANCES {
+        let distance = (FARTHEST * f64::from(diameter) * i as f64 / DISTANCES as f64).round() as u32;
+        if distance == 0 || set.distances.contains(&f64::from(distance)) {
+            continue;
+        }
+        let group = set.distances.len();
+        let tasks = (0..per_distance).filter_map(|_| {
+            let (start, goal, shortest) = draw(map, &mut search, &cells, distance, rng)?;
+            Some(task(start, goal, shortest, group))
+        });
+        set.tasks.extend(tasks);
+        set.distances.push(f64::from(distance));
+    }
+    set
+}
+
+/// Tasks of a scenario, evenly spaced through it, `per_group` in each of six ranges of shortest steps. Tasks without a
+/// way are left out.
+pub fn of_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
+    let mut search = StepSearch::new(map);
+    let count = (DISTANCES * per_group).clamp(1, scenario.len());
+    let chosen = (0..count).map(|i| scenario[i * scenario.len() / count]);
+    let mut found: Vec<(u32, Cell, Cell)> = chosen
+        .map(|t| (search.from(t.start)[map.index(t.goal)], t.start, t.goal))
+        .filter(|(shortest, ..)| *shortest != UNREACHABLE)
+        .collect();
+    found.sort_by_key(|(shortest, ..)| *shortest);
+    let groups = DISTANCES.min(found.len());
+    let mut set = TaskSet::default();
+    for group in 0..groups {
+        let own = &found[group * found.len() / groups..(group + 1) * found.len() / groups];
+        set.tasks.extend(own.iter().map(|(shortest, start, goal)| task(*start, *goal, *shortest, group)));
+        set.distances.push(own.iter().map(|(shortest, ..)| f64::from(*shortest)).sum::<f64>() / own.len() as f64);
+    }
+    set
+}
+
+/// The map's own task, from its first start to its first goal, where it has both and a way between them.
+pub fn marked(map: &Grid) -> Option<Task> {
+    let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
+    let steps = StepSearch::new(map).from(goal)[map.index(start)];
+    (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
+}
+
+/// A random pair of cells whose distance is `distance` to within one step.
+fn draw(
+    map: &Grid,
+    search: &mut StepSearch,
+    cells: &[Cell],
+    distance: u32,
+    rng: &mut ChaCha8Rng,
+) -> Option<(Cell, Cell, u32)> {
+    for _ in 0..TRIES {
+        let start = cells[rng.random_range(0..cells.len())];
+        let steps = search.from(start);
+        let fitting: Vec<usize> = (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();
+        if !fitting.is_empty() {
+            let goal = fitting[rng.random_range(0..fitting.len())];
+            return Some((start, map.cell(goal), steps[goal]));
+        }
+    }
+    None
+}

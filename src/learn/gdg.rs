@@ -1,0 +1,481 @@
+//! Goal-distance gradient: distance critics, dynamics model and actor (Algorithm 1), updated by our own kernels with the
+//! work split over threads.
+
+mod part;
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use candle_core::{Error, Result};
+use parking_lot::{Mutex, RwLock};
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use super::batch::{Batch, BatchSampler};
+use super::encoder::Encoder;
+use super::gradient::{Gradient, StepRates};
+use super::kernel;
+use super::learner::{KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
+use super::losses::{ActorPath, Losses, MOST_STATE_NUMBERS, Pairs, Shapes};
+use super::mlp::Mlp;
+use super::network::Network;
+use super::policy::{FrozenNets, Nets, Policy, Scratch};
+use super::profile::{Phase, Profile};
+use super::reference::{Layers, Reference};
+use super::settings::{Backend, LearnSettings};
+use super::state::NetworkState;
+use super::tape::Tape;
+use super::team::Team;
+use super::touched::Touched;
+use crate::env::Spec;
+use crate::store::{Store, StoreError};
+use part::{Part, Rows, part_rows};
+
+/// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
+pub type WholeGradient = (Vec<f32>, Vec<f32>);
+
+/// The learner as it is registered.
+pub const KIND: LearnerKind = LearnerKind {
+    name: NAME,
+    about: "goal-distance gradient: learns D and a dynamics model, and an actor through both",
+    create: |spec, settings, threads, rng| Ok(Box::new(Gdg::new(spec, settings, threads, rng)?)),
+    parameters: Gdg::parameters,
+};
+
+const NAME: &str = "gdg";
+
+/// The networks and everything needed to train them.
+pub struct Gdg {
+    sampler: BatchSampler,
+    /// The latest batch.
+    batch: Batch,
+    /// Share of a batch whose distances come from elsewhere.
+    distillation: f32,
+    shared: Arc<Shared>,
+    team: Team,
+    backend: Backend,
+    /// The networks on a backend other than the own kernels; what is shared follows it.
+    tape: Option<Tape>,
+}
+
+/// What the threads of an update work on together.
+struct Shared {
+    shapes: Arc<Shapes>,
+    rates: RwLock<StepRates>,
+    critics: Vec<Network>,
+    model: Network,
+    actor: Network,
+    parts: Vec<Mutex<Part>>,
+    batch: RwLock<Batch>,
+    /// Corners of grid tables that the batch touches: in pairs, and in transitions.
+    pairs: RwLock<Touched>,
+    transitions: RwLock<Touched>,
+    /// The first failure of the current update.
+    failure: Mutex<Option<Error>>,
+}
+
+impl Gdg {
+    /// Fresh networks for an environment of `spec`; `threads` share the work of each update, without changing its
+    /// result.
+    ///
+    /// # Errors
+    /// What candle reports, or that a thread cannot be started.
+    pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
+        if spec.state_dim() > MOST_STATE_NUMBERS {
+            candle_core::bail!("states of more than {MOST_STATE_NUMBERS} numbers are not supported");
+        }
+        let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
+        let grid = shapes.encoder.grid();
+        let mut network = |mlp, tau| Network::new(mlp, grid, tau, rng);
+        let tau = Some(settings.tau);
+        let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
+        let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
+        let part = || Part::new(settings.critics);
+        let parts = (0..settings.batch.div_ceil(part_rows(settings.batch))).map(|_| Mutex::new(part())).collect();
+        let rates = RwLock::new(StepRates::of(settings));
+        let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
+        let failure = Mutex::default();
+        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
+        let tape = Tape::new(settings.backend, shared.networks())?;
+        Ok(Self {
+            sampler: BatchSampler::new(spec, settings),
+            batch: Batch::default(),
+            distillation: settings.distillation,
+            shared: Arc::new(shared),
+            team: Team::new(threads)?,
+            backend: settings.backend,
+            tape,
+        })
+    }
+
+    /// Numbers that training changes in all networks that `settings` ask for.
+    pub fn parameters(spec: &Spec, settings: &LearnSettings) -> u64 {
+        let shapes = Shapes::new(Encoder::new(spec, settings), settings);
+        let table = shapes.encoder.grid().map_or(0, |grid| grid.corners() * grid.channels);
+        let of = |mlp: &Mlp| (mlp.parameters() + table) as u64;
+        settings.critics as u64 * of(&shapes.critic) + of(&shapes.model) + of(&shapes.actor)
+    }
+
+    /// Networks' shapes and input features.
+    pub fn shapes(&self) -> &Shapes {
+        &self.shared.shapes
+    }
+
+    /// Critic `k`; the actor follows the first.
+    pub fn critic(&self, k: usize) -> &Network {
+        &self.shared.critics[k]
+    }
+
+    /// The dynamics model.
+    pub fn model(&self) -> &Network {
+        &self.shared.model
+    }
+
+    /// The actor.
+    pub fn actor(&self) -> &Network {
+        &self.shared.actor
+    }
+
+    /// All networks: critics, model, actor.
+    pub fn networks(&self) -> impl Iterator<Item = &Network> {
+        self.shared.networks()
+    }
+
+    /// Updates done.
+    pub fn updates(&self) -> u64 {
+        self.shared.actor.steps()
+    }
+
+    /// One update of critics, model, actor and averages on `batch` (Algorithm 1's inner loop); its time is booked on
+    /// `profile`.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn update_on(&mut self, batch: &Batch, profile: &mut Profile) -> Result<Losses> {
+        let began = Instant::now();
+        if let Some(tape) = &mut self.tape {
+            let Shared { shapes, rates, actor, .. } = &*self.shared;
+            let steps = actor.steps() + 1;
+            let losses = tape.update(shapes, batch, steps, *rates.read())?;
+            tape.write_back(self.shared.networks(), steps)?;
+            profile.lap(Phase::Tape, began);
+            return Ok(losses);
+        }
+        self.shared.batch.write().clone_from(batch);
+        let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
+        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
+        let began = profile.lap(Phase::CriticModelGradients, began);
+        self.together(2 * (critics + 1), Shared::step_critics_and_model)?;
+        let began = profile.lap(Phase::CriticModelSteps, began);
+        self.together(parts, Shared::actor_gradients)?;
+        let began = profile.lap(Phase::ActorGradient, began);
+        self.together(2, Shared::step_actor)?;
+        profile.lap(Phase::ActorStep, began);
+        Ok(self.losses())
+    }
+
+    /// Does `work` for each number below `tasks`, on all threads.
+    fn together(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
+        let shared = self.shared.clone();
+        self.team.run(tasks, move |i| {
+            if let Err(error) = work(&shared, i) {
+                shared.failure.lock().get_or_insert(error);
+            }
+        });
+        self.shared.failure.lock().take().map_or(Ok(()), Err)
+    }
+
+    /// Losses and gradients on `batch` of the first critic, the model and the actor, all at the current weights and
+    /// without a step: flat parameters and table of each. For checks against other ways to compute them.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [WholeGradient; 3])> {
+        self.shared.batch.write().clone_from(batch);
+        let parts = self.shared.parts.len();
+        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
+        self.together(parts, Shared::actor_gradients)?;
+        let whole = |network: &Network, touched: &RwLock<Touched>, of: fn(&mut Part) -> &mut Gradient| {
+            let mut dense = Vec::new();
+            for part in &self.shared.parts {
+                let mut part = part.lock();
+                let gradient = &of(&mut part).dense;
+                dense.resize(gradient.len(), 0.0);
+                kernel::add_into(&mut dense, gradient);
+            }
+            let encoded: Vec<_> = self.shared.parts.iter().map(|p| of(&mut p.lock()).encoded.clone()).collect();
+            let table = network.halves().1.map(|table| touched.read().whole(&encoded, table.channels()));
+            (dense, table.unwrap_or_default())
+        };
+        let Shared { pairs, transitions, .. } = &*self.shared;
+        let gradients = [
+            whole(self.critic(0), pairs, |part| &mut part.critics[0]),
+            whole(self.model(), transitions, |part| &mut part.model),
+            whole(self.actor(), pairs, |part| &mut part.actor),
+        ];
+        Ok((self.losses(), gradients))
+    }
+
+    fn losses(&self) -> Losses {
+        self.shared.parts.iter().map(|part| part.lock().losses).fold(Losses::default(), |sum, part| Losses {
+            critic: sum.critic + part.critic,
+            model: sum.model + part.model,
+            actor: sum.actor + part.actor,
+        })
+    }
+
+    /// The losses at the current weights by candle's operations.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn reference(&self, layers: Layers) -> Result<Reference<'_>> {
+        Reference::new(self.shapes(), self.networks(), layers)
+    }
+
+    /// Uses the networks as they are, or their averages, while no update runs.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
+        let critics: Vec<_> = self.shared.critics.iter().map(Network::lock).collect();
+        let actor = self.shared.actor.lock();
+        Ok(use_nets(Nets {
+            shapes: &self.shared.shapes,
+            critics: critics.iter().map(|l| l.weights(averaged)).collect::<Result<_>>()?,
+            actor: actor.weights(averaged)?,
+        }))
+    }
+
+    /// Replaces a share of the batch by pairs whose distance is known from elsewhere (distillation).
+    fn distil(&mut self, known: Option<&KnownDistances>, rng: &mut ChaCha8Rng) {
+        let Some(known) = known.filter(|known| self.distillation > 0.0 && !known.pairs.is_empty()) else { return };
+        let spec = self.shared.shapes.encoder.spec();
+        let (s, g) = (spec.state_dim(), spec.goal_dim());
+        let count = (self.distillation * self.batch.len() as f32).round() as usize;
+        for i in 0..count {
+            let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
+            let (from, to) = (from as usize, to as usize);
+            let (state, goal) = (&known.states[from * s..(from + 1) * s], &known.goals[to * g..(to + 1) * g]);
+            self.batch.set_known(i, state, goal, steps);
+        }
+    }
+
+    /// State of each network, by name.
+    ///
+    /// # Errors
+    /// What candle reports.
+    pub fn networks_state(&self) -> Result<Vec<(String, NetworkState)>> {
+        self.shared.named().map(|(name, network)| Ok((name, network.state()?))).collect()
+    }
+}
+
+/// When an average of a table's corner was stored is a count, kept as the bits of a float.
+const COUNTS: &str = "table_last";
+
+impl Learner for Gdg {
+    fn kind(&self) -> &'static str {
+        NAME
+    }
+
+    fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
+        let began = Instant::now();
+        let mut batch = std::mem::take(&mut self.batch);
+        self.sampler.sample(data.replay, data.relearning, data.rng, &mut batch);
+        self.batch = batch;
+        self.distil(data.known.as_ref(), data.rng);
+        profile.lap(Phase::Sample, began);
+        let batch = std::mem::take(&mut self.batch);
+        let losses = self.update_on(&batch, profile);
+        self.batch = batch;
+        Ok(losses?)
+    }
+
+    fn policy(&self, averaged: bool) -> std::result::Result<Arc<dyn Policy>, LearnError> {
+        let critics = self.shared.critics.iter().map(|c| c.copy(averaged)).collect::<Result<_>>()?;
+        let actor = self.shared.actor.copy(averaged)?;
+        Ok(Arc::new(FrozenNets::new(self.shared.shapes.clone(), critics, actor)))
+    }
+
+    fn with_policy(
+        &self,
+        averaged: bool,
+        use_policy: &mut dyn FnMut(&dyn Policy),
+    ) -> std::result::Result<(), LearnError> {
+        Ok(self.with_nets(averaged, |nets| use_policy(&nets))?)
+    }
+
+    /// Whether the averaged critics give finite distances on the latest batch.
+    fn is_sound(&self) -> std::result::Result<bool, LearnError> {
+        let (states, goals) = (&self.batch.states, &self.batch.goals);
+        let mut distances = vec![0.0; self.batch.len()];
+        self.with_nets(true, |nets| nets.distances(states, goals, &mut distances, &mut Scratch::default()))?;
+        Ok(distances.iter().all(|d| d.is_finite()))
+    }
+
+    fn save(&self, store: &mut Store) -> std::result::Result<(), LearnError> {
+        store.put_text("learner_updates", self.updates().to_string());
+        for (network, parts) in self.networks_state()? {
+            for (part, values) in parts {
+                let name = format!("{network}.{part}");
+                if part == COUNTS {
+                    store.put(name, values.into_iter().map(f32::to_bits).collect::<Vec<u32>>());
+                } else {
+                    store.put(name, values);
+                }
+            }
+        }
+        Ok(())
+    }
+
+    fn load(&mut self, store: &Store) -> std::result::Result<(), LearnError> {
+        let updates = store.text("learner_updates")?.parse::<u32>();
+        let updates = updates.map_err(|_| StoreError::misfit("its number of updates is out of range"))?.into();
+        let find = |network: &str, part: &str| {
+            let name = format!("{network}.{part}");
+            let counts = || store.u32(&name).map(|counts| counts.iter().copied().map(f32::from_bits).collect());
+            store.f32(&name).map(<[f32]>::to_vec).or_else(|_| counts()).ok()
+        };
+        let named = || self.shared.named();
+        let restore = |(name, network): (String, &Network)| network.restore(updates, |part| find(&name, part));
+        named().try_for_each(restore).map_err(|e| StoreError::misfit(format!("its networks do not fit: {e}")))?;
+        self.tape = Tape::new(self.backend, self.shared.networks())?;
+        Ok(())
+    }
+}
+
+impl Shared {
+    /// Tasks of the first phase that look which corners of tables the batch touches.
+    const LOOKS: usize = 2;
+
+    /// Critics, model, actor.
+    fn networks(&self) -> impl Iterator<Item = &Network> {
+        self.critics.iter().chain([&self.model, &self.actor])
+    }
+
+    /// All networks with their names.
+    fn named(&self) -> impl Iterator<Item = (String, &Network)> {
+        let critics = self.critics.iter().enumerate().map(|(k, critic)| (critic_name(k), critic));
+        critics.chain([("model".to_owned(), &self.model), ("actor".to_owned(), &self.actor)])
+    }
+
+    /// The first phase of an update: its first tasks look which corners the steps will touch, each other one computes
+    /// gradients of critics and model from its part of the batch.
+    fn look_or_critic_and_model_gradients(&self, task: usize) -> Result<()> {
+        if let Some(part) = task.checked_sub(Self::LOOKS) {
+            return self.critic_and_model_gradients(part);
+        }
+        self.look(task == 0);
+        Ok(())
+    }
+
+    /// Finds the corners that the batch's pairs, or its transitions, touch.
+    fn look(&self, pairs: bool) {
+        let Some(grid) = self.shapes.encoder.grid() else { return };
+        let batch = self.batch.read();
+        let encoder = &self.shapes.encoder;
+        let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
+        let parts = (0..self.parts.len()).map(|i| Rows::new(&self.shapes, &batch, i));
+        // In the order in which the parts' gradients come.
+        if pairs {
+            self.pairs.write().find(grid, |places| {
+                for rows in parts {
+                    rows.states.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
+                    rows.goals.chunks_exact(g).for_each(|goal| encoder.locate_goal(goal, places));
+                }
+            });
+        } else {
+            self.transitions.write().find(grid, |places| {
+                for rows in parts {
+                    rows.from.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
+                }
+            });
+        }
+    }
+
+    /// Gradients of the critics and the model from part `i` of the batch.
+    fn critic_and_model_gradients(&self, i: usize) -> Result<()> {
+        let critics: Vec<_> = self.critics.iter().map(Network::lock).collect();
+        let current = critics.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
+        let targets = critics.iter().map(|l| l.weights(true)).collect::<Result<Vec<_>>>()?;
+        let (model, actor) = (self.model.lock(), self.actor.lock());
+        let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
+        let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
+        part.targets(&self.shapes, &rows, (actor.weights(true)?, model.weights(false)?, &targets));
+        part.critic_gradients(&self.shapes, &rows, &current);
+        part.model.prepare(self.shapes.model.parameters());
+        let transitions = (rows.from, rows.actions, rows.next);
+        let (gradient, ws) = (&mut part.model, &mut part.step);
+        part.losses.model = self.shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
+        Ok(())
+    }
+
+    /// The actor's gradient from part `i` of the batch.
+    fn actor_gradients(&self, i: usize) -> Result<()> {
+        let (actor, model, critic) = (self.actor.lock(), self.model.lock(), self.critics[0].lock());
+        let path =
+            ActorPath { actor: actor.weights(false)?, model: model.weights(false)?, critic: critic.weights(false)? };
+        let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
+        let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
+        part.actor.prepare(self.shapes.actor.parameters());
+        let buffers = (&mut part.act, &mut part.step, &mut part.judge);
+        let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
+        part.losses.actor = self.shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
+        Ok(())
+    }
+
+    /// Steps of the critics and the model, which are independent of each other, each in two tasks.
+    fn step_critics_and_model(&self, task: usize) -> Result<()> {
+        let (i, half) = (task / 2, Half::of(task));
+        match self.critics.get(i) {
+            Some(critic) => self.step(critic, half, &self.pairs, |part| &mut part.critics[i]),
+            None => self.step(&self.model, half, &self.transitions, |part| &mut part.model),
+        }
+    }
+
+    /// The actor's step, in two tasks.
+    fn step_actor(&self, task: usize) -> Result<()> {
+        self.step(&self.actor, Half::of(task), &self.pairs, |part| &mut part.actor)
+    }
+
+    /// The step of half a network along the sum of all parts' gradients. These are taken out of the parts meanwhile,
+    /// as another thread may need theirs for another step.
+    fn step(
+        &self,
+        network: &Network,
+        half: Half,
+        touched: &RwLock<Touched>,
+        gradient: impl Fn(&mut Part) -> &mut Gradient,
+    ) -> Result<()> {
+        let numbers = |part: &mut Part, exchange: &mut Vec<f32>| {
+            let gradient = gradient(part);
+            std::mem::swap(exchange, if half == Half::Dense { &mut gradient.dense } else { &mut gradient.encoded });
+        };
+        let mut taken: Vec<Vec<f32>> = vec![Vec::new(); self.parts.len()];
+        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
+        let result = match (half, network.halves()) {
+            (Half::Dense, (dense, _)) => dense.step(&mut taken, *self.rates.read()),
+            (Half::Table, (_, Some(table))) => table.step(&touched.read(), &taken, *self.rates.read()),
+            (Half::Table, (_, None)) => Ok(()),
+        };
+        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
+        result
+    }
+}
+
+/// Half of a network.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Half {
+    Dense,
+    Table,
+}
+
+impl Half {
+    /// Which half the `task`th of a phase of steps is about.
+    fn of(task: usize) -> Self {
+        if task.is_multiple_of(2) { Self::Table } else { Self::Dense }
+    }
+}
+
+fn critic_name(k: usize) -> String {
+    format!("critic{k}")
+}

@@ -1,0 +1,53 @@
+//! Random actions, nothing learned: the floor that learners are held against.
+
+use std::sync::Arc;
+
+use super::gdg::{self, Gdg};
+use super::learner::{Acting, LearnError, Learner, LearnerKind, TrainingData};
+use super::losses::Losses;
+use super::policy::Policy;
+use super::profile::Profile;
+use crate::store::Store;
+
+/// The learner as it is registered.
+pub const KIND: LearnerKind = LearnerKind {
+    name: NAME,
+    about: "random actions, nothing is learned",
+    create: |spec, settings, threads, rng| Ok(Box::new(Random(Gdg::new(spec, settings, threads, rng)?))),
+    parameters: gdg::KIND.parameters,
+};
+
+const NAME: &str = "random";
+
+/// Acts at random. It keeps the networks that a run had learned before, untouched, so that the run can go on with them.
+struct Random(Gdg);
+
+impl Learner for Random {
+    fn kind(&self) -> &'static str {
+        NAME
+    }
+
+    fn update(&mut self, _: TrainingData, _: &mut Profile) -> Result<Losses, LearnError> {
+        Ok(Losses::default())
+    }
+
+    fn policy(&self, averaged: bool) -> Result<Arc<dyn Policy>, LearnError> {
+        self.0.policy(averaged)
+    }
+
+    fn with_policy(&self, averaged: bool, use_policy: &mut dyn FnMut(&dyn Policy)) -> Result<(), LearnError> {
+        self.0.with_policy(averaged, use_policy)
+    }
+
+    fn acting(&self) -> Acting {
+        Acting::AtRandom
+    }
+
+    fn save(&self, store: &mut Store) -> Result<(), LearnError> {
+        self.0.save(store)
+    }
+
+    fn load(&mut self, store: &Store) -> Result<(), LearnError> {
+        self.0.load(store)
+    }
+}

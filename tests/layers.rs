@@ -1,0 +1,98 @@
+//! The layout that `src/lib.rs` draws is the one that there is.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+use std::path::{Path, PathBuf};
+
+/// Modules from the lowest layer to the highest; those of a layer may know each other.
+const LAYERS: [&[&str]; 7] = [
+    &["text", "faults", "files", "store"],
+    &["map"],
+    &["env"],
+    &["learn"],
+    &["bridge"],
+    &["train"],
+    &[
+        "ablate", "bench", "cli", "facts", "frames", "headless", "lib", "logging", "main", "report", "setup",
+        "signals", "tui",
+    ],
+];
+
+/// Modules that know states, goals and actions, and no map.
+const WITHOUT_MAPS: [&str; 3] = ["learn", "bridge", "train"];
+
+/// Words that only those who know maps use.
+const OF_MAPS: [&str; 6] = ["Grid", "Cell", "PointMaze", "MazeScene", "StepSearch", "Diameter"];
+
+/// Every source file, and the module at the top that it belongs to.
+fn sources() -> Vec<(String, PathBuf)> {
+    fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
+        for entry in std::fs::read_dir(folder).unwrap() {
+            let path = entry.unwrap().path();
+            if path.is_dir() {
+                walk(&path, found);
+            } else if path.extension().is_some_and(|e| e == "rs") {
+                found.push(path);
+            }
+        }
+    }
+    let src = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
+    let mut found = Vec::new();
+    walk(&src, &mut found);
+    let module = |path: &Path| {
+        let first = path.strip_prefix(&src).unwrap().components().next().unwrap().as_os_str().to_str().unwrap();
+        first.trim_end_matches(".rs").to_owned()
+    };
+    found.into_iter().map(|path| (module(&path), path)).collect()
+}
+
+/// The program's own code without comments and tests.
+fn code(path: &Path) -> String {
+    let text = std::fs::read_to_string(path).unwrap();
+    let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
+    code.lines().filter(|line| !line.trim_start().starts_with("//")).map(|line| format!("{line}\n")).collect()
+}
+
+/// The modules at the top that `code` names.
+fn named(code: &str) -> impl Iterator<Item = &str> {
+    code.split("crate::").skip(1).flat_map(|rest| {
+        let end = |text: &str| text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
+        match rest.strip_prefix('{') {
+            // use crate::{a, b::c}
+            Some(list) => {
+                let list = list.split(';').next().unwrap_or_default();
+                list.split(',').map(str::trim).map(|part| &part[..end(part)]).collect::<Vec<_>>()
+            }
+            None => vec![&rest[..end(rest)]],
+        }
+    })
+}
+
+#[test]
+fn modules_know_those_below_them_alone() {
+    let layer = |module: &str| LAYERS.iter().position(|layer| layer.contains(&module));
+    let mut seen = 0;
+    for (module, path) in sources() {
+        let own = layer(&module).unwrap_or_else(|| panic!("{module} has no layer"));
+        // Tests of the interface stand in files of their own.
+        if path.components().any(|part| part.as_os_str() == "tests") || path.ends_with("tests.rs") {
+            continue;
+        }
+        for other in named(&code(&path)).filter_map(layer) {
+            assert!(other <= own, "{} knows a module of layer {other} above its own, {own}", path.display());
+            seen += 1;
+        }
+    }
+    assert!(seen > 200, "only {seen} imports were found");
+}
+
+#[test]
+fn learner_bridges_and_trainer_know_no_maps() {
+    for (module, path) in sources().into_iter().filter(|(module, _)| WITHOUT_MAPS.contains(&module.as_str())) {
+        let code = code(&path);
+        assert!(named(&code).all(|other| other != "map"), "{module}: {} knows maps", path.display());
+        let mut words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
+        let found = words.find(|word| OF_MAPS.contains(word));
+        assert!(found.is_none(), "{module}: {} speaks of {}", path.display(), found.unwrap_or_default());
+    }
+}

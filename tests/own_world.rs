@@ -1,0 +1,114 @@
+//! A world and a learner that the library does not know go through the same trainer as the built-in ones.
+
+#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+
+#[allow(dead_code, reason = "its main function is the example's")]
+#[path = "../examples/own_world.rs"]
+mod own_world;
+
+use clap::Parser;
+use gdg_tui::cli::Cli;
+use gdg_tui::store::Store;
+use gdg_tui::train::{self, Preset, Run, SaveTo, Trainer};
+use gdg_tui::{headless, setup};
+
+use own_world::registry;
+
+fn trainer(method: &str) -> Trainer {
+    let mut settings = Preset::Default.settings();
+    settings.learn.replay_capacity = 50_000;
+    settings.learn.hidden = 16;
+    settings.bridge.candidates = 30;
+    settings.bridge.graph_every_updates = 200;
+    let run = Run { method: method.parse().unwrap(), preset: Preset::Default, seed: 1, settings };
+    let registry = registry();
+    let world = registry.worlds()[0].create.unwrap()();
+    Trainer::new(run, &*world, &registry, 1).unwrap()
+}
+
+fn train_to(trainer: &mut Trainer, updates: u64) {
+    while trainer.counters().updates < updates {
+        trainer.tick().unwrap();
+    }
+}
+
+/// Everything but the time that it took.
+fn state(trainer: &Trainer) -> Store {
+    let mut store = trainer.save().unwrap();
+    let mut state: serde_json::Value = store.json("trainer").unwrap();
+    state.as_object_mut().unwrap().remove("seconds").unwrap();
+    store.put_text("trainer", state.to_string());
+    store
+}
+
+#[test]
+fn a_learner_of_ones_own_learns_a_world_of_ones_own() {
+    let mut run = trainer("table+bridges");
+    train_to(&mut run, 3_000);
+    let found = run.evaluate(&run.tasks(40)).unwrap();
+    let (planned, greedy) = (found.planned.unwrap().success, found.greedy.success);
+    assert!(planned >= 0.9 && greedy >= 0.9, "planned {planned}, greedy {greedy}");
+    let bridges = found.bridges.unwrap();
+    assert!(bridges.candidates > 5 && bridges.edges > bridges.candidates, "{bridges:?}");
+    // What the world does not know is not made up.
+    assert!(found.distance_error.is_none() && found.coverage.is_none() && found.greedy.spl.is_none());
+}
+
+#[test]
+fn without_learning_a_world_of_ones_own_is_not_learned() {
+    let mut run = trainer("random");
+    train_to(&mut run, 3_000);
+    let mut tasks = run.tasks(40);
+    // In 500 steps a bead that is pushed at random passes everywhere.
+    tasks.tasks.iter_mut().for_each(|task| task.shortest = Some(0));
+    let spl = run.evaluate(&tasks).unwrap().greedy.spl.unwrap();
+    assert!(spl < 0.5, "{spl}");
+}
+
+#[test]
+fn any_learner_goes_with_any_planner_in_any_world_and_is_resumed_bit_by_bit() {
+    let folder = tempfile::tempdir().unwrap();
+    for method in ["table+none", "table+bridges", "table+sorb", "gdg", "gdg-bridge", "random", "random+bridges"] {
+        let path = folder.path().join(method);
+        let mut straight = trainer(method);
+        train_to(&mut straight, 700);
+        let mut first = trainer(method);
+        train_to(&mut first, 450);
+        train::save(&first, &SaveTo::Own(path.clone())).unwrap();
+        let mut resumed = train::load(&path, &registry(), 1).unwrap().trainer;
+        assert_eq!(state(&first), state(&resumed), "{method}");
+        train_to(&mut resumed, 700);
+        assert_eq!(state(&straight), state(&resumed), "{method}");
+        let (a, b) = (straight.evaluate(&straight.tasks(3)), resumed.evaluate(&resumed.tasks(3)));
+        assert_eq!(a.unwrap(), b.unwrap(), "{method}");
+    }
+}
+
+#[test]
+fn a_checkpoint_of_an_unknown_world_or_learner_is_refused_by_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("own");
+    train::save(&trainer("table+none"), &SaveTo::Own(path.clone())).unwrap();
+    let error = train::load(&path, &train::Registry::builtin(), 1).err().unwrap().to_string();
+    assert!(error.contains("\"bead\""), "{error}");
+    let bead = train::Registry::builtin().with_world(registry().worlds()[0]);
+    let error = train::load(&path, &bead, 1).err().unwrap().to_string();
+    assert!(error.contains("\"table\"") && error.contains("gdg"), "{error}");
+}
+
+#[test]
+fn a_world_of_ones_own_runs_without_the_interface_and_goes_on_from_its_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("own.safetensors");
+    let path = path.to_str().unwrap();
+    let run = |more: &[&str]| {
+        let common = ["own_world", "--no-ui", "--eval-tasks", "5", "--require-success", "0.8"];
+        let args = Cli::try_parse_from(common.iter().chain(more)).unwrap().train;
+        headless::run(setup::prepare(&args, &registry()).unwrap(), &args).unwrap()
+    };
+    assert_eq!(run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]), 0);
+    assert_eq!(run(&["--resume", path, "--max-updates", "2500"]), 0);
+    let args = Cli::try_parse_from(["own_world", "bead", "--no-ui", "--method", "tabel+none"]).unwrap().train;
+    let error = setup::prepare(&args, &registry()).err().unwrap();
+    assert!(format!("{error:?}").contains("tabel"), "{error:?}");
+}
