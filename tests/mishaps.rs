@@ -380,8 +380,9 @@ fn what_does_not_fit_into_memory_is_refused_with_what_it_needs() {
         shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
         outcome(shell.current_dir(folder.path()))
     };
-    for setting in ["hidden=4096", "candidates=10000", "replay_capacity=100000000"] {
-        let (status, output, errors) = limited(&["--no-ui", "trap", "--set", "layers=8", "--set", setting]);
+    for setting in ["hidden=4096", "replay_capacity=100000000"] {
+        let (status, output, errors) =
+            limited(&["--no-ui", "trap", "--max-updates", "9", "--set", "layers=8", "--set", setting]);
         assert_eq!((status, output.as_str()), (2, ""), "{setting}: {errors}");
         assert!(errors.contains("GB of memory"), "{setting}: {errors}");
     }

@@ -366,7 +366,7 @@ fn a_door_that_moves_is_learned_by_the_same_networks() {
         before = state.map(<[f32]>::to_vec);
     });
     assert!(run.world().states().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
-    assert!(run.experience().points().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
+    assert!(run.candidates().points().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
     train_to(&mut run, 6_000);
     let found = run.evaluate(&run.tasks(20)).unwrap();
     let planned = found.planned.unwrap().success;

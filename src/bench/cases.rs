@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::plain::Plain;
 use super::{DefaultTimes, InterfaceTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
-use crate::bridge::{BridgeGraph, BridgeSettings, Experience, Walker};
+use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Batch, Gdg, LearnSettings, Learner, Phase, Profile, Scratch};
 use crate::map::{Grid, builtin};
@@ -202,28 +202,28 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
     for (candidates, what) in
         [(500, "a planning query at 500 candidates"), (1500, "a planning query at 1500 candidates")]
     {
-        let (experience, settings) = experience(&map, candidates);
-        let graph = BridgeGraph::build(world.spec(), &settings, &experience.known(), &*policy, &mut scratch);
+        let (candidates, settings) = explored(&map, candidates);
+        let graph = BridgeGraph::build(world.spec(), &settings, &candidates.frozen(), &*policy, &mut scratch);
         all.push(timed(what, 50, &mut || {
             let mut walker = Walker::new(graph.route(&[40.5, 200.5], &*policy, &mut scratch));
             walker.step(&[200.5, 40.5], &graph, &*policy, &mut scratch);
         }));
     }
     // So many are wanted that on this map there are three times as many.
-    let (experience, _) = experience(&map, 500);
+    let (candidates, _) = explored(&map, 500);
     all.push(timed("holding training up for a graph of 1500 candidates", 20, &mut || {
-        std::hint::black_box((learner.policy(true).is_ok(), experience.known()));
+        std::hint::black_box((learner.policy(true).is_ok(), candidates.frozen()));
     }));
     all.push(timed("a step of 32 agents in the environment", 500, &mut || world.step(&actions, &mut rng)));
     Ok(all)
 }
 
 /// About `candidates` candidates from random walks on the open map.
-fn experience(map: &Arc<Grid>, candidates: usize) -> (Experience, BridgeSettings) {
+fn explored(map: &Arc<Grid>, candidates: usize) -> (Candidates, BridgeSettings) {
     let mut rng = rng();
     let mut world = PointMaze::new(map.clone(), 32);
     let settings = BridgeSettings { candidates, ..BridgeSettings::default() };
-    let mut experience = Experience::new(world.spec(), 32, &settings);
+    let mut candidates = Candidates::new(world.spec(), 32, &settings);
     let mut actions = vec![0.0f32; 64];
     for step in 0..20_000 {
         if step % 10 == 0 {
@@ -231,12 +231,12 @@ fn experience(map: &Arc<Grid>, candidates: usize) -> (Experience, BridgeSettings
         }
         if step % 100 == 0 {
             (0..32).for_each(|i| {
-                experience.end_episode(i);
+                candidates.end_episode(i);
                 world.restart(i, &mut rng);
             });
         }
-        world.states().chunks_exact(2).enumerate().for_each(|(i, state)| experience.visit(i, state));
+        world.states().chunks_exact(2).enumerate().for_each(|(i, state)| candidates.visit(i, state));
         world.step(&actions, &mut rng);
     }
-    (experience, settings)
+    (candidates, settings)
 }

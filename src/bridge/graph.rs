@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::experience::{Experience, ExperienceState, NEVER, Practice};
+use super::candidates::{Candidates, CandidatesState, NEVER, Practice};
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
@@ -56,7 +56,7 @@ impl From<Practice> for Standing {
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GraphState {
     /// The candidates and what was known of them.
-    pub experience: ExperienceState,
+    pub candidates: CandidatesState,
     /// From and to of each edge.
     pub ends: Vec<u32>,
     /// D and cost of each edge.
@@ -66,7 +66,7 @@ pub struct GraphState {
 impl GraphState {
     /// Writes the state to `store`, its names beginning with `prefix`.
     pub fn write(self, store: &mut Store, prefix: &str) {
-        self.experience.write(store, prefix);
+        self.candidates.write(store, prefix);
         store.put(format!("{prefix}.ends"), self.ends);
         store.put(format!("{prefix}.lengths"), self.lengths);
     }
@@ -77,7 +77,7 @@ impl GraphState {
     /// That a part is missing or of another type.
     pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
         Ok(Self {
-            experience: ExperienceState::read(store, prefix)?,
+            candidates: CandidatesState::read(store, prefix)?,
             ends: store.u32(&format!("{prefix}.ends"))?.to_vec(),
             lengths: store.f32(&format!("{prefix}.lengths"))?.to_vec(),
         })
@@ -98,7 +98,7 @@ const FRONTIER_DRAWS: usize = 12;
 pub struct BridgeGraph {
     spec: Spec,
     settings: BridgeSettings,
-    experience: Arc<Experience>,
+    candidates: Arc<Candidates>,
     edges: Vec<Edge>,
     /// `incoming[first[j]..first[j + 1]]`: index of each edge that leads to j.
     incoming: Vec<u32>,
@@ -111,55 +111,55 @@ impl BridgeGraph {
     pub fn build(
         spec: &Spec,
         settings: &BridgeSettings,
-        experience: &Arc<Experience>,
+        candidates: &Arc<Candidates>,
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Self {
         let mut edges = Vec::new();
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let (mut states, mut goals, mut distances) = (Vec::new(), Vec::new(), Vec::new());
-        for from in 0..experience.len() {
-            let state = &experience.states()[from * s..(from + 1) * s];
+        for from in 0..candidates.len() {
+            let state = &candidates.states()[from * s..(from + 1) * s];
             let to: Vec<usize> = if settings.verify_edges {
-                (0..experience.len()).filter(|to| *to != from && experience.observed(from, *to) != NEVER).collect()
+                candidates.observed_from(from).collect()
             } else {
-                let near = nearest(spec, experience, state, LINKS);
+                let near = nearest(spec, candidates, state, LINKS);
                 near.into_iter().filter(|to| *to != from).collect()
             };
             states.clear();
             goals.clear();
             for to in &to {
                 states.extend(state);
-                goals.extend(&experience.points()[to * g..(to + 1) * g]);
+                goals.extend(&candidates.points()[to * g..(to + 1) * g]);
             }
             distances.resize(to.len(), 0.0);
             policy.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
-                let cost = link_cost(settings, *distance, experience.observed(from, *to))?;
-                let standing = Standing::from(experience.practice(from, *to));
+                let cost = link_cost(settings, *distance, candidates.observed(from, *to))?;
+                let standing = Standing::from(candidates.practice(from, *to));
                 let cost = if standing == Standing::Demoted { DEMOTED_FACTOR * cost } else { cost };
                 let cost = cost + settings.hop_steps;
                 Some(Edge { from, to: *to, distance: *distance, cost, standing })
             });
             edges.extend(found);
         }
-        Self::of(spec, settings, experience.clone(), edges)
+        Self::of(spec, settings, candidates.clone(), edges)
     }
 
     /// The graph of these edges, sorted by the candidate that they leave.
-    fn of(spec: &Spec, settings: &BridgeSettings, experience: Arc<Experience>, edges: Vec<Edge>) -> Self {
-        let mut first = vec![0u32; experience.len() + 1];
+    fn of(spec: &Spec, settings: &BridgeSettings, candidates: Arc<Candidates>, edges: Vec<Edge>) -> Self {
+        let mut first = vec![0u32; candidates.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
         let mut incoming: Vec<u32> = (0..edges.len() as u32).collect();
         incoming.sort_by_key(|i| edges[*i as usize].to);
-        Self { spec: spec.clone(), settings: settings.clone(), experience, edges, incoming, first }
+        Self { spec: spec.clone(), settings: settings.clone(), candidates, edges, incoming, first }
     }
 
     /// What it was built to, for a checkpoint.
     pub fn state(&self) -> GraphState {
         GraphState {
-            experience: self.experience.state(),
+            candidates: self.candidates.state(),
             ends: self.edges.iter().flat_map(|e| [e.from as u32, e.to as u32]).collect(),
             lengths: self.edges.iter().flat_map(|e| [e.distance, e.cost]).collect(),
         }
@@ -170,10 +170,10 @@ impl BridgeGraph {
     /// # Errors
     /// Where the state was not saved from such a graph.
     pub fn from_state(spec: &Spec, settings: &BridgeSettings, state: &GraphState) -> Result<Self, StoreError> {
-        let mut experience = Experience::new(spec, 0, settings);
-        experience.restore(&state.experience)?;
+        let mut candidates = Candidates::new(spec, 0, settings);
+        candidates.restore(&state.candidates)?;
         let (ends, lengths) = (state.ends.as_chunks::<2>().0, state.lengths.as_chunks::<2>().0);
-        let known = |i: &u32| (*i as usize) < experience.len();
+        let known = |i: &u32| (*i as usize) < candidates.len();
         if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
             return Err(StoreError::misfit("the stored bridge graph does not fit its candidates"));
         }
@@ -182,11 +182,11 @@ impl BridgeGraph {
         }
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);
-            let standing = Standing::from(experience.practice(from, to));
+            let standing = Standing::from(candidates.practice(from, to));
             Edge { from, to, distance: *distance, cost: *cost, standing }
         });
         let edges = edges.collect();
-        Ok(Self::of(spec, settings, Arc::new(experience), edges))
+        Ok(Self::of(spec, settings, Arc::new(candidates), edges))
     }
 
     /// All edges, by the candidate that they leave.
@@ -195,20 +195,20 @@ impl BridgeGraph {
     }
 
     /// The candidates, and what was observed between them, when the graph was built.
-    pub fn experience(&self) -> &Experience {
-        &self.experience
+    pub fn candidates(&self) -> &Candidates {
+        &self.candidates
     }
 
     /// Candidate `i` as a goal, `(goal_dim)`.
     pub fn point(&self, i: usize) -> &[f32] {
         let g = self.spec.goal_dim();
-        &self.experience.points()[i * g..(i + 1) * g]
+        &self.candidates.points()[i * g..(i + 1) * g]
     }
 
     /// Candidate `i` as a state, `(state_dim)`.
     pub fn candidate(&self, i: usize) -> &[f32] {
         let s = self.spec.state_dim();
-        &self.experience.states()[i * s..(i + 1) * s]
+        &self.candidates.states()[i * s..(i + 1) * s]
     }
 
     pub(super) fn settings(&self) -> &BridgeSettings {
@@ -223,25 +223,25 @@ impl BridgeGraph {
     /// where it may not be used. Links are verified as edges are, by the candidates nearest to their ends.
     pub(super) fn link(&self, from: Option<usize>, to: Option<usize>, distance: f32) -> Option<f32> {
         let (Some(from), Some(to)) = (from, to) else { return None };
-        link_cost(&self.settings, distance, self.experience.observed(from, to))
+        link_cost(&self.settings, distance, self.candidates.observed(from, to))
     }
 
     /// A candidate at the frontier: of some drawn at random, the one that the fewest edges leave.
     pub fn frontier(&self, rng: &mut ChaCha8Rng) -> Option<usize> {
-        if self.experience.is_empty() {
+        if self.candidates.is_empty() {
             return None;
         }
         let leaving = |i: usize| {
             let from = self.edges.partition_point(|e| e.from < i);
             self.edges[from..].iter().take_while(|e| e.from == i).count()
         };
-        (0..FRONTIER_DRAWS).map(|_| rng.random_range(0..self.experience.len())).min_by_key(|i| leaving(*i))
+        (0..FRONTIER_DRAWS).map(|_| rng.random_range(0..self.candidates.len())).min_by_key(|i| leaving(*i))
     }
 }
 
 /// The `count` candidates nearest to `state` by straight line, nearest first.
-fn nearest(spec: &Spec, experience: &Experience, state: &[f32], count: usize) -> Vec<usize> {
-    let points = experience.points().chunks_exact(spec.goal_dim());
+fn nearest(spec: &Spec, candidates: &Candidates, state: &[f32], count: usize) -> Vec<usize> {
+    let points = candidates.points().chunks_exact(spec.goal_dim());
     let mut all: Vec<(usize, f32)> = points.enumerate().map(|(i, p)| (i, spec.goal_distance(state, p))).collect();
     if all.len() > count {
         all.select_nth_unstable_by(count, |a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
@@ -277,16 +277,16 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
-    use crate::bridge::experience::tests::line;
+    use crate::bridge::candidates::tests::line;
 
     /// Candidates in a row, each joined to the next; nothing leaves the last one.
     fn row() -> BridgeGraph {
         let (spec, settings) = line(20);
-        let mut experience = Experience::new(&spec, 1, &settings);
-        (0..60).for_each(|step| experience.visit(0, &[0.5 * step as f32, 0.5]));
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
         let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, cost: 3.0, standing: Standing::Untried };
-        let edges = (0..experience.len() - 1).map(edge).collect();
-        BridgeGraph::of(&spec, &settings, experience.known(), edges)
+        let edges = (0..candidates.len() - 1).map(edge).collect();
+        BridgeGraph::of(&spec, &settings, candidates.frozen(), edges)
     }
 
     #[test]
@@ -306,7 +306,7 @@ mod tests {
     #[test]
     fn routes_add_up_edges_and_know_where_there_is_no_way() {
         let graph = row();
-        let last = graph.experience().len() - 1;
+        let last = graph.candidates().len() - 1;
         let route = graph.route_to_candidate(last);
         assert!((0..=last).all(|i| route.steps[i] == 3.0 * (last - i) as f32), "{:?}", route.steps);
         assert!((0..last).all(|i| route.next[i] as usize == i + 1));
@@ -318,7 +318,7 @@ mod tests {
     fn the_frontier_is_where_few_edges_leave() {
         let graph = row();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let last = graph.experience().len() - 1;
+        let last = graph.candidates().len() - 1;
         let at_the_end = (0..200).filter(|_| graph.frontier(&mut rng) == Some(last)).count();
         assert!(at_the_end > 80, "the only candidate without a way on was chosen {at_the_end} times of 200");
     }

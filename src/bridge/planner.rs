@@ -121,7 +121,7 @@ impl Walker {
     pub fn from_state(graph: &BridgeGraph, state: WalkerState) -> Result<Self, StoreError> {
         let mut named = state.links.iter().map(|(i, _)| *i as usize).chain(state.nearest).chain(state.at);
         let mut targets = state.target.iter().chain(state.banned.iter().map(|(target, _)| target));
-        let known = |i: usize| i < graph.experience().len();
+        let known = |i: usize| i < graph.candidates().len();
         if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
             return Err(StoreError::misfit("a stored walk does not fit its bridge graph"));
         }

@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::run::Run;
 use super::score::{DistanceScore, Score, Success, spearman};
-use crate::bridge::{BridgeGraph, Experience, LINKS, Walker};
+use crate::bridge::{BridgeGraph, Candidates, LINKS, Walker};
 use crate::env::{Environment, NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
 use crate::learn::{Acting, Policy, Scratch};
 
@@ -119,7 +119,7 @@ pub struct EvaluationJob {
     pub(super) policy: Arc<dyn Policy>,
     pub(super) acting: Acting,
     /// Candidates and what was seen between them, for methods that plan.
-    pub(super) experience: Option<Arc<Experience>>,
+    pub(super) candidates: Option<Arc<Candidates>>,
     pub(super) coverage: Option<f64>,
     /// Draws tasks.
     pub(super) task_rng: ChaCha8Rng,
@@ -136,10 +136,10 @@ impl EvaluationJob {
     /// Evaluates on `tasks`, against the truth.
     pub fn carry_out(self, tasks: &TaskSet) -> Evaluation {
         crate::faults::point("evaluation");
-        let Self { run, world, policy, acting, experience, coverage, mut rng, .. } = self;
+        let Self { run, world, policy, acting, candidates, coverage, mut rng, .. } = self;
         let (policy, mut scratch, rng) = (&*policy, Scratch::default(), &mut rng);
         let graph =
-            experience.as_ref().map(|e| BridgeGraph::build(world.spec(), &run.bridge(), e, policy, &mut scratch));
+            candidates.as_ref().map(|e| BridgeGraph::build(world.spec(), &run.bridge(), e, policy, &mut scratch));
         let hold_steps = (acting == Acting::AtRandom).then_some(run.settings.train.random_hold_steps);
         let greedy = Actor { policy, graph: None, hold_steps };
         let planned = graph.as_ref().map(|graph| Actor { graph: Some(graph), ..greedy });
@@ -312,5 +312,5 @@ fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn Truth + '_)>) -> Br
         };
         graph.edges().chunk_by(|a, b| a.from == b.from).map(of_candidate).sum()
     });
-    BridgeFacts { candidates: graph.experience().len(), edges: graph.edges().len(), false_edges }
+    BridgeFacts { candidates: graph.candidates().len(), edges: graph.edges().len(), false_edges }
 }

@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::bridge::{BridgeGraph, BridgeSettings, Distilled, Experience, GraphState};
+use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Distilled, GraphState};
 use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
 use crate::store::{Store, StoreError};
@@ -25,7 +25,7 @@ pub struct GraphJob {
     pub spec: Spec,
     pub settings: BridgeSettings,
     pub policy: Arc<dyn Policy>,
-    pub experience: Arc<Experience>,
+    pub candidates: Arc<Candidates>,
     /// Draws what is distilled.
     pub rng: ChaCha8Rng,
 }
@@ -92,7 +92,7 @@ impl GraphJob {
     fn carry_out(&self, at: u64) -> Built {
         crate::faults::point("graph");
         let graph =
-            BridgeGraph::build(&self.spec, &self.settings, &self.experience, &*self.policy, &mut Scratch::default());
+            BridgeGraph::build(&self.spec, &self.settings, &self.candidates, &*self.policy, &mut Scratch::default());
         Built::of(at, graph, self.rng.clone())
     }
 }

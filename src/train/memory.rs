@@ -13,8 +13,8 @@ use crate::env::Environment;
 /// (Measured with 1024 hidden units: 30.)
 const COPIES_OF_PARAMETERS: u64 = 36;
 
-/// Copies of what was observed between candidates: the trainer's, and those of graphs, evaluation and viewer.
-const COPIES_OF_OBSERVED: u64 = 6;
+/// Memory for each bridge candidate: the ways from it, edges and distilled distances, in all their copies.
+const BYTES_PER_CANDIDATE: u64 = 20_000;
 
 /// The program itself, its threads and buffers.
 const BASE_BYTES: u64 = 60 << 20;
@@ -36,8 +36,8 @@ pub fn needed(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
     // Once as it is, twice on its way to a file.
     let replay = 3 * slot * (learn.replay_capacity as u64 + run.settings.train.agents as u64);
-    let observed = 2 * (bridge.most_candidates() as u64).pow(2) * COPIES_OF_OBSERVED;
-    BASE_BYTES + f32s(parameters * COPIES_OF_PARAMETERS) + f32s(batch) + replay + observed + world.memory_bytes()
+    let candidates = bridge.most_candidates() as u64 * BYTES_PER_CANDIDATE;
+    BASE_BYTES + f32s(parameters * COPIES_OF_PARAMETERS) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
 
 /// Estimated bytes this process can still allocate: the least that machine, container and process limits leave.
@@ -100,7 +100,7 @@ mod tests {
         let default = bytes(|_| {});
         assert!((50_000_000..400_000_000).contains(&default), "{default}");
         assert!(bytes(|s| (s.learn.hidden, s.learn.layers) = (4096, 8)) > 15_000_000_000);
-        assert!(bytes(|s| s.bridge.candidates = 10_000) > 5_000_000_000);
+        assert!(bytes(|s| s.bridge.candidates = 5_000) < 1_000_000_000);
         assert!(bytes(|s| s.learn.replay_capacity = 100_000_000) > 5_000_000_000);
         let error = check(&run(|s| s.learn.replay_capacity = 100_000_000_000), &world, &registry);
         assert!(error.expect_err("no machine has that much").to_string().contains("GB of memory"));

@@ -8,7 +8,7 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use super::settings::Settings;
-use crate::bridge::{BridgeGraph, Experience, Hop, SearchOutcome, Walker, WalkerState, search};
+use crate::bridge::{BridgeGraph, Candidates, Hop, SearchOutcome, Walker, WalkerState, search};
 use crate::env::Environment;
 use crate::learn::{Acting, Policy, Replay, Scratch};
 use crate::store::StoreError;
@@ -57,7 +57,7 @@ pub struct Surroundings<'a> {
     /// Gets the transitions.
     pub replay: &'a mut Replay,
     /// Gets the states visited, and which hops between candidates succeeded.
-    pub experience: &'a mut Experience,
+    pub candidates: &'a mut Candidates,
 }
 
 /// Agents in an environment, acting and remembering.
@@ -159,7 +159,7 @@ impl Rollout {
         for (i, agent) in self.agents.iter().enumerate() {
             let state = &self.env.states()[i * s..(i + 1) * s];
             around.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
-            around.experience.visit(i, state);
+            around.candidates.visit(i, state);
         }
         self.env.step(&self.actions, &mut self.rng);
         let mut round = Round::default();
@@ -170,8 +170,8 @@ impl Rollout {
             let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
             if agent.steps >= around.settings.train.episode_steps {
                 around.replay.end_episode(i, state);
-                around.experience.visit(i, state);
-                around.experience.end_episode(i);
+                around.candidates.visit(i, state);
+                around.candidates.end_episode(i);
                 round.episodes += 1;
                 self.begin_episode(i, around);
             } else if self.env.spec().reached(state, pursued) {
@@ -229,10 +229,10 @@ impl Rollout {
     /// The published search for a bridge point on agent `i`'s way.
     fn search_bridge(&mut self, i: usize, around: &Surroundings) -> Option<Vec<f32>> {
         let s = self.env.spec().state_dim();
-        let (experience, goal) = (&*around.experience, &self.agents[i].goal);
+        let (candidates, goal) = (&*around.candidates, &self.agents[i].goal);
         let outcome = search(
             (&self.env.states()[i * s..(i + 1) * s], goal),
-            (experience.states(), experience.points()),
+            (candidates.states(), candidates.points()),
             around.settings.bridge.search_budget,
             around.policy,
             &mut self.rng,
@@ -294,8 +294,8 @@ impl Rollout {
             if let Some(Hop { from, to, arrived }) = plan.walker.ended_hop()
                 && (arrived || !plan.disturbed)
             {
-                let name = |candidate| graph.experience().name(candidate);
-                around.experience.practise((name(from), name(to)), arrived);
+                let id = |candidate| graph.candidates().id(candidate);
+                around.candidates.practise((id(from), id(to)), arrived);
             }
             if plan.walker.ended_hop().is_some() || plan.walker.target() != before {
                 plan.disturbed = false;

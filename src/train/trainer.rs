@@ -19,7 +19,7 @@ use super::registry::Registry;
 use super::rollout::{Rollout, RolloutState, Surroundings};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
 use super::settings::{Settings, UpdateWhen};
-use crate::bridge::{Experience, ExperienceState, SearchOutcome};
+use crate::bridge::{Candidates, CandidatesState, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Phase, Policy, Profile, Replay, ReplayState, TrainingData,
@@ -67,7 +67,7 @@ pub struct Trainer {
     learner: Box<dyn Learner>,
     replay: Replay,
     batch_rng: ChaCha8Rng,
-    experience: Experience,
+    candidates: Candidates,
     graphs: Graphs,
     counters: Counters,
     seconds: f64,
@@ -119,7 +119,7 @@ impl Trainer {
             rollout: Rollout::new(world, stream(run.seed, Stream::Explore)),
             replay: replay_of(&run, spec),
             batch_rng: stream(run.seed, Stream::Batch),
-            experience: Experience::new(spec, run.settings.train.agents, &run.settings.bridge),
+            candidates: Candidates::new(spec, run.settings.train.agents, &run.settings.bridge),
             graphs: Graphs::default(),
             counters: Counters::default(),
             seconds: 0.0,
@@ -202,8 +202,8 @@ impl Trainer {
     }
 
     /// Bridge candidates and what was seen between them.
-    pub fn experience(&self) -> &Experience {
-        &self.experience
+    pub fn candidates(&self) -> &Candidates {
+        &self.candidates
     }
 
     /// The latest bridge search.
@@ -260,12 +260,12 @@ impl Trainer {
 
     /// Lets the agents do something with what surrounds them.
     fn with_surroundings<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut Surroundings) -> R) -> Result<R> {
-        let Self { rollout, learner, replay, experience, run, graphs, .. } = self;
+        let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
         let (bridges, acting, settings) = (run.method.bridges(), learner.acting(), &run.settings);
         let (mut act, mut done) = (Some(act), None);
         learner.with_policy(false, &mut |policy| {
-            let mut around = Surroundings { bridges, acting, settings, policy, graph, replay, experience };
+            let mut around = Surroundings { bridges, acting, settings, policy, graph, replay, candidates };
             done = act.take().map(|act| act(rollout, &mut around));
         })?;
         Ok(done.unwrap_or_else(|| unreachable!("a learner uses what is handed to it once")))
@@ -282,8 +282,8 @@ impl Trainer {
         self.profile.lap(Phase::Graph, began);
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
         let known = graphs.current().map(|Built { graph, distilled, .. }| KnownDistances {
-            states: graph.experience().states(),
-            goals: graph.experience().points(),
+            states: graph.candidates().states(),
+            goals: graph.candidates().points(),
             pairs: &distilled.pairs,
         });
         let relearning = self.counters.updates <= self.counters.relearns_until;
@@ -315,7 +315,7 @@ impl Trainer {
                 spec: self.spec().clone(),
                 settings: self.run.bridge(),
                 policy: self.policy()?,
-                experience: self.experience.known(),
+                candidates: self.candidates.frozen(),
                 rng: self.graph_rng(now),
             };
             self.graphs.begin(now, every, job)?;
@@ -361,7 +361,7 @@ impl Trainer {
             world: self.world().fork(0),
             policy: self.policy()?,
             acting: self.learner.acting(),
-            experience: self.run.method.plans().then(|| self.experience.known()),
+            candidates: self.run.method.plans().then(|| self.candidates.frozen()),
             coverage: self.world().coverage(),
             task_rng: self.evaluation_rng(1),
             rng: self.evaluation_rng(0),
@@ -397,7 +397,7 @@ impl Trainer {
             return Err(TrainError::NotFinite);
         }
         self.replay.state_of_all().write(&mut store);
-        self.experience.state().write(&mut store, CANDIDATES);
+        self.candidates.state().write(&mut store, CANDIDATES);
         for (name, graph) in GRAPHS.iter().zip(self.graphs.state()) {
             if let Some(graph) = graph {
                 graph.write(&mut store, name);
@@ -427,7 +427,7 @@ impl Trainer {
         let mut trainer = Self::new(run, &*world, registry, threads)?;
         trainer.learner.load(store)?;
         trainer.replay.restore(&ReplayState::read(store)?)?;
-        trainer.experience.restore(&ExperienceState::read(store, CANDIDATES)?)?;
+        trainer.candidates.restore(&CandidatesState::read(store, CANDIDATES)?)?;
         trainer.rollout.env_mut().restore_statistics(store)?;
         let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
         let graphs = [current?, next?];

@@ -65,8 +65,8 @@ impl BridgeGraph {
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
         // Candidates around the goal by straight line; D then says how far they are.
-        let mut around: Vec<(usize, f32)> = (0..self.experience.len())
-            .map(|i| (i, self.spec.goal_distance(&self.experience.states()[i * s..(i + 1) * s], goal)))
+        let mut around: Vec<(usize, f32)> = (0..self.candidates.len())
+            .map(|i| (i, self.spec.goal_distance(&self.candidates.states()[i * s..(i + 1) * s], goal)))
             .collect();
         around.sort_by(|a, b| a.1.total_cmp(&b.1));
         around.truncate(LINKS);
@@ -104,7 +104,7 @@ impl BridgeGraph {
             });
             from_goal.iter().copied().chain(edges).collect::<Vec<_>>()
         };
-        let mut steps = vec![f32::INFINITY; self.experience.len()];
+        let mut steps = vec![f32::INFINITY; self.candidates.len()];
         let mut next: Vec<u32> = (0..steps.len() as u32).collect();
         for (node, (towards, cost)) in dijkstra_all(&GOAL, predecessors) {
             if node != GOAL {
@@ -150,7 +150,7 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Vec<Options> {
         let around: Vec<Vec<usize>> =
-            states.iter().map(|state| nearest(&self.spec, &self.experience, state, links)).collect();
+            states.iter().map(|state| nearest(&self.spec, &self.candidates, state, links)).collect();
         let (mut from, mut to) = (Vec::new(), Vec::new());
         for (state, around) in states.iter().zip(&around) {
             from.extend(state.repeat(around.len() + 1));
@@ -177,8 +177,8 @@ impl BridgeGraph {
     /// Draws `goals` candidates and takes the graph distances to each from everywhere.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> Distilled {
         let mut pairs = Vec::new();
-        for _ in 0..goals.min(self.experience.len()) {
-            let goal = rng.random_range(0..self.experience.len());
+        for _ in 0..goals.min(self.candidates.len()) {
+            let goal = rng.random_range(0..self.candidates.len());
             let route = self.route_to_candidate(goal);
             let reachable = route.steps.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
             // These ways begin exactly at a candidate, not somewhere near it.

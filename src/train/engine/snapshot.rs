@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use crate::bridge::{Experience, SearchOutcome};
+use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::error::TrainError;
@@ -103,13 +103,13 @@ pub struct Networks {
     /// D and mu.
     pub policy: Arc<dyn Policy>,
     /// Candidates and what was seen between them.
-    pub candidates: Arc<Experience>,
+    pub candidates: Arc<Candidates>,
 }
 
 impl Networks {
     /// Those of `trainer` at this moment.
     pub(super) fn of(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
-        Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.experience().known() }))
+        Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.candidates().frozen() }))
     }
 }
 

@@ -5,7 +5,7 @@ use serde_json::{Map, Value};
 
 use super::recovery::LastGood;
 use super::{Result, Stream, Trainer, learner_of, replay_of, stream, world_of};
-use crate::bridge::Experience;
+use crate::bridge::Candidates;
 use crate::env::Environment;
 use crate::store::Store;
 use crate::train::config::{Effect, effect_of, list_settings};
@@ -50,7 +50,7 @@ impl Trainer {
         self.rollout.enter(world_of(&self.run, world), &mut self.replay);
         let world = self.rollout.env();
         let transitions_removed = self.replay.keep_possible(|s, a, next| world.is_possible(s, a, next));
-        self.learn_experience_anew();
+        self.find_candidates_again();
         if change.may_lengthen {
             self.counters.relearns_until = self.counters.updates + self.run.settings.learn.relearn_updates;
         }
@@ -99,7 +99,7 @@ impl Trainer {
             self.begin_afresh(same_replay);
         }
         if !agents || candidates_of(&self.run.settings) != candidates_of(&before.settings) {
-            self.learn_experience_anew();
+            self.find_candidates_again();
         }
         agents
     }
@@ -123,14 +123,14 @@ impl Trainer {
     }
 
     /// Finds the bridge candidates, and what was seen between them, from the replay alone.
-    fn learn_experience_anew(&mut self) {
+    fn find_candidates_again(&mut self) {
         let settings = &self.run.settings;
-        let fresh = Experience::new(self.spec(), settings.train.agents, &settings.bridge);
-        let Self { experience, replay, .. } = self;
-        experience.begin_again(fresh);
+        let fresh = Candidates::new(self.spec(), settings.train.agents, &settings.bridge);
+        let Self { candidates, replay, .. } = self;
+        candidates.begin_again(fresh);
         replay.retell(|agent, state| match state {
-            Some(state) => experience.visit(agent, state),
-            None => experience.end_episode(agent),
+            Some(state) => candidates.visit(agent, state),
+            None => candidates.end_episode(agent),
         });
     }
 }

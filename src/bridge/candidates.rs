@@ -1,0 +1,353 @@
+//! Bridge candidates, and what trajectories show about the ways between them.
+
+mod state;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use super::settings::BridgeSettings;
+use crate::env::Spec;
+pub use state::CandidatesState;
+
+/// Steps between candidates of which no trajectory went from one to the other in time.
+pub const NEVER: u16 = u16::MAX;
+
+/// Candidates farther apart than this share of the edge cut-off could hardly be joined by edges. (The fastest agents
+/// move a goal radius a step.)
+const WIDEST_SPACING: f32 = 0.45;
+
+/// Candidates spread over all states seen, and the fewest steps in which a trajectory went from near one to near
+/// another.
+///
+/// Candidates persist: a state farther than the spacing from all of them becomes one; when there would be too many (or
+/// on large maps: many too many), the spacing grows and those that are now too close retire (farthest-point sampling on
+/// a stream). *Near* a candidate is within a quarter of the spacing, but never more than the goal radius (what the
+/// environment itself calls being there) nor less than half of it: straight-line nearness reaches across thin walls and
+/// touching corners.
+///
+/// A candidate is known by its index, which changes when others retire, and by its id, which never does.
+#[derive(Clone, Debug)]
+pub struct Candidates {
+    spec: Spec,
+    /// Candidates wanted, and the most there may be.
+    wanted: usize,
+    most: usize,
+    /// Spacing beyond which there are rather more candidates than wanted.
+    widest: f32,
+    window: usize,
+    spacing: f32,
+    /// `(candidates, state_dim)`.
+    states: Vec<f32>,
+    /// `(candidates, goal_dim)`.
+    points: Vec<f32>,
+    /// The ids, in ascending order.
+    ids: Vec<u32>,
+    /// The next candidate's id.
+    next_id: u32,
+    /// What is known of the ways from each candidate. Frozen copies share the rows that have not changed since.
+    ways: Vec<Arc<Ways>>,
+    /// Each agent's recent visits: step within the episode, candidate.
+    visits: Vec<VecDeque<(u32, u32)>>,
+    /// Steps of each agent's episode so far.
+    clocks: Vec<u32>,
+}
+
+/// What is known of the ways from one candidate to others: few of all, as ways are short.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct Ways {
+    /// Index of another candidate and the fewest steps to it, by index.
+    observed: Vec<(u32, u16)>,
+    /// What became of walks there, by the other's id.
+    practice: BTreeMap<u32, Practice>,
+}
+
+impl Ways {
+    /// Notes that a trajectory went to candidate `to` in `steps`.
+    fn observe(this: &mut Arc<Self>, to: u32, steps: u16) {
+        match this.observed.binary_search_by_key(&to, |(to, _)| *to) {
+            Ok(at) if this.observed[at].1 <= steps => {}
+            Ok(at) => Arc::make_mut(this).observed[at].1 = steps,
+            Err(at) => Arc::make_mut(this).observed.insert(at, (to, steps)),
+        }
+    }
+}
+
+/// What became of walks from one candidate to another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Practice {
+    /// Walks that arrived in time.
+    pub arrived: u16,
+    /// Walks in a row that did not.
+    pub failed: u16,
+}
+
+impl Candidates {
+    /// No candidates yet, for `agents` agents.
+    pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
+        Self {
+            spec: spec.clone(),
+            wanted: settings.candidates,
+            most: settings.most_candidates(),
+            widest: WIDEST_SPACING * settings.edge_cutoff_steps * spec.goal_radius,
+            window: settings.window_steps(),
+            spacing: settings.candidate_spacing * spec.goal_radius,
+            states: Vec::new(),
+            points: Vec::new(),
+            ids: Vec::new(),
+            next_id: 0,
+            ways: Vec::new(),
+            visits: vec![VecDeque::new(); agents],
+            clocks: vec![0; agents],
+        }
+    }
+
+    /// A frozen copy without the agents' visits: what graphs are built of and share.
+    #[must_use]
+    pub fn frozen(&self) -> Arc<Self> {
+        Arc::new(Self {
+            spec: self.spec.clone(),
+            states: self.states.clone(),
+            points: self.points.clone(),
+            ids: self.ids.clone(),
+            ways: self.ways.clone(),
+            visits: Vec::new(),
+            clocks: Vec::new(),
+            ..*self
+        })
+    }
+
+    /// Goes on as `fresh`, but with ids that have not been used yet: practice is not taken for that of new candidates.
+    pub fn begin_again(&mut self, fresh: Self) {
+        *self = Self { next_id: self.next_id, ..fresh };
+    }
+
+    /// How many candidates there are.
+    pub fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// Whether there is no candidate.
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+
+    /// The candidates' states, `(candidates, state_dim)`.
+    pub fn states(&self) -> &[f32] {
+        &self.states
+    }
+
+    /// The candidates as goals, `(candidates, goal_dim)`.
+    pub fn points(&self) -> &[f32] {
+        &self.points
+    }
+
+    /// Fewest steps in which a trajectory went from near `from` to near `to`, [`NEVER`] if none did.
+    pub fn observed(&self, from: usize, to: usize) -> u16 {
+        if from == to {
+            return 0;
+        }
+        let row = &self.ways[from].observed;
+        row.binary_search_by_key(&(to as u32), |(to, _)| *to).map_or(NEVER, |at| row[at].1)
+    }
+
+    /// The candidates that a trajectory went to from near `from`, in ascending order.
+    pub fn observed_from(&self, from: usize) -> impl Iterator<Item = usize> {
+        self.ways[from].observed.iter().map(|(to, _)| *to as usize)
+    }
+
+    /// The id of candidate `i`: it stays the same while others retire.
+    pub fn id(&self, i: usize) -> u32 {
+        self.ids[i]
+    }
+
+    /// The index of the candidate called `id`, unless it has retired.
+    fn index_of(&self, id: u32) -> Option<usize> {
+        self.ids.binary_search(&id).ok()
+    }
+
+    /// What became of walks from candidate `from` to candidate `to`.
+    pub fn practice(&self, from: usize, to: usize) -> Practice {
+        self.ways[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
+    }
+
+    /// Counts a walk from one candidate to another, given by their ids, that arrived or did not.
+    pub fn practise(&mut self, (from, to): (u32, u32), arrived: bool) {
+        let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to)) else { return };
+        let practice = Arc::make_mut(&mut self.ways[row]).practice.entry(to).or_default();
+        if arrived {
+            *practice = Practice { arrived: practice.arrived.saturating_add(1), failed: 0 };
+        } else {
+            practice.failed = practice.failed.saturating_add(1);
+        }
+    }
+
+    /// Least distance between candidates, in the environment's unit of length.
+    pub fn spacing(&self) -> f32 {
+        self.spacing
+    }
+
+    /// Within this distance of a candidate an agent is said to be there.
+    fn near_radius(&self) -> f32 {
+        (self.spacing / 4.0).clamp(0.5 * self.spec.goal_radius, self.spec.goal_radius)
+    }
+
+    /// Adds the next state of `agent`'s episode.
+    pub fn visit(&mut self, agent: usize, state: &[f32]) {
+        let (nearest, distance) = self.nearest(state);
+        let mut near = (distance < self.near_radius()).then_some(nearest);
+        if distance > self.spacing {
+            near = self.add(state);
+        }
+        let clock = self.clocks[agent];
+        self.clocks[agent] += 1;
+        let visits = &mut self.visits[agent];
+        while visits.front().is_some_and(|(step, _)| clock - step > self.window as u32) {
+            visits.pop_front();
+        }
+        let Some(to) = near else { return };
+        for (step, from) in visits.iter().filter(|(_, from)| *from as usize != to) {
+            Ways::observe(&mut self.ways[*from as usize], to as u32, (clock - step) as u16);
+        }
+        visits.push_back((clock, to as u32));
+    }
+
+    /// Ends `agent`'s episode: what comes next did not follow from what was before.
+    pub fn end_episode(&mut self, agent: usize) {
+        self.visits[agent].clear();
+        self.clocks[agent] = 0;
+    }
+
+    /// The candidate nearest to `state` and its distance; infinite without candidates.
+    fn nearest(&self, state: &[f32]) -> (usize, f32) {
+        let mut best = (0, f32::INFINITY);
+        for (i, point) in self.points.chunks_exact(self.spec.goal_dim()).enumerate() {
+            let squared: f32 = self.spec.achieved(state).zip(point).map(|(a, p)| (a - p) * (a - p)).sum();
+            if squared < best.1 {
+                best = (i, squared);
+            }
+        }
+        (best.0, best.1.sqrt())
+    }
+
+    /// Makes `state` a candidate, thinning the others where there is no room; `None` where it then came too close.
+    fn add(&mut self, state: &[f32]) -> Option<usize> {
+        while self.len() >= self.wanted && (self.spacing < self.widest || self.len() >= self.most) {
+            self.spacing *= 1.1;
+            self.thin();
+            if self.nearest(state).1 <= self.spacing {
+                return None;
+            }
+        }
+        self.states.extend(state);
+        self.points.extend(self.spec.achieved(state));
+        self.ids.push(self.next_id);
+        self.ways.push(Arc::default());
+        self.next_id += 1;
+        Some(self.len() - 1)
+    }
+
+    /// Retires candidates closer than the spacing to an older one.
+    fn thin(&mut self) {
+        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let mut kept: Vec<usize> = Vec::new();
+        for i in 0..self.len() {
+            let state = &self.states[i * s..(i + 1) * s];
+            if kept.iter().all(|k| self.spec.goal_distance(state, &self.points[k * g..(k + 1) * g]) > self.spacing) {
+                kept.push(i);
+            }
+        }
+        let mut new_index = vec![None; self.len()];
+        kept.iter().enumerate().for_each(|(new, old)| new_index[*old] = Some(new as u32));
+        let ids: Vec<u32> = kept.iter().map(|i| self.ids[*i]).collect();
+        let ways = kept.iter().map(|i| {
+            let Ways { observed, practice } = &*self.ways[*i];
+            let observed = observed.iter().filter_map(|(to, steps)| Some((new_index[*to as usize]?, *steps)));
+            let alive = |id: &u32| ids.binary_search(id).is_ok();
+            let practice = practice.iter().filter(|(id, _)| alive(id)).map(|(id, practice)| (*id, *practice));
+            Arc::new(Ways { observed: observed.collect(), practice: practice.collect() })
+        });
+        self.ways = ways.collect();
+        self.states = kept.iter().flat_map(|i| self.states[i * s..(i + 1) * s].to_vec()).collect();
+        self.points = kept.iter().flat_map(|i| self.points[i * g..(i + 1) * g].to_vec()).collect();
+        self.ids = ids;
+        for visits in &mut self.visits {
+            let moved = visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
+            *visits = moved.collect();
+        }
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use super::*;
+
+    /// Points on a line of a hundred goal radii, and settings for so many candidates.
+    pub fn line(candidates: usize) -> (Spec, BridgeSettings) {
+        let spec = Spec {
+            state_centre: vec![50.0, 0.5],
+            state_half_range: vec![50.0; 2],
+            change_scale: vec![1.0; 2],
+            achieved: vec![0, 1],
+            action_dim: 2,
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        };
+        (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
+    }
+
+    /// Walks one agent along the line from 0 to `end`, half a length a step.
+    fn walk(candidates: &mut Candidates, end: f32) {
+        let mut at = 0.0;
+        while at <= end {
+            candidates.visit(0, &[at, 0.5]);
+            at += 0.5;
+        }
+        candidates.end_episode(0);
+    }
+
+    #[test]
+    fn practice_counts_failures_in_a_row_and_arrivals_forgive_them() {
+        let (spec, settings) = line(10);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        walk(&mut candidates, 12.0);
+        let hop = (candidates.id(0), candidates.id(1));
+        candidates.practise(hop, false);
+        candidates.practise(hop, false);
+        assert_eq!(candidates.practice(0, 1), Practice { arrived: 0, failed: 2 });
+        assert_eq!(candidates.practice(1, 0), Practice::default(), "the other direction is another edge");
+        candidates.practise(hop, true);
+        assert_eq!(candidates.practice(0, 1), Practice { arrived: 1, failed: 0 });
+        candidates.practise((hop.0, 12_345), true);
+        candidates.practise((hop.0, hop.0), true);
+        assert_eq!(candidates.state().practice.len(), 4, "of candidates that are gone nothing is kept");
+    }
+
+    #[test]
+    fn practice_follows_candidates_when_others_retire() {
+        let (spec, settings) = line(10);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        walk(&mut candidates, 15.0);
+        let before: Vec<(u32, f32)> =
+            (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
+        for (a, _) in &before {
+            before.iter().for_each(|(b, _)| candidates.practise((*a, *b), true));
+        }
+        // So far out that the line holds more candidates than wanted, and some have to go.
+        walk(&mut candidates, 60.0);
+        let place = |name: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == name);
+        let (kept, gone): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| place(*name, &candidates).is_some());
+        assert!(kept.len() > 1 && !gone.is_empty(), "{} stayed, {} retired", kept.len(), gone.len());
+        for (name, point) in &kept {
+            let i = place(*name, &candidates).unwrap_or_default();
+            assert_eq!(candidates.points()[2 * i], *point);
+            for (other, _) in kept.iter().filter(|(other, _)| other != name) {
+                let j = place(*other, &candidates).unwrap_or_default();
+                assert_eq!(candidates.practice(i, j).arrived, 1);
+            }
+        }
+        assert_eq!(candidates.state().practice.len(), 4 * kept.len() * (kept.len() - 1));
+        let mut restored = Candidates::new(&spec, 1, &settings);
+        restored.restore(&candidates.state()).expect("its own state");
+        assert_eq!(restored.state(), candidates.state());
+    }
+}

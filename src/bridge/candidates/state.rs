@@ -1,0 +1,182 @@
+//! Candidates as plain numbers, for checkpoints.
+
+use std::sync::Arc;
+
+use super::{Candidates, NEVER, Practice, Ways};
+use crate::store::{Store, StoreError};
+
+/// Candidates ever named by a run, at most.
+const MOST_IDS: u32 = 1 << 31;
+
+/// Everything that [`Candidates`] know, as plain numbers.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CandidatesState {
+    /// Least distance between candidates.
+    pub spacing: f32,
+    /// `(candidates, state_dim)`.
+    pub states: Vec<f32>,
+    /// The candidates' ids, and behind them the next one's.
+    pub ids: Vec<u32>,
+    /// Where each candidate's ways end among all that were observed.
+    pub ends: Vec<u32>,
+    /// The candidate that each of these ways leads to, by index.
+    pub to: Vec<u32>,
+    /// Fewest steps of each of these ways.
+    pub steps: Vec<u16>,
+    /// From, to (by id), arrived, failed: four numbers each.
+    pub practice: Vec<u32>,
+    /// Each agent's clock, number of visits, and visits.
+    pub visits: Vec<u32>,
+}
+
+impl CandidatesState {
+    /// Writes the state to `store`, its names beginning with `prefix`.
+    pub fn write(self, store: &mut Store, prefix: &str) {
+        store.put(format!("{prefix}.spacing"), vec![self.spacing]);
+        store.put(format!("{prefix}.states"), self.states);
+        store.put(format!("{prefix}.names"), self.ids);
+        store.put(format!("{prefix}.observed.ends"), self.ends);
+        store.put(format!("{prefix}.observed.to"), self.to);
+        store.put(format!("{prefix}.observed.steps"), self.steps);
+        store.put(format!("{prefix}.practice"), self.practice);
+        store.put(format!("{prefix}.visits"), self.visits);
+    }
+
+    /// Reads what [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// That a part is missing or of another type.
+    pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
+        let ids = store.u32(&format!("{prefix}.names"))?.to_vec();
+        let dense = format!("{prefix}.observed");
+        let (ends, to, steps) = if store.has(&dense) {
+            // Former formats held a table of all pairs.
+            sparse(store.u16(&dense)?, ids.len().saturating_sub(1))
+        } else {
+            (
+                store.u32(&format!("{prefix}.observed.ends"))?.to_vec(),
+                store.u32(&format!("{prefix}.observed.to"))?.to_vec(),
+                store.u16(&format!("{prefix}.observed.steps"))?.to_vec(),
+            )
+        };
+        Ok(Self {
+            spacing: store.f32(&format!("{prefix}.spacing"))?.first().copied().unwrap_or_default(),
+            states: store.f32(&format!("{prefix}.states"))?.to_vec(),
+            ids,
+            ends,
+            to,
+            steps,
+            practice: store.u32(&format!("{prefix}.practice"))?.to_vec(),
+            visits: store.u32(&format!("{prefix}.visits"))?.to_vec(),
+        })
+    }
+}
+
+/// The ways of a table of all pairs of `n` candidates.
+fn sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
+    let (mut ends, mut to, mut steps) = (Vec::new(), Vec::new(), Vec::new());
+    for (from, row) in table.chunks_exact(n.max(1)).enumerate() {
+        for (other, observed) in row.iter().enumerate().filter(|(other, steps)| *other != from && **steps != NEVER) {
+            to.push(other as u32);
+            steps.push(*observed);
+        }
+        ends.push(to.len() as u32);
+    }
+    (ends, to, steps)
+}
+
+impl Candidates {
+    /// Everything they know, for a checkpoint.
+    pub fn state(&self) -> CandidatesState {
+        let mut state = CandidatesState { spacing: self.spacing, ..CandidatesState::default() };
+        state.states.clone_from(&self.states);
+        state.ids.clone_from(&self.ids);
+        state.ids.push(self.next_id);
+        for (id, ways) in self.ids.iter().zip(&self.ways) {
+            state.to.extend(ways.observed.iter().map(|(to, _)| *to));
+            state.steps.extend(ways.observed.iter().map(|(_, steps)| *steps));
+            state.ends.push(state.to.len() as u32);
+            let numbers = |(to, p): (&u32, &Practice)| [*id, *to, u32::from(p.arrived), u32::from(p.failed)];
+            state.practice.extend(ways.practice.iter().flat_map(numbers));
+        }
+        for (clock, own) in self.clocks.iter().zip(&self.visits) {
+            state.visits.extend([*clock, own.len() as u32]);
+            state.visits.extend(own.iter().flat_map(|(step, i)| [*step, *i]));
+        }
+        state
+    }
+
+    /// Restores what [`Self::state`] gave.
+    ///
+    /// # Errors
+    /// That the state was not saved from candidates of these sizes, or holds numbers out of range.
+    pub fn restore(&mut self, state: &CandidatesState) -> Result<(), StoreError> {
+        let misfit = || StoreError::misfit("the stored bridge candidates do not fit these settings");
+        let n = state.states.len() / self.spec.state_dim();
+        if n > self.most || !state.states.len().is_multiple_of(self.spec.state_dim()) {
+            return Err(misfit());
+        }
+        let sound = state.spacing > 0.0 && state.spacing.is_finite() && state.states.iter().all(|v| v.is_finite());
+        if !sound {
+            return Err(StoreError::misfit("the stored bridge candidates hold numbers that are out of range"));
+        }
+        let (next_id, ids) = state.ids.split_last().ok_or_else(misfit)?;
+        let sorted = ids.is_sorted_by(|a, b| a < b) && ids.last().is_none_or(|last| last < next_id);
+        if ids.len() != n || !sorted || *next_id > MOST_IDS {
+            return Err(misfit());
+        }
+        let mut ways = rows(state, n).ok_or_else(misfit)?;
+        let (practice, []) = state.practice.as_chunks::<4>() else { return Err(misfit()) };
+        for [from, to, arrived, failed] in practice {
+            let row = ids.binary_search(from).map_err(|_| misfit())?;
+            let practice = Practice { arrived: *arrived as u16, failed: *failed as u16 };
+            ways[row].practice.insert(*to, practice);
+        }
+        self.restore_visits(&state.visits, n).ok_or_else(misfit)?;
+        self.spacing = state.spacing;
+        self.states.clone_from(&state.states);
+        self.points = state.states.chunks_exact(self.spec.state_dim()).flat_map(|s| self.spec.achieved(s)).collect();
+        self.ids = ids.to_vec();
+        self.next_id = *next_id;
+        self.ways = ways.into_iter().map(Arc::new).collect();
+        Ok(())
+    }
+
+    /// Restores the agents' visits to `n` candidates; `None` where they contradict each other.
+    fn restore_visits(&mut self, numbers: &[u32], n: usize) -> Option<()> {
+        let mut numbers = numbers.iter().copied();
+        let mut next = || numbers.next();
+        for (clock, visits) in self.clocks.iter_mut().zip(&mut self.visits) {
+            *clock = next()?;
+            let count = next()?;
+            visits.clear();
+            let mut before = 0;
+            for _ in 0..count {
+                let (step, candidate) = (next()?, next()?);
+                if candidate as usize >= n || step < before || step >= *clock {
+                    return None;
+                }
+                before = step;
+                visits.push_back((step, candidate));
+            }
+        }
+        Some(())
+    }
+}
+
+/// The ways from each of `n` candidates; `None` where they do not lead to others, in ascending order.
+fn rows(state: &CandidatesState, n: usize) -> Option<Vec<Ways>> {
+    let whole = state.ends.len() == n && state.ends.is_sorted() && state.to.len() == state.steps.len();
+    if !whole || state.ends.last().map_or(0, |end| *end as usize) != state.to.len() {
+        return None;
+    }
+    let mut first = 0;
+    let row = |(from, end): (usize, &u32)| {
+        let own = std::mem::replace(&mut first, *end as usize)..*end as usize;
+        let observed: Vec<(u32, u16)> = own.map(|i| (state.to[i], state.steps[i])).collect();
+        let others = observed.iter().all(|(to, _)| (*to as usize) < n && *to as usize != from);
+        let sound = others && observed.is_sorted_by(|a, b| a.0 < b.0);
+        sound.then(|| Ways { observed, ..Ways::default() })
+    };
+    state.ends.iter().enumerate().map(row).collect()
+}
