@@ -12,7 +12,7 @@
 //! Modules know those to their left and none to their right:
 //!
 //! ```text
-//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- headless, tui, ablate
+//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- view <- headless, tui, ablate
 //! ```
 //!
 //! * [`text`]: what comes from outside, made safe to show. [`files`]: how files are read and replaced.
@@ -29,6 +29,8 @@
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order, with bridge graphs built beside it and
 //!   taken up at fixed updates; evaluation, settings, checkpoints; and [`train::Engine`], which runs a trainer on a
 //!   thread of its own for a front end.
+//! * [`view`]: what there is to see of a run, computed on a thread of its own: fields of distances, the bridge graph,
+//!   an agent that walks to the goal.
 //! * [`headless`], [`tui`] and [`ablate`]: the front ends. [`cli`], [`setup`], [`signals`], [`logging`] and [`facts`] serve them;
 //!   [`bench`](mod@bench) measures; [`frames`] draws moments of recordings.
 //!
@@ -77,3 +79,5 @@ pub mod text;
 pub mod train;
 #[forbid(unsafe_code)]
 pub mod tui;
+#[forbid(unsafe_code)]
+pub mod view;

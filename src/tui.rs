@@ -1,11 +1,12 @@
 //! The terminal trainer: draws what the engine publishes and passes on what the user does.
 //!
-//! Three threads: the engine trains, the viewer computes distance fields and walks the test agent, and this one draws.
+//! Three threads: the engine trains, the viewer ([`crate::view`]) computes distance fields and walks the test agent,
+//! and this one draws.
 //! None waits for another: each takes the latest that the others have published.
 //!
 //! * `action`, `keymap`, `config`: what can be done, by which keys, and what users set for themselves.
-//! * `app`: the state of the screen and what events do to it; `dialog`, `editor`, `log` are parts of it.
-//! * `viewer`: what is computed to be seen.
+//! * `screen`: the state that a frame is drawn from; `dialog`, `editor`, `log` are parts of it.
+//! * `app`: the controller: what events do to the screen, and to trainer and viewer.
 //! * `render`: panes; `raster`, `canvas`, `layers`, `theme` are how the map becomes characters.
 //! * `export`: what is seen, as files; `terminal`: the terminal itself, and recordings of it.
 
@@ -26,11 +27,11 @@ mod places;
 mod raster;
 mod record;
 mod render;
+mod screen;
 mod terminal;
 #[cfg(test)]
 mod tests;
 mod theme;
-mod viewer;
 
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -45,6 +46,7 @@ use crate::setup::Setup;
 use crate::signals::Ending;
 use crate::text::plain_lines;
 use crate::train::Engine;
+use crate::view::Viewer;
 use app::{App, Files};
 pub use config::{UiConfig, load as load_config, parse as parse_config, template as config_template};
 pub use export::{Paper, png_of};
@@ -54,7 +56,6 @@ pub use record::LARGEST_SCREEN;
 use record::Recorder;
 use terminal::Terminal;
 pub use terminal::watch as guard_terminal;
-use viewer::Viewer;
 
 /// Shortest time between two frames: one that answers the user, and one that shows what has changed.
 const ANSWER: Duration = Duration::from_millis(16);
@@ -150,14 +151,16 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> 
             pace.asked = true;
         }
         if let Some(what) = app.takes_export() {
-            let told = export::write(what, app);
+            let told = export::write(what, &app.screen);
             app.notify(&told);
         }
         pace.changed |= app.on_tick();
-        pace.waits = !app.snapshot.phase.trains();
+        pace.waits = !app.screen.snapshot.phase.trains();
         if pace.is_due() {
             crate::faults::point("interface");
-            terminal.draw(|frame| render::draw(frame, app, &mut cache))?;
+            let mut places = None;
+            terminal.draw(|frame| places = Some(render::draw(frame, &app.screen, &mut cache)))?;
+            places.into_iter().for_each(|places| app.drawn(places));
         }
     }
     Ok(())

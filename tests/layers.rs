@@ -5,13 +5,14 @@
 use std::path::{Path, PathBuf};
 
 /// Modules from the lowest layer to the highest; those of a layer may know each other.
-const LAYERS: [&[&str]; 7] = [
+const LAYERS: [&[&str]; 8] = [
     &["text", "faults", "files", "store"],
     &["map"],
     &["env"],
     &["learn"],
     &["bridge"],
     &["train"],
+    &["view"],
     &[
         "ablate", "bench", "cli", "facts", "frames", "headless", "lib", "logging", "main", "report", "setup",
         "signals", "tui",

@@ -1,4 +1,4 @@
-//! The state of the screen, and what events do to it.
+//! The controller: what events do to the screen, and to trainer and viewer.
 
 mod act;
 mod answer;
@@ -18,66 +18,30 @@ use tokio::sync::watch;
 
 use super::config::UiConfig;
 use super::dialog::Dialog;
-use super::editor::Editor;
 use super::keymap::Keymap;
-use super::layers::{Field, Overlays};
-use super::log::Log;
 use super::output::What;
-use super::panes::Pane;
 use super::places::Places;
-use super::raster::{MapFrame, Marker, Viewport};
-use super::theme::{Depth, Theme};
-use super::viewer::{Request, Tour, View, Viewer};
+use super::raster::Viewport;
+use super::screen::Screen;
 use crate::env::PointMaze;
 use crate::faults::Failure;
 use crate::map::{Cell, Grid};
-use crate::train::{Command, Engine, Run, Snapshot, Success};
+use crate::train::{Command, Engine, Snapshot};
+use crate::view::{Field, Request, View, Viewer};
 pub use saving::Files;
 use saving::Saving;
 
-/// Everything that the screen shows.
+/// Passes on what the user does to trainer and viewer, and what these publish to the screen.
 pub struct App {
     engine: Engine,
     viewer: Viewer,
-    pub keymap: Keymap,
-    pub theme: Theme,
-    /// The map as the user last made it; the trainer follows.
-    map: Arc<Grid>,
-    pub editor: Editor,
-    pub snapshot: Arc<Snapshot>,
-    pub view: Arc<View>,
-    /// The goal that distances are shown to.
-    pub goal: Cell,
-    /// The number of the latest wish for a goal.
+    /// What a frame is drawn from.
+    pub screen: Screen,
+    /// The number of the latest request for a goal.
     goals_asked: u64,
-    /// The cursor that tells about its cell, and the cell under the mouse.
-    pub inspecting: Option<Cell>,
-    pub hovered: Option<Cell>,
-    pub log: Log,
-    /// What the colours stand for.
-    pub field: Field,
-    pub overlays: Overlays,
-    pub marker: Marker,
-    pub viewport: Viewport,
-    pub pane: Pane,
-    pub maximised: bool,
-    /// How far back curves and log are scrolled, in pages.
-    pub scrolled: usize,
-    pub log_scale: bool,
-    pub tour: Tour,
-    /// What lies on top, the last one uppermost.
-    pub dialogs: Vec<Dialog>,
-    /// Pausing has been asked for.
-    pub pausing: bool,
-    /// The screen stays as it is.
-    pub frozen: bool,
-    /// The agent that is followed instead of the walking one.
-    pub following: Option<usize>,
-    /// Where things were drawn last.
-    pub places: Places,
     /// Where the map was taken hold of to be moved.
     dragged_from: Option<Position>,
-    /// Minutes between checkpoints that are saved without being asked for; 0 for none.
+    /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
     saving: Saving,
@@ -85,7 +49,7 @@ pub struct App {
     failures: Vec<Failure>,
     rng: ChaCha8Rng,
     done: bool,
-    /// The program is to be stopped until the shell lets it go on.
+    /// The program is to be stopped until the shell lets it continue.
     suspending: bool,
     /// What is to be written to a file.
     export: Option<What>,
@@ -97,29 +61,7 @@ impl App {
         let snapshot = engine.snapshots().borrow().clone();
         let view = viewer.views().borrow().clone();
         let mut app = Self {
-            keymap,
-            theme: Theme::new(config.theme, Depth::detect()),
-            map: snapshot.scene.maze().map,
-            editor: Editor::default(),
-            goal: Cell::new(0, 0),
             goals_asked: 0,
-            inspecting: None,
-            hovered: None,
-            log: Log::default(),
-            field: Field::default(),
-            overlays: Overlays::default(),
-            marker: config.marker,
-            viewport: Viewport::default(),
-            pane: Pane::default(),
-            maximised: false,
-            scrolled: 0,
-            log_scale: false,
-            tour: Tour::default(),
-            dialogs: Vec::new(),
-            pausing: false,
-            frozen: false,
-            following: None,
-            places: Places::default(),
             dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
@@ -129,8 +71,7 @@ impl App {
             done: false,
             suspending: false,
             export: None,
-            snapshot,
-            view,
+            screen: Screen::new((&config, keymap), snapshot, view),
             engine,
             viewer,
         };
@@ -140,21 +81,21 @@ impl App {
 
     /// Turns to a run that is new to the screen.
     fn begin(&mut self) {
-        let snapshot = self.snapshot.clone();
+        let snapshot = self.screen.snapshot.clone();
         let (run, map) = (&snapshot.run, snapshot.scene.maze().map);
-        self.map = map.clone();
-        self.saving.begin(&self.snapshot);
-        self.log.begin(&self.snapshot.log);
-        self.editor.forget();
-        (self.viewport, self.following) = (Viewport::default(), None);
+        self.screen.map = map.clone();
+        self.saving.begin(&self.screen.snapshot);
+        self.screen.log.begin(&self.screen.snapshot.log);
+        self.screen.editor.forget();
+        (self.screen.viewport, self.screen.following) = (Viewport::default(), None);
         self.inspect(None);
-        if self.field == Field::Composed && !run.method.plans() {
-            self.field = Field::default();
-            self.viewer.ask(Request::Field(self.field));
+        if self.screen.field == Field::Composed && !run.method.plans() {
+            self.screen.field = Field::default();
+            self.viewer.ask(Request::Field(self.screen.field));
         }
         let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
-        self.log.note(&text, self.snapshot.counters.updates);
-        let first = self.map.goals().first().copied();
+        self.screen.log.note(&text, self.screen.snapshot.counters.updates);
+        let first = self.screen.map.goals().first().copied();
         let goal = first.unwrap_or_else(|| self.random_cell());
         self.set_goal(goal);
     }
@@ -167,16 +108,6 @@ impl App {
     /// The viewer's views.
     pub fn views(&self) -> watch::Receiver<Arc<View>> {
         self.viewer.views()
-    }
-
-    /// The map.
-    pub fn map(&self) -> &Arc<Grid> {
-        &self.map
-    }
-
-    /// What is run.
-    pub fn run(&self) -> &Run {
-        &self.snapshot.run
     }
 
     /// Whether the user wants to leave.
@@ -200,35 +131,6 @@ impl App {
         self.export.take()
     }
 
-    /// Updates that no checkpoint holds.
-    pub fn unsaved_updates(&self) -> u64 {
-        let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
-        self.snapshot.counters.updates.saturating_sub(saved)
-    }
-
-    /// The latest evaluation in brief.
-    pub fn success(&self) -> Option<Success> {
-        self.snapshot.evaluations.last().map(|(updates, e)| e.success(*updates))
-    }
-
-    /// What remains of the run on the terminal when the screen is gone.
-    pub fn summary(&self) -> String {
-        let counters = self.snapshot.counters;
-        let text = format!(
-            "{} on {}, seed {}: {} updates in {:.0} s, {} episodes",
-            self.run().method.name(),
-            self.map().name(),
-            self.run().seed,
-            counters.updates,
-            self.snapshot.seconds,
-            counters.episodes
-        );
-        match self.success() {
-            Some(success) => format!("{text}; at update {} success {success}", success.updates),
-            None => text,
-        }
-    }
-
     /// Passes a command on to the trainer; `false` where too many wait, which the user is told.
     pub fn command(&mut self, command: Command) -> bool {
         let sent = self.engine.send(command);
@@ -243,7 +145,7 @@ impl App {
         match event {
             Event::Key(key) if key.kind != KeyEventKind::Release => self.on_key(*key),
             Event::Mouse(mouse) => self.on_mouse(*mouse),
-            Event::Paste(text) => match self.dialogs.last_mut() {
+            Event::Paste(text) => match self.screen.dialogs.last_mut() {
                 Some(Dialog::Pick(picker)) => picker.paste(text),
                 Some(Dialog::Ask(prompt)) => prompt.paste(text),
                 _ => {}
@@ -254,20 +156,20 @@ impl App {
 
     fn on_key(&mut self, key: KeyEvent) {
         let interrupt = key.code == KeyCode::Char('c') && key.modifiers == KeyModifiers::CONTROL;
-        if interrupt && !self.dialogs.is_empty() {
+        if interrupt && !self.screen.dialogs.is_empty() {
             // Twice leaves without further questions.
             self.done = true;
             return;
         }
-        match self.dialogs.last_mut() {
+        match self.screen.dialogs.last_mut() {
             None => {
-                if let Some(action) = self.keymap.action(key, self.editor.is_open()) {
+                if let Some(action) = self.screen.keymap.action(key, self.screen.editor.is_open()) {
                     self.act(action);
                 }
             }
             Some(Dialog::Help(_)) => self.on_key_in_help(key),
             Some(_) if key.code == KeyCode::Esc => {
-                self.dialogs.pop();
+                self.screen.dialogs.pop();
                 self.stay();
             }
             Some(_) if key.code == KeyCode::Enter => self.answer(),
@@ -277,14 +179,14 @@ impl App {
     }
 
     fn random_cell(&mut self) -> Cell {
-        let cells: Vec<Cell> = self.map.free_cells().collect();
+        let cells: Vec<Cell> = self.screen.map.free_cells().collect();
         cells[self.rng.random_range(0..cells.len())]
     }
 
     /// The goal at `cell`, or at the free cell nearest to it.
     pub fn set_goal(&mut self, cell: Cell) {
-        if let Some(cell) = self.map.nearest_free(cell) {
-            self.goal = cell;
+        if let Some(cell) = self.screen.map.nearest_free(cell) {
+            self.screen.goal = cell;
             self.goals_asked += 1;
             self.viewer.ask(Request::Goal(cell, self.goals_asked));
         }
@@ -292,8 +194,8 @@ impl App {
 
     /// Asks about a cell, or no longer.
     fn inspect(&mut self, cell: Option<Cell>) {
-        self.inspecting = cell;
-        self.viewer.ask(Request::Inspect(cell.or(self.hovered)));
+        self.screen.inspecting = cell;
+        self.viewer.ask(Request::Inspect(cell.or(self.screen.hovered)));
     }
 
     /// The map is to be this from now on.
@@ -303,22 +205,31 @@ impl App {
         if !self.command(Command::ChangeWorld(Box::new(world))) {
             return;
         }
-        self.map = map;
-        if !self.map.is_free(self.goal) {
-            self.set_goal(self.goal);
+        self.screen.map = map;
+        if !self.screen.map.is_free(self.screen.goal) {
+            self.set_goal(self.screen.goal);
         }
     }
 
     /// Tells the user something, and the log.
     pub fn notify(&mut self, text: &str) {
-        self.log.add(text, self.snapshot.counters.updates);
+        self.screen.log.add(text, self.screen.snapshot.counters.updates);
     }
 
-    /// The map is now drawn at `frame`: the viewer computes its field for it.
-    pub fn set_frame(&mut self, frame: MapFrame) {
-        if self.places.map.as_ref() != Some(&frame) {
-            self.viewer.ask(Request::Frame(frame.clone()));
-            self.places.map = Some(frame);
+    /// A frame has been drawn: clicks go by where things are now, and the viewer computes the field for the map's pixels.
+    pub fn drawn(&mut self, places: Places) {
+        let before = std::mem::replace(&mut self.screen.places, places);
+        let places = &mut self.screen.places;
+        if let (Some(Dialog::Help(first)), Some(line)) = (self.screen.dialogs.last_mut(), places.help_line) {
+            *first = line;
+        }
+        match &places.map {
+            Some(frame) if before.map.as_ref() != Some(frame) => {
+                self.viewer.ask(Request::Frame(frame.raster, Arc::new(frame.arrows())));
+            }
+            Some(_) => {}
+            // Hidden behind a pane that fills the screen.
+            None => places.map = before.map,
         }
     }
 }

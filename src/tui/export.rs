@@ -6,14 +6,14 @@ mod vector;
 
 use std::path::{Path, PathBuf};
 
-use ratatui::Terminal;
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
+use ratatui::{Frame, Terminal};
 
-use super::app::App;
 use super::output::What;
 use super::render;
+use super::screen::Screen;
 use super::theme::{Rgb, Theme, ThemeName};
 use crate::files::{self, write_whole};
 pub use picture::png_of;
@@ -22,11 +22,11 @@ pub use picture::png_of;
 const FOLDER: &str = "exports";
 
 /// Writes what was asked for to a file of its own; what is to be said of it.
-pub fn write(what: What, app: &mut App) -> String {
-    let (map, updates) = (app.map().name(), app.snapshot.counters.updates);
+pub fn write(what: What, screen: &Screen) -> String {
+    let (map, updates) = (screen.map().name(), screen.snapshot.counters.updates);
     let name = format!("{map}-{updates}-{}", what.stem());
     let path = unused(Path::new(FOLDER), &name, what.file_type());
-    let written = contents(what, app).and_then(|bytes| write_whole(&path, &bytes).map_err(|e| e.to_string()));
+    let written = contents(what, screen).and_then(|bytes| write_whole(&path, &bytes).map_err(|e| e.to_string()));
     match written {
         Ok(()) => format!("wrote {}", path.display()),
         Err(error) => format!("{} cannot be written: {error}", path.display()),
@@ -42,37 +42,37 @@ fn unused(folder: &Path, name: &str, file_type: &str) -> PathBuf {
 ///
 /// # Errors
 /// What cannot be drawn or written.
-pub fn contents(what: What, app: &mut App) -> Result<Vec<u8>, String> {
+pub fn contents(what: What, screen: &Screen) -> Result<Vec<u8>, String> {
     match what {
-        What::CurvesSvg => curves::svg(app),
-        What::CurvesCsv => curves::csv(app),
+        What::CurvesSvg => curves::svg(screen),
+        What::CurvesCsv => curves::csv(screen),
         What::MapPng | What::MapSvg | What::ScreenPng | What::ScreenSvg => {
-            let screen = draw(app).map_err(|e| e.to_string())?;
+            let (drawn, map_pane) = draw(screen).map_err(|e| e.to_string())?;
             let area = match what {
-                What::MapPng | What::MapSvg => app.places.map_pane.intersection(screen.area),
-                _ => screen.area,
+                What::MapPng | What::MapSvg => map_pane.intersection(drawn.area),
+                _ => drawn.area,
             };
             if area.is_empty() {
                 return Err("there is nothing to be seen: the window is too small".to_owned());
             }
-            let paper = Paper::of(&app.theme);
+            let paper = Paper::of(&screen.theme);
             match what {
-                What::MapPng | What::ScreenPng => png_of(&screen, area, paper).map_err(|e| e.to_string()),
-                _ => Ok(vector::svg_of(&screen, area, paper).into_bytes()),
+                What::MapPng | What::ScreenPng => png_of(&drawn, area, paper).map_err(|e| e.to_string()),
+                _ => Ok(vector::svg_of(&drawn, area, paper).into_bytes()),
             }
         }
     }
 }
 
-/// The screen as it is without dialogs on top.
-fn draw(app: &mut App) -> std::io::Result<Buffer> {
-    let Rect { width, height, .. } = app.places.screen;
+/// The screen as it is without dialogs, and where the map's pane lies.
+fn draw(screen: &Screen) -> std::io::Result<(Buffer, Rect)> {
+    let Rect { width, height, .. } = screen.places.screen;
     let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1))).map_err(std::io::Error::other)?;
-    let on_top = std::mem::take(&mut app.dialogs);
-    let drawn = terminal.draw(|frame| render::draw(frame, app, &mut render::Cache::default())).map(|_| ());
-    app.dialogs = on_top;
-    drawn.map_err(std::io::Error::other)?;
-    Ok(terminal.backend().buffer().clone())
+    let mut map_pane = Rect::default();
+    let panes =
+        |frame: &mut Frame| map_pane = render::draw_panes(frame, screen, &mut render::Cache::default()).map_pane;
+    terminal.draw(panes).map_err(std::io::Error::other)?;
+    Ok((terminal.backend().buffer().clone(), map_pane))
 }
 
 /// The colours of text and ground where a terminal's own would be.

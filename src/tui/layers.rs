@@ -1,63 +1,5 @@
 //! What the map can show besides itself.
 
-use crate::train::Method;
-
-/// What the map's colours stand for.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Field {
-    /// D(., g) to the goal, as the critics have it.
-    #[default]
-    Learned,
-    /// D(s, .) from where the walking agent started.
-    FromStart,
-    /// D(., g) as the bridge graph composes it.
-    Composed,
-    /// The map's own steps to the goal.
-    True,
-    /// By how much D(., g) is longer or shorter than these.
-    Error,
-    /// How often agents were there.
-    Visits,
-    /// Nothing.
-    Plain,
-}
-
-impl Field {
-    const ALL: [Self; 7] =
-        [Self::Learned, Self::FromStart, Self::Composed, Self::True, Self::Error, Self::Visits, Self::Plain];
-
-    /// What it is called on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Learned => "D to G",
-            Self::FromStart => "D from S",
-            Self::Composed => "D by bridges",
-            Self::True => "true steps",
-            Self::Error => "error of D",
-            Self::Visits => "visits",
-            Self::Plain => "map alone",
-        }
-    }
-
-    /// The next one (or the one before) that there is for `method`.
-    #[must_use]
-    pub fn turn(self, forward: bool, method: &Method) -> Self {
-        let count = Self::ALL.len();
-        let mut at = self as usize;
-        loop {
-            at = (at + if forward { 1 } else { count - 1 }) % count;
-            if Self::ALL[at] != Self::Composed || method.plans() {
-                return Self::ALL[at];
-            }
-        }
-    }
-
-    /// Whether its values are steps.
-    pub fn is_distance(self) -> bool {
-        matches!(self, Self::Learned | Self::FromStart | Self::Composed | Self::True)
-    }
-}
-
 /// Something drawn on top of the colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overlay {
@@ -117,23 +59,5 @@ impl Overlays {
     pub fn toggle(&mut self, overlay: Overlay) -> bool {
         self.0[overlay as usize] = !self.0[overlay as usize];
         self.0[overlay as usize]
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn turning_forth_and_back_leads_round_and_home() {
-        for method in &["gdg", "gdg-bridge"].map(|name| name.parse::<Method>().expect("a method")) {
-            let there = (0..7).scan(Field::Learned, |field, _| {
-                *field = field.turn(true, method);
-                Some(*field)
-            });
-            let there: Vec<Field> = there.collect();
-            assert_eq!(there.contains(&Field::Composed), method.plans());
-            assert_eq!(Field::Learned.turn(true, method).turn(false, method), Field::Learned);
-        }
     }
 }

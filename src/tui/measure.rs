@@ -14,15 +14,15 @@ use super::app::{App, Files};
 use super::config::UiConfig;
 use super::keymap::Keymap;
 use super::theme::{Depth, Theme, ThemeName};
-use super::viewer::{View, Viewer};
 use super::{ANSWER, Pace, render};
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
+use crate::view::{View, Viewer};
 
 /// A run with the interface open on a screen that nobody sees.
 pub struct Watched {
     app: App,
     cache: render::Cache,
-    screen: Terminal<CrosstermBackend<Sink>>,
+    terminal: Terminal<CrosstermBackend<Sink>>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     views: watch::Receiver<Arc<View>>,
 }
@@ -45,11 +45,11 @@ impl Watched {
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(|(_, what, _)| std::io::Error::other(what))?;
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
-        app.theme = Theme::new(ThemeName::Dark, Depth::True);
+        app.screen.theme = Theme::new(ThemeName::Dark, Depth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
-        let screen = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
+        let terminal = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
         let mut watched =
-            Self { snapshots: app.snapshots(), views: app.views(), app, cache: render::Cache::default(), screen };
+            Self { snapshots: app.snapshots(), views: app.views(), app, cache: render::Cache::default(), terminal };
         watched.command(Command::Pause, &Phase::Paused);
         Ok(watched)
     }
@@ -62,7 +62,7 @@ impl Watched {
         let mut frames_us = Vec::new();
         let mut pace = Pace::default();
         self.command(Command::Resume, &Phase::Running);
-        let (began, before) = (Instant::now(), self.app.snapshot.counters.updates);
+        let (began, before) = (Instant::now(), self.app.screen.snapshot.counters.updates);
         while began.elapsed() < time {
             std::thread::sleep(ANSWER);
             if self.snapshots.has_changed().unwrap_or(false) {
@@ -75,12 +75,15 @@ impl Watched {
             }
             if pace.is_due() {
                 let drawing = Instant::now();
-                self.screen.draw(|frame| render::draw(frame, &mut self.app, &mut self.cache))?;
+                let mut places = None;
+                let Self { app, cache, terminal, .. } = self;
+                terminal.draw(|frame| places = Some(render::draw(frame, &app.screen, cache)))?;
+                places.into_iter().for_each(|places| app.drawn(places));
                 frames_us.push(drawing.elapsed().as_secs_f64() * 1e6);
             }
         }
         self.command(Command::Pause, &Phase::Paused);
-        let updates = self.app.snapshot.counters.updates - before;
+        let updates = self.app.screen.snapshot.counters.updates - before;
         Ok(Watching { updates_per_second: updates as f64 / began.elapsed().as_secs_f64(), frames_us })
     }
 

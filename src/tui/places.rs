@@ -33,10 +33,17 @@ pub struct Places {
     pub dialog: Rect,
     /// The rows of the list on top, and the number of the first of them.
     pub rows: (Rect, usize),
+    /// The first line of the help that is shown.
+    pub help_line: Option<usize>,
     clicks: Vec<(Rect, Click)>,
 }
 
 impl Places {
+    /// Nothing yet, on a screen of this size.
+    pub fn on(screen: Rect) -> Self {
+        Self { screen, ..Self::default() }
+    }
+
     /// Forgets what could be clicked on.
     pub fn forget_clicks(&mut self) {
         self.clicks.clear();

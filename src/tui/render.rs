@@ -32,8 +32,9 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Modifier, Style};
 
-use super::app::App;
 use super::dialog::Dialog;
+use super::places::Places;
+use super::screen::Screen;
 pub use map::Cache;
 #[cfg(test)]
 pub use side::lines as pane_lines;
@@ -55,44 +56,48 @@ pub(super) const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
 pub(super) const DIM: Style = Style::new().add_modifier(Modifier::DIM);
 pub(super) const REVERSED: Style = Style::new().add_modifier(Modifier::REVERSED);
 
-/// Draws everything; `cache` keeps what need not be drawn anew the next time.
-pub fn draw(frame: &mut Frame, app: &mut App, cache: &mut Cache) {
-    app.places.screen = frame.area();
+/// Draws everything and returns where it is; `cache` keeps what need not be drawn again the next time.
+pub fn draw(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Places {
+    let mut places = draw_panes(frame, screen, cache);
+    if let Some(top) = screen.dialogs.last() {
+        // What lies below it does not answer.
+        places.forget_clicks();
+        match top {
+            Dialog::Help(first) => places.help_line = Some(help::draw(frame, frame.area(), screen, *first)),
+            Dialog::Pick(picker) => dialog::draw_picker(frame, frame.area(), picker, &mut places),
+            Dialog::Ask(prompt) => dialog::draw_prompt(frame, frame.area(), prompt, &mut places),
+        }
+    }
+    places
+}
+
+/// The same without dialogs.
+pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Places {
+    let mut places = Places::on(frame.area());
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)]).areas(frame.area());
-    app.places.forget_clicks();
-    header::draw(frame, head, app);
+    header::draw(frame, head, screen, &mut places);
     let side = match body.width {
         w if w >= VERY_WIDE => 2 * WIDE_SIDE,
         w if w >= WIDE => WIDE_SIDE,
         w if w >= SIDE + LEAST_MAP => SIDE,
         _ => 0,
     };
-    if app.maximised {
-        side::draw_maximised(frame, body, app);
+    if screen.maximised {
+        side::draw_maximised(frame, body, screen, &mut places);
     } else {
         let [left, right] = Layout::horizontal([Constraint::Min(0), Constraint::Length(side)]).areas(body);
-        app.places.map_pane = left;
+        places.map_pane = left;
         let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(left);
-        map::draw(frame, map, app, cache);
-        minimap::draw(frame, map, app);
-        info::draw(frame, info, app);
+        map::draw(frame, map, screen, &mut places, cache);
+        minimap::draw(frame, map, screen, &mut places);
+        info::draw(frame, info, screen);
         if side > 0 {
-            side::draw(frame, right, app);
+            side::draw(frame, right, screen, &mut places);
         }
     }
-    footer::draw(frame, foot, app);
-    let mut dialogs = std::mem::take(&mut app.dialogs);
-    if let Some(top) = dialogs.last_mut() {
-        // What lies below it does not answer.
-        app.places.forget_clicks();
-        match top {
-            Dialog::Help(first) => help::draw(frame, frame.area(), app, first),
-            Dialog::Pick(picker) => dialog::draw_picker(frame, frame.area(), picker, &mut app.places),
-            Dialog::Ask(prompt) => dialog::draw_prompt(frame, frame.area(), prompt, &mut app.places),
-        }
-    }
-    app.dialogs = dialogs;
+    footer::draw(frame, foot, screen, &mut places);
+    places
 }
 
 /// The middle of `area`, at most so large.

@@ -20,13 +20,13 @@ use super::app::{App, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::keymap::Keymap;
-use super::layers::Field;
 use super::render;
+use super::screen::Screen;
 use super::theme::{Depth, Theme, ThemeName};
-use super::viewer::Viewer;
 use crate::env::PointMaze;
 use crate::map::{Cell, Grid, parse_map};
-use crate::train::{Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Trainer};
+use crate::train::{Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer};
+use crate::view::{Field, Viewer};
 
 const ROOMS: &str = "\
 ..........#.........
@@ -53,7 +53,7 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), files);
-    app.theme = Theme::new(ThemeName::Dark, Depth::True);
+    app.screen.theme = Theme::new(ThemeName::Dark, Depth::True);
     app
 }
 
@@ -84,13 +84,18 @@ fn type_text(app: &mut App, text: &str) {
 
 /// The first character that shows `cell`.
 fn character_of(app: &App, cell: Cell) -> Position {
-    let frame = app.places.map.clone().expect("the map is drawn");
+    let frame = app.screen.places.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")
 }
 
 fn draw(app: &mut App, width: u16, height: u16) -> Terminal<TestBackend> {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
-    terminal.draw(|frame| render::draw(frame, app, &mut render::Cache::default())).expect("a frame");
+    let mut places = None;
+    let draw = |frame: &mut ratatui::Frame| {
+        places = Some(render::draw(frame, &app.screen, &mut render::Cache::default()));
+    };
+    terminal.draw(draw).expect("a frame");
+    app.drawn(places.expect("places"));
     terminal
 }
 
@@ -124,6 +129,23 @@ fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
 }
 
 #[test]
+fn a_screen_is_drawn_from_its_state_alone() {
+    let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+    let world = PointMaze::new(Arc::new(rooms()), 0);
+    let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
+    let snapshot = Arc::new(Snapshot::of(&trainer).expect("a snapshot"));
+    let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
+    let screen = Screen::new((&UiConfig::default(), keymap), snapshot, Arc::default());
+    let drawn = || {
+        let mut terminal = Terminal::new(TestBackend::new(80, 24)).expect("a buffer");
+        let draw = |frame: &mut ratatui::Frame| drop(render::draw(frame, &screen, &mut render::Cache::default()));
+        terminal.draw(draw).expect("a frame");
+        text(&terminal)
+    };
+    assert!(drawn().contains("gdg-bridge default seed 1") && drawn() == drawn(), "{}", drawn());
+}
+
+#[test]
 fn every_size_can_be_drawn() {
     let mut app = app();
     for (width, height) in
@@ -132,7 +154,7 @@ fn every_size_can_be_drawn() {
         for dialog in ["", "?", ":", "R"] {
             type_text(&mut app, dialog);
             draw(&mut app, width, height);
-            app.dialogs.clear();
+            app.screen.dialogs.clear();
         }
     }
 }
@@ -157,7 +179,7 @@ fn maps_of_every_shape_can_be_drawn() {
 #[test]
 fn the_screen_of_80_by_24_shows_all_that_matters() {
     let mut app = app();
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     let shown = text(&draw(&mut app, 80, 24));
     for part in
         ["gdg-tui", "rooms", "gdg-bridge", "training", "elapsed", "updates", "success", "bridges", "time", "batches"]
@@ -172,15 +194,15 @@ fn the_screen_of_80_by_24_shows_all_that_matters() {
 #[test]
 fn arrows_move_the_goal_and_jump_over_walls() {
     let mut app = app();
-    assert_eq!(app.goal, Cell::new(19, 4), "the map's own goal");
+    assert_eq!(app.screen.goal, Cell::new(19, 4), "the map's own goal");
     for _ in 0..9 {
         press(&mut app, KeyCode::Left);
     }
-    assert_eq!(app.goal, Cell::new(9, 4), "over the wall at column 10");
+    assert_eq!(app.screen.goal, Cell::new(9, 4), "over the wall at column 10");
     press(&mut app, KeyCode::Down);
-    assert_eq!(app.goal, Cell::new(9, 4), "the map ends here");
+    assert_eq!(app.screen.goal, Cell::new(9, 4), "the map ends here");
     press(&mut app, KeyCode::Char('k'));
-    assert_eq!(app.goal, Cell::new(9, 3));
+    assert_eq!(app.screen.goal, Cell::new(9, 3));
 }
 
 #[test]
@@ -191,21 +213,21 @@ fn a_click_puts_the_goal_where_it_is_drawn_and_the_second_button_the_agent() {
         for cell in [Cell::new(0, 0), Cell::new(13, 3)] {
             let at = character_of(&app, cell);
             mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-            assert_eq!(app.goal, cell, "at {width} x {height}");
+            assert_eq!(app.screen.goal, cell, "at {width} x {height}");
         }
     }
     let at = character_of(&app, Cell::new(5, 1));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
-    wait_until(&mut app, |app| app.view.walk.start == [5.5, 1.5]);
+    wait_until(&mut app, |app| app.screen.view.walk.start == [5.5, 1.5]);
 }
 
 #[test]
 fn the_field_is_light_at_the_goal_and_dark_far_away() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 3_000 && !app.view.field.is_empty());
-    let field = app.view.field.clone();
-    let raster = app.view.raster.expect("a raster");
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 3_000 && !app.screen.view.field.is_empty());
+    let field = app.screen.view.field.clone();
+    let raster = app.screen.view.raster.expect("a raster");
     assert_eq!(field.len(), raster.pixels.0 * raster.pixels.1);
     // The goal is in the lower right corner, the wall in the middle.
     let at = |position: [f32; 2]| {
@@ -221,14 +243,16 @@ fn the_field_is_light_at_the_goal_and_dark_far_away() {
 fn other_fields_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 1_000 && !app.view.edges.is_empty());
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 1_000 && !app.screen.view.edges.is_empty());
     let mut seen = Vec::new();
     for _ in 0..7 {
-        let asked = app.field;
-        wait_until(&mut app, |app| app.view.kind == asked && (asked == Field::Plain || !app.view.field.is_empty()));
+        let asked = app.screen.field;
+        wait_until(&mut app, |app| {
+            app.screen.view.kind == asked && (asked == Field::Plain || !app.screen.view.field.is_empty())
+        });
         assert!(text(&draw(&mut app, 80, 24)).contains(asked.name()), "{asked:?} is named");
         seen.push(asked);
-        let (field, raster) = (app.view.field.clone(), app.view.raster.expect("a raster"));
+        let (field, raster) = (app.screen.view.field.clone(), app.screen.view.raster.expect("a raster"));
         let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
         let value = field[row * raster.pixels.0 + column];
         match asked {
@@ -238,7 +262,7 @@ fn other_fields_can_be_shown() {
         }
         press(&mut app, KeyCode::Char('v'));
     }
-    assert_eq!(app.field, Field::Learned, "and round");
+    assert_eq!(app.screen.field, Field::Learned, "and round");
     seen.dedup();
     assert_eq!(seen.len(), 7);
 }
@@ -250,17 +274,17 @@ fn a_cell_tells_what_is_known_of_it() {
     press(&mut app, KeyCode::Char('i'));
     (0..3).for_each(|_| press(&mut app, KeyCode::Left));
     let cell = Cell::new(16, 4);
-    wait_until(&mut app, |app| app.view.inspected.is_some_and(|facts| facts.cell == cell));
-    let facts = app.view.inspected.expect("facts");
+    wait_until(&mut app, |app| app.screen.view.inspected.is_some_and(|facts| facts.cell == cell));
+    let facts = app.screen.view.inspected.expect("facts");
     assert_eq!(facts.truth, Some(3));
     assert!(text(&draw(&mut app, 120, 40)).contains("cell 16,4: D "));
     press(&mut app, KeyCode::Enter);
-    assert_eq!(app.goal, cell);
+    assert_eq!(app.screen.goal, cell);
     press(&mut app, KeyCode::Esc);
     // The mouse tells as well.
     let at = character_of(&app, Cell::new(2, 2));
     mouse(&mut app, MouseEventKind::Moved, at);
-    wait_until(&mut app, |app| app.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2)));
+    wait_until(&mut app, |app| app.screen.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2)));
 }
 
 #[test]
@@ -268,53 +292,59 @@ fn a_door_can_be_closed_while_it_trains_and_opened_again() {
     let mut app = app();
     let door = Cell::new(10, 2);
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 50);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 50);
     press(&mut app, KeyCode::Char('e'));
     assert!(text(&draw(&mut app, 80, 24)).contains("EDIT"));
     let at = character_of(&app, door);
     let below = Position::new(at.x, at.y + 1);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!(app.editor.preview().map(|(cells, free)| (cells.contains(&door), free)), Some((true, false)));
+    assert_eq!(app.screen.editor.preview().map(|(cells, free)| (cells.contains(&door), free)), Some((true, false)));
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-    assert!(!app.map().is_free(door), "the door is closed");
-    wait_until(&mut app, |app| !app.snapshot.scene.maze().map.is_free(door));
-    assert!(app.log.notice().is_some_and(|(n, _)| n.contains("walled") && n.contains("2 pieces")), "{:?}", app.log);
-    let updates = app.snapshot.counters.updates;
-    wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
+    assert!(!app.screen.map().is_free(door), "the door is closed");
+    wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
+    assert!(
+        app.screen.log.notice().is_some_and(|(n, _)| n.contains("walled") && n.contains("2 pieces")),
+        "{:?}",
+        app.screen.log
+    );
+    let updates = app.screen.snapshot.counters.updates;
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
     press(&mut app, KeyCode::Char('u'));
-    wait_until(&mut app, |app| app.snapshot.scene.maze().map.is_free(door));
+    wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(door));
     press_with(&mut app, KeyCode::Char('r'), KeyModifiers::CONTROL);
-    wait_until(&mut app, |app| !app.snapshot.scene.maze().map.is_free(door));
+    wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Right), below);
     mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
-    wait_until(&mut app, |app| app.snapshot.scene.maze().map.is_free(door));
+    wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(door));
     // By keyboard alone: from the goal, where the cursor begins.
-    assert_eq!(app.editor.cursor, Some(Cell::new(19, 4)));
+    assert_eq!(app.screen.editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
-    let wall = app.map().is_free(Cell::new(10, 4));
+    let wall = app.screen.map().is_free(Cell::new(10, 4));
     press(&mut app, KeyCode::Char('x'));
-    wait_until(&mut app, |app| app.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall);
+    wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall);
     press(&mut app, KeyCode::Esc);
-    assert!(!app.editor.is_open());
-    assert_eq!(app.goal, Cell::new(19, 4), "the goal stayed where it was");
+    assert!(!app.screen.editor.is_open());
+    assert_eq!(app.screen.goal, Cell::new(19, 4), "the goal stayed where it was");
 }
 
 #[test]
 fn space_pauses_and_goes_on() {
     let mut app = app();
     press(&mut app, KeyCode::Char(' '));
-    wait_until(&mut app, |app| app.snapshot.phase == Phase::Paused);
+    wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
     assert!(text(&draw(&mut app, 80, 24)).contains("paused"));
-    let updates = app.snapshot.counters.updates;
+    let updates = app.screen.snapshot.counters.updates;
     press(&mut app, KeyCode::Char(' '));
-    wait_until(&mut app, |app| app.snapshot.phase == Phase::Running && app.snapshot.counters.updates > updates);
+    wait_until(&mut app, |app| {
+        app.screen.snapshot.phase == Phase::Running && app.screen.snapshot.counters.updates > updates
+    });
 }
 
 #[test]
 fn without_colours_nothing_is_coloured_and_walls_can_be_told_from_floor() {
     let mut app = app();
-    app.theme = Theme::new(ThemeName::Dark, Depth::Mono);
+    app.screen.theme = Theme::new(ThemeName::Dark, Depth::Mono);
     let terminal = draw(&mut app, 80, 24);
     let plain = |colour: Color| colour == Color::Reset;
     assert!(terminal.backend().buffer().content.iter().all(|c| plain(c.fg) && plain(c.bg)));
@@ -325,7 +355,7 @@ fn without_colours_nothing_is_coloured_and_walls_can_be_told_from_floor() {
 fn a_setting_is_changed_while_it_trains_and_mistakes_are_told() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 20);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
     press(&mut app, KeyCode::Char('o'));
     type_text(&mut app, "random_actions");
     press(&mut app, KeyCode::Enter);
@@ -336,33 +366,33 @@ fn a_setting_is_changed_while_it_trains_and_mistakes_are_told() {
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "0.5");
     press(&mut app, KeyCode::Enter);
-    assert!(app.dialogs.is_empty());
-    let updates = app.snapshot.counters.updates;
-    wait_until(&mut app, |app| app.run().settings.train.random_actions == 0.5);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > updates + 10);
+    assert!(app.screen.dialogs.is_empty());
+    let updates = app.screen.snapshot.counters.updates;
+    wait_until(&mut app, |app| app.screen.run().settings.train.random_actions == 0.5);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 10);
 }
 
 #[test]
 fn a_new_run_begins_on_a_map_of_another_size_and_the_screen_follows() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 20);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
     type_text(&mut app, ":");
     type_text(&mut app, "empty map");
     press(&mut app, KeyCode::Enter);
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "12 by nothing");
     press(&mut app, KeyCode::Enter);
-    assert!(matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
+    assert!(matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "12 x 7");
     press(&mut app, KeyCode::Enter);
     // What to do with the networks: begin anew.
     press(&mut app, KeyCode::Enter);
-    wait_until(&mut app, |app| app.snapshot.generation == 1);
-    assert_eq!((app.map().width(), app.map().height()), (12, 7));
+    wait_until(&mut app, |app| app.screen.snapshot.generation == 1);
+    assert_eq!((app.screen.map().width(), app.screen.map().height()), (12, 7));
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 20 && !app.view.field.is_empty());
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20 && !app.screen.view.field.is_empty());
     draw(&mut app, 80, 24);
 }
 
@@ -373,8 +403,8 @@ fn the_walking_agent_visits_one_goal_after_the_other_if_asked() {
     press(&mut app, KeyCode::Char('t'));
     // Beside the goal: it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
-    let first = app.goal;
-    wait_until(&mut app, |app| app.view.walk.journeys.0 >= 1 && app.goal != first);
+    let first = app.screen.goal;
+    wait_until(&mut app, |app| app.screen.view.walk.journeys.0 >= 1 && app.screen.goal != first);
 }
 
 #[test]
@@ -382,20 +412,20 @@ fn autosaves_have_files_of_their_own_of_which_three_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("kept.safetensors");
     let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     app.on_tick();
-    assert!(app.snapshot.autosaves.is_empty(), "not yet");
+    assert!(app.screen.snapshot.autosaves.is_empty(), "not yet");
     app.autosave_minutes = 1e-6;
     let mut all = std::collections::BTreeSet::new();
     while all.len() < 5 {
-        let updates = app.snapshot.counters.updates;
+        let updates = app.screen.snapshot.counters.updates;
         app.on_tick();
-        wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
-        all.extend(app.snapshot.autosaves.iter().cloned());
+        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
+        all.extend(app.screen.snapshot.autosaves.iter().cloned());
     }
     let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
     assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
-    assert!(!path.exists() && app.snapshot.saved.is_none(), "what the user named is the user's");
+    assert!(!path.exists() && app.screen.snapshot.saved.is_none(), "what the user named is the user's");
 }
 
 #[test]
@@ -406,11 +436,11 @@ fn another_runs_file_is_left_alone_and_the_run_keeps_its_own() {
     let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
     let own = folder.path().join("mine-2.safetensors");
     for _ in 0..2 {
-        let (before, updates) = (app.snapshot.saved.clone(), app.snapshot.counters.updates);
-        wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
+        let (before, updates) = (app.screen.snapshot.saved.clone(), app.screen.snapshot.counters.updates);
+        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
         app.act(Action::Save);
-        wait_until(&mut app, |app| app.snapshot.saved != before);
-        let (_, saved) = app.snapshot.saved.clone().expect("saved");
+        wait_until(&mut app, |app| app.screen.snapshot.saved != before);
+        let (_, saved) = app.screen.snapshot.saved.clone().expect("saved");
         assert_eq!(*saved, own);
     }
     assert_eq!(std::fs::read(&path).expect("there"), b"another run's");
@@ -424,14 +454,20 @@ fn a_save_that_fails_before_leaving_asks_for_another_place() {
     std::fs::write(&blocked, b"").expect("written");
     let path = blocked.join("below.safetensors");
     let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     app.act(Action::Quit);
-    wait_until(&mut app, |app| matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
+    wait_until(
+        &mut app,
+        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
+    );
     assert!(!app.is_done(), "it stays");
     press(&mut app, KeyCode::Esc);
-    wait_until(&mut app, |app| app.snapshot.phase.trains());
+    wait_until(&mut app, |app| app.screen.snapshot.phase.trains());
     app.act(Action::Quit);
-    wait_until(&mut app, |app| matches!(app.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()));
+    wait_until(
+        &mut app,
+        |app| matches!(app.screen.dialogs.last(), Some(Dialog::Ask(prompt)) if prompt.error.is_some()),
+    );
     let elsewhere = folder.path().join("elsewhere");
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, &elsewhere.to_string_lossy());
@@ -444,8 +480,8 @@ fn a_save_that_fails_before_leaving_asks_for_another_place() {
 fn method_and_preset_are_changed_while_it_trains_and_the_data_is_kept() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 50);
-    let stored = app.snapshot.replay.0;
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 50);
+    let stored = app.screen.snapshot.replay.0;
     for (name, pick) in [("another method", "sorb"), ("of a preset", "paper")] {
         press(&mut app, KeyCode::Char(':'));
         type_text(&mut app, name);
@@ -453,11 +489,12 @@ fn method_and_preset_are_changed_while_it_trains_and_the_data_is_kept() {
         type_text(&mut app, pick);
         press(&mut app, KeyCode::Enter);
         wait_until(&mut app, |app| {
-            app.run().method.name() == "sorb" && (name != "of a preset" || app.run().preset == Preset::Paper)
+            app.screen.run().method.name() == "sorb"
+                && (name != "of a preset" || app.screen.run().preset == Preset::Paper)
         });
-        let updates = app.snapshot.counters.updates;
-        assert!(app.snapshot.replay.0 > stored / 2, "the data is kept");
-        wait_until(&mut app, |app| app.snapshot.counters.updates > updates);
+        let updates = app.screen.snapshot.counters.updates;
+        assert!(app.screen.snapshot.replay.0 > stored / 2, "the data is kept");
+        wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
         draw(&mut app, 80, 24);
     }
 }
@@ -465,15 +502,15 @@ fn method_and_preset_are_changed_while_it_trains_and_the_data_is_kept() {
 #[test]
 fn a_frozen_screen_stays_as_it_is_while_training_goes_on() {
     let mut app = app();
-    wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     press(&mut app, KeyCode::Char('F'));
-    let updates = app.snapshot.counters.updates;
+    let updates = app.screen.snapshot.counters.updates;
     let snapshots = app.snapshots();
     wait_until(&mut app, |_| snapshots.borrow().counters.updates > updates + 50);
-    assert_eq!(app.snapshot.counters.updates, updates);
+    assert_eq!(app.screen.snapshot.counters.updates, updates);
     assert!(text(&draw(&mut app, 80, 24)).contains("frozen"));
     press(&mut app, KeyCode::Char('F'));
-    assert!(app.snapshot.counters.updates > updates + 50, "it goes on with what there is by now");
+    assert!(app.screen.snapshot.counters.updates > updates + 50, "it goes on with what there is by now");
 }
 
 #[test]
@@ -491,7 +528,7 @@ fn a_map_is_written_and_no_file_is_replaced_unasked() {
     assert!(shown.contains("there is such a file"), "{shown}");
     assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
     press(&mut app, KeyCode::Enter);
-    assert!(app.dialogs.is_empty());
+    assert!(app.screen.dialogs.is_empty());
     let written = crate::map::load_map(&file).expect("a map");
     assert_eq!((written.free(), written.goals()), (rooms().free(), rooms().goals()));
 }

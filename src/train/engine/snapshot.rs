@@ -136,7 +136,10 @@ pub struct Followed {
 
 impl Snapshot {
     /// The present state of `trainer`, as if it had just begun to train.
-    pub(super) fn of(trainer: &Trainer) -> Result<Self, TrainError> {
+    ///
+    /// # Errors
+    /// What the learner reports.
+    pub fn of(trainer: &Trainer) -> Result<Self, TrainError> {
         Ok(Self {
             run: Arc::new(trainer.run().clone()),
             generation: 0,

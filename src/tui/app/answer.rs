@@ -13,7 +13,7 @@ use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 impl App {
     /// The dialog on top is answered.
     pub(super) fn answer(&mut self) {
-        match self.dialogs.pop() {
+        match self.screen.dialogs.pop() {
             Some(Dialog::Pick(picker)) => {
                 if let Some(choice) = picker.choice().cloned() {
                     self.choose(choice);
@@ -26,7 +26,7 @@ impl App {
                 let safe = if warned { Ok(()) } else { replaces_nothing(&prompt.question, &typed) };
                 if let Err(error) = safe.and_then(|()| self.take_answer(&prompt.question.clone(), &typed)) {
                     prompt.error = Some(error);
-                    self.dialogs.push(Dialog::Ask(prompt));
+                    self.screen.dialogs.push(Dialog::Ask(prompt));
                 }
             }
             _ => {}
@@ -51,7 +51,7 @@ impl App {
             }
             Choice::BeginOn(map) => self.begin_on(map),
             Choice::GoOnWith(map) => {
-                let new = self.editor.remember(&self.map.clone(), (*map).clone());
+                let new = self.screen.editor.remember(&self.screen.map.clone(), (*map).clone());
                 self.change_map(new);
             }
             Choice::Load(path) => {
@@ -67,32 +67,32 @@ impl App {
 
     /// Goes on with the run as `change` makes it.
     fn change_run(&mut self, change: impl FnOnce(&mut Run)) {
-        let mut run = self.run().clone();
+        let mut run = self.screen.run().clone();
         change(&mut run);
-        if run != *self.run() {
+        if run != *self.screen.run() {
             self.command(Command::Change(Box::new(run)));
         }
     }
 
     fn begin_on(&mut self, map: Arc<Grid>) {
-        let run = self.run().clone();
+        let run = self.screen.run().clone();
         self.command(Command::Begin(Box::new(run), Box::new(PointMaze::new(map, 0))));
     }
 
     /// Turns to another map as the user says who is asked.
     pub(super) fn go_to(&mut self, map: &Arc<Grid>) {
-        let (width, height) = (self.map.width(), self.map.height());
+        let (width, height) = (self.screen.map.width(), self.screen.map.height());
         // Cells that the map does not have are walls here: agents have no business there.
         let fitted = map.resized(width, height).and_then(|fitted| {
             let beyond = |c: &crate::map::Cell| c.x >= map.width() || c.y >= map.height();
             let walls: Vec<_> = fitted.free_cells().filter(beyond).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        self.pick(lists::ways_to_turn_to(map, &self.map, fitted));
+        self.pick(lists::ways_to_turn_to(map, &self.screen.map, fitted));
     }
 
     fn ask_setting(&mut self, name: String) {
-        let value = list_settings(&self.run().settings).into_iter().find(|(known, _)| *known == name);
+        let value = list_settings(&self.screen.run().settings).into_iter().find(|(known, _)| *known == name);
         let value = value.map(|(_, value)| value).unwrap_or_default();
         let hint = match effect_of(&name) {
             Effect::AtOnce => "holds at once",
@@ -104,7 +104,7 @@ impl App {
 
     pub(super) fn ask_size(&mut self, question: Question) {
         let title = if question == Question::NewMap { "an empty map of size" } else { "the map's new size" };
-        let now = format!("{} x {}", self.map.width(), self.map.height());
+        let now = format!("{} x {}", self.screen.map.width(), self.screen.map.height());
         self.ask(Prompt::new(question, title, "columns x rows, as 40 x 30", now));
     }
 
@@ -112,7 +112,7 @@ impl App {
     fn take_answer(&mut self, question: &Question, typed: &str) -> Result<(), String> {
         match question {
             Question::Setting(name) => {
-                let settings = with_setting(&self.run().settings, name, typed).map_err(|e| e.in_a_line())?;
+                let settings = with_setting(&self.screen.run().settings, name, typed).map_err(|e| e.in_a_line())?;
                 self.change_run(|run| run.settings = settings);
             }
             Question::SaveAs => {
@@ -128,14 +128,14 @@ impl App {
             }
             Question::ResizeMap => {
                 let (width, height) = size(typed)?;
-                let resized = self.map.resized(width, height);
+                let resized = self.screen.map.resized(width, height);
                 let map = resized.ok_or_else(|| "no free cell would remain".to_owned())?;
                 self.go_to(&Arc::new(map));
             }
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| "a whole number from 0 on".to_owned())?;
-                let run = Run { seed, ..self.run().clone() };
-                let world = PointMaze::new(self.map.clone(), 0);
+                let run = Run { seed, ..self.screen.run().clone() };
+                let world = PointMaze::new(self.screen.map.clone(), 0);
                 self.command(Command::Begin(Box::new(run), Box::new(world)));
             }
             Question::Autosave => {

@@ -35,7 +35,7 @@ impl App {
         }
         files.retain(|path| path.extension().is_some_and(|e| e == "safetensors"));
         if files.is_empty() {
-            let key = self.keymap.key_of(Action::Save);
+            let key = self.screen.keymap.key_of(Action::Save);
             self.notify(&format!("there is no checkpoint in {}: {key} saves one", own.display()));
             return;
         }
@@ -44,7 +44,7 @@ impl App {
     }
 
     pub(super) fn ask_map_file(&mut self) {
-        let name = format!("{}-edited.txt", self.map.name().trim_end_matches("-edited"));
+        let name = format!("{}-edited.txt", self.screen.map.name().trim_end_matches("-edited"));
         let hint = "NAME.map is written as Moving AI's, any other as plain ASCII";
         self.ask(Prompt::new(Question::SaveMap, "write the map to", hint, name));
     }
@@ -55,8 +55,8 @@ impl App {
         }
         let path = Path::new(name);
         let movingai = path.extension().is_some_and(|e| e == "map");
-        let marks = self.map.starts().len() + self.map.goals().len();
-        let text = if movingai { print_movingai(&self.map) } else { print_ascii(&self.map) };
+        let marks = self.screen.map.starts().len() + self.screen.map.goals().len();
+        let text = if movingai { print_movingai(&self.screen.map) } else { print_ascii(&self.screen.map) };
         write_whole(path, text.as_bytes()).map_err(|e| format!("{name} cannot be written: {e}"))?;
         let lost = if movingai && marks > 0 { " (without starts and goals: that format has none)" } else { "" };
         self.notify(&format!("wrote {name}{lost}"));

@@ -9,7 +9,7 @@ use crate::tui::action::Action;
 use crate::tui::dialog::Dialog;
 use crate::tui::places::Click;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::viewer::Request;
+use crate::view::Request;
 
 /// One turn of the wheel.
 const WHEEL: f32 = 1.25;
@@ -23,23 +23,23 @@ const PAN: f32 = 0.2;
 impl App {
     pub(super) fn on_mouse(&mut self, mouse: MouseEvent) {
         let at = Position::new(mouse.column, mouse.row);
-        if !self.dialogs.is_empty() {
+        if !self.screen.dialogs.is_empty() {
             return self.on_mouse_in_dialog(mouse.kind, at);
         }
         if mouse.kind == MouseEventKind::Down(MouseButton::Left)
-            && let Some(Click::Act(action)) = self.places.click(at)
+            && let Some(Click::Act(action)) = self.screen.places.click(at)
         {
             return self.act(action);
         }
-        match self.places.map.clone() {
-            Some(frame) if !self.maximised => self.on_mouse_beside_map(mouse.kind, at, &frame),
+        match self.screen.places.map.clone() {
+            Some(frame) if !self.screen.maximised => self.on_mouse_beside_map(mouse.kind, at, &frame),
             _ => self.on_wheel(mouse.kind),
         }
     }
 
     /// The mouse on the map, or where nothing is that can be clicked on.
     fn on_mouse_beside_map(&mut self, kind: MouseEventKind, at: Position, frame: &MapFrame) {
-        let cell = frame.cell_at(at, &self.map);
+        let cell = frame.cell_at(at, &self.screen.map);
         let dragged_from = self.dragged_from.take();
         if self.is_on_minimap(kind, at) {
             return;
@@ -56,18 +56,18 @@ impl App {
                 self.dragged_from = Some(at);
             }
             MouseEventKind::Down(button) | MouseEventKind::Drag(button)
-                if self.editor.is_open() && cell.is_some() && button != MouseButton::Middle =>
+                if self.screen.editor.is_open() && cell.is_some() && button != MouseButton::Middle =>
             {
-                self.editor.draw(at, button == MouseButton::Right, frame, &self.map);
+                self.screen.editor.draw(at, button == MouseButton::Right, frame, &self.screen.map);
             }
-            MouseEventKind::Up(_) if self.editor.is_open() => {
-                let new = self.editor.finish(&self.map.clone());
+            MouseEventKind::Up(_) if self.screen.editor.is_open() => {
+                let new = self.screen.editor.finish(&self.screen.map.clone());
                 self.change_map(new);
             }
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
                 if let Some(cell) = cell {
-                    self.hovered = None;
-                    if self.goal != cell {
+                    self.screen.hovered = None;
+                    if self.screen.goal != cell {
                         self.set_goal(cell);
                     }
                 }
@@ -92,11 +92,11 @@ impl App {
 
     /// Whether the mouse is on the small map in the corner: a click there shows that part.
     fn is_on_minimap(&mut self, kind: MouseEventKind, at: Position) -> bool {
-        let Some(minimap) = self.places.minimap.as_ref().filter(|minimap| minimap.area.contains(at)) else {
+        let Some(minimap) = self.screen.places.minimap.as_ref().filter(|minimap| minimap.area.contains(at)) else {
             return false;
         };
         if matches!(kind, MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)) {
-            self.viewport.centre = minimap.middle_of(at);
+            self.screen.viewport.centre = minimap.middle_of(at);
             self.clamp_viewport();
             return true;
         }
@@ -104,26 +104,26 @@ impl App {
     }
 
     fn on_mouse_in_dialog(&mut self, kind: MouseEventKind, at: Position) {
-        let (rows, first) = self.places.rows;
+        let (rows, first) = self.screen.places.rows;
         if let (Some(Dialog::Pick(_) | Dialog::Ask(_)), MouseEventKind::Down(MouseButton::Left)) =
-            (self.dialogs.last(), kind)
+            (self.screen.dialogs.last(), kind)
         {
-            match self.places.click(at) {
+            match self.screen.places.click(at) {
                 Some(Click::Answer) => return self.answer(),
                 Some(Click::Act(_)) => return,
-                None if self.places.dialog.contains(at) => {}
+                None if self.screen.places.dialog.contains(at) => {}
                 Some(Click::Close) | None => {
-                    self.dialogs.pop();
+                    self.screen.dialogs.pop();
                     self.stay();
                     return;
                 }
             }
         }
-        match (self.dialogs.last_mut(), kind) {
+        match (self.screen.dialogs.last_mut(), kind) {
             (Some(Dialog::Help(line)), MouseEventKind::ScrollUp) => *line = line.saturating_sub(3),
             (Some(Dialog::Help(line)), MouseEventKind::ScrollDown) => *line += 3,
             (Some(Dialog::Help(_)), MouseEventKind::Down(_)) => {
-                self.dialogs.pop();
+                self.screen.dialogs.pop();
             }
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollUp) => picker.turn(-1),
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollDown) => picker.turn(1),
@@ -139,9 +139,9 @@ impl App {
     }
 
     fn hover(&mut self, cell: Option<Cell>) {
-        if self.hovered != cell {
-            self.hovered = cell;
-            if self.inspecting.is_none() {
+        if self.screen.hovered != cell {
+            self.screen.hovered = cell;
+            if self.screen.inspecting.is_none() {
                 self.viewer.ask(Request::Inspect(cell));
             }
         }
@@ -150,61 +150,61 @@ impl App {
     /// Shows the map so many times as large, with the place under `at` (or the middle) staying where it is; 0 for the
     /// whole map.
     pub(super) fn zoom(&mut self, by: f32, at: Option<Position>) {
-        let Some(frame) = &self.places.map else { return };
-        let cursor = self.inspecting.or(self.editor.cursor).unwrap_or(self.goal).centre();
+        let Some(frame) = &self.screen.places.map else { return };
+        let cursor = self.screen.inspecting.or(self.screen.editor.cursor).unwrap_or(self.screen.goal).centre();
         let fixed = at.map_or(cursor, |at| frame.middle_of(at));
         let at = at.or(frame.character_of(fixed));
-        let most = (self.map.width().max(self.map.height()) as f32 / LEAST_CELLS).max(1.0);
-        let zoom = (self.viewport.zoom * by).clamp(1.0, most);
+        let most = (self.screen.map.width().max(self.screen.map.height()) as f32 / LEAST_CELLS).max(1.0);
+        let zoom = (self.screen.viewport.zoom * by).clamp(1.0, most);
         if zoom < 1.01 {
-            self.viewport = Viewport::default();
+            self.screen.viewport = Viewport::default();
             return;
         }
         // A character is as high as two are wide.
-        let scale = frame.scale() * zoom / self.viewport.zoom;
-        let pane = self.places.map_pane;
+        let scale = frame.scale() * zoom / self.screen.viewport.zoom;
+        let pane = self.screen.places.map_pane;
         let off = at.map_or([0.0; 2], |at| {
             let from_middle =
                 |at: u16, from: u16, size: u16| f32::from(at) + 0.5 - f32::from(from) - f32::from(size) / 2.0;
             let down = from_middle(at.y, pane.y, pane.height.saturating_sub(1));
             [from_middle(at.x, pane.x, pane.width) / scale, 2.0 * down / scale]
         });
-        self.viewport = Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
+        self.screen.viewport = Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
     }
 
     /// Moves the part of the map that is shown.
     pub(super) fn pan(&mut self, dx: isize, dy: isize) {
-        let Some(frame) = &self.places.map else { return };
+        let Some(frame) = &self.screen.places.map else { return };
         let [_, _, width, height] = frame.raster.window;
         self.pan_by([PAN * width * dx as f32, PAN * height * dy as f32]);
     }
 
     /// Moves the part of the map that is shown by so many cells.
     fn pan_by(&mut self, [across, down]: [f32; 2]) {
-        self.viewport.centre[0] += across;
-        self.viewport.centre[1] += down;
+        self.screen.viewport.centre[0] += across;
+        self.screen.viewport.centre[1] += down;
         self.clamp_viewport();
     }
 
     /// Keeps the middle of what is shown on the map, so that panning back answers at once.
     fn clamp_viewport(&mut self) {
-        let Some(frame) = &self.places.map else { return };
+        let Some(frame) = &self.screen.places.map else { return };
         let [_, _, width, height] = frame.raster.window;
         let within =
             |middle: f32, shown: f32, all: f32| middle.min(all - shown / 2.0).max((shown / 2.0).min(all / 2.0));
-        let [x, y] = self.viewport.centre;
-        let (all_x, all_y) = (self.map.width() as f32, self.map.height() as f32);
-        self.viewport.centre = [within(x, width.min(all_x), all_x), within(y, height.min(all_y), all_y)];
+        let [x, y] = self.screen.viewport.centre;
+        let (all_x, all_y) = (self.screen.map.width() as f32, self.screen.map.height() as f32);
+        self.screen.viewport.centre = [within(x, width.min(all_x), all_x), within(y, height.min(all_y), all_y)];
     }
 
     /// Moves what is shown so that the cursor, or else the goal, is seen.
     pub(super) fn keep_in_sight(&mut self) {
-        let Some(frame) = &self.places.map else { return };
-        let at = self.editor.cursor.or(self.inspecting).unwrap_or(self.goal).centre();
+        let Some(frame) = &self.screen.places.map else { return };
+        let at = self.screen.editor.cursor.or(self.screen.inspecting).unwrap_or(self.screen.goal).centre();
         let [left, top, width, height] = frame.raster.window;
         let inside = at[0] >= left && at[1] >= top && at[0] < left + width && at[1] < top + height;
-        if self.viewport.zoom > 1.0 && !inside {
-            self.viewport.centre = at;
+        if self.screen.viewport.zoom > 1.0 && !inside {
+            self.screen.viewport.centre = at;
         }
     }
 }

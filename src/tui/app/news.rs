@@ -6,48 +6,49 @@ use std::time::Instant;
 use super::App;
 use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
-use crate::tui::viewer::{Tour, View};
+use crate::view::{Tour, View};
 
 impl App {
     /// Takes a new snapshot.
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
         // Another run is not hidden.
-        if self.frozen && snapshot.generation == self.snapshot.generation {
+        if self.screen.frozen && snapshot.generation == self.screen.snapshot.generation {
             return;
         }
-        let before = std::mem::replace(&mut self.snapshot, snapshot);
-        if self.snapshot.generation != before.generation {
+        let before = std::mem::replace(&mut self.screen.snapshot, snapshot);
+        if self.screen.snapshot.generation != before.generation {
             self.begin();
         }
         self.on_saving(&before);
-        if self.snapshot.evaluations.len() > before.evaluations.len() {
+        if self.screen.snapshot.evaluations.len() > before.evaluations.len() {
             self.note_evaluation();
         }
-        self.pausing &= self.snapshot.phase.trains();
-        if self.snapshot.notice.0 > before.notice.0 {
-            self.notify(&self.snapshot.notice.1.clone());
+        self.screen.pausing &= self.screen.snapshot.phase.trains();
+        if self.screen.snapshot.notice.0 > before.notice.0 {
+            self.notify(&self.screen.snapshot.notice.1.clone());
         }
-        if let (Phase::Failed(error), true) = (&self.snapshot.phase, before.phase != self.snapshot.phase) {
+        if let (Phase::Failed(error), true) = (&self.screen.snapshot.phase, before.phase != self.screen.snapshot.phase)
+        {
             self.on_training_failed(&error.clone());
         }
-        if before.phase.trains() && self.snapshot.phase == Phase::Done {
+        if before.phase.trains() && self.screen.snapshot.phase == Phase::Done {
             self.notify(&format!(
                 "done: a limit is reached; {} goes on without it",
-                self.keymap.key_of(Action::TogglePause)
+                self.screen.keymap.key_of(Action::TogglePause)
             ));
         }
     }
 
     fn note_evaluation(&mut self) {
-        let Some((updates, e)) = self.snapshot.evaluations.last() else { return };
+        let Some((updates, e)) = self.screen.snapshot.evaluations.last() else { return };
         let error = e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
         let text = format!("evaluated: {}{error}", e.success(*updates));
-        self.log.note(&text, *updates);
+        self.screen.log.note(&text, *updates);
     }
 
     /// Keeps the screen as it is, or goes on with what there is by now.
     pub(super) fn freeze(&mut self, frozen: bool) {
-        self.frozen = frozen;
+        self.screen.frozen = frozen;
         if !frozen {
             let (snapshot, view) = (self.snapshots().borrow().clone(), self.views().borrow().clone());
             self.on_snapshot(snapshot);
@@ -57,16 +58,16 @@ impl App {
 
     /// Takes a new view.
     pub fn on_view(&mut self, view: Arc<View>) {
-        if self.frozen {
+        if self.screen.frozen {
             return;
         }
         // Goals that were chosen by the walking agent itself, not those before the latest that was asked for.
-        if let ((Some(goal), number), Tour::Visit) = (view.goal, self.tour)
+        if let ((Some(goal), number), Tour::Visit) = (view.goal, self.screen.tour)
             && number == self.goals_asked
         {
-            self.goal = goal;
+            self.screen.goal = goal;
         }
-        self.view = view;
+        self.screen.view = view;
     }
 
     /// Time has passed; whether that changes the screen.
@@ -75,10 +76,10 @@ impl App {
         let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
         if due {
             self.autosaved = Instant::now();
-            if self.unsaved_updates() > 0 {
+            if self.screen.unsaved_updates() > 0 {
                 self.autosave();
             }
         }
-        self.log.on_tick()
+        self.screen.log.on_tick()
     }
 }

@@ -96,7 +96,7 @@ impl App {
     /// Saves; whether the trainer could be told.
     pub(super) fn save(&mut self) -> bool {
         self.notify(&format!("saving {} ...", self.save_path().display()));
-        let log = self.log.entries().to_vec();
+        let log = self.screen.log.entries().to_vec();
         self.command(Command::Save(self.saving.to.clone(), log))
     }
 
@@ -110,14 +110,14 @@ impl App {
 
     /// Saves beside what the user saves.
     pub(super) fn autosave(&mut self) {
-        let log: Vec<LogEntry> = self.log.entries().to_vec();
+        let log: Vec<LogEntry> = self.screen.log.entries().to_vec();
         self.command(Command::Autosave(self.saving.to.path().to_owned(), log));
     }
 
     /// Whether so much would be lost that it is better to ask.
     pub(super) fn would_be_missed(&self) -> bool {
-        let updates = self.snapshot.counters.updates.max(1);
-        let seconds = self.snapshot.seconds * self.unsaved_updates() as f64 / updates as f64;
+        let updates = self.screen.snapshot.counters.updates.max(1);
+        let seconds = self.screen.snapshot.seconds * self.screen.unsaved_updates() as f64 / updates as f64;
         seconds > LOST_UNASKED_SECS
     }
 
@@ -128,7 +128,11 @@ impl App {
         } else if self.saving.named.is_some() {
             self.save_and_quit();
         } else if self.would_be_missed() {
-            self.pick(lists::ways_to_quit(self.unsaved_updates(), &self.save_path(), &self.snapshot.autosaves));
+            self.pick(lists::ways_to_quit(
+                self.screen.unsaved_updates(),
+                &self.save_path(),
+                &self.screen.snapshot.autosaves,
+            ));
         } else {
             self.done = true;
         }
@@ -136,13 +140,13 @@ impl App {
 
     /// Leaves once the run is saved.
     pub(super) fn save_and_quit(&mut self) {
-        if self.snapshot.saved.is_some() && self.unsaved_updates() == 0 {
+        if self.screen.snapshot.saved.is_some() && self.screen.unsaved_updates() == 0 {
             self.done = true;
             return;
         }
         // Its snapshots tell when the checkpoint is there.
         self.freeze(false);
-        self.saving.trained = self.snapshot.phase.trains();
+        self.saving.trained = self.screen.snapshot.phase.trains();
         self.command(Command::Pause);
         if self.save() {
             self.saving.leaving = Leaving::Saving;
@@ -160,7 +164,7 @@ impl App {
 
     /// Handles the outcome of saves since `before`.
     pub(super) fn on_saving(&mut self, before: &Snapshot) {
-        let now = self.snapshot.clone();
+        let now = self.screen.snapshot.clone();
         if let Some((_, path)) = &now.saved
             && before.saved.as_ref().is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
         {
@@ -200,7 +204,7 @@ impl App {
 
     fn show_trouble(&mut self, title: &str, what: &str) {
         let trouble: Picker = lists::trouble(title, what, &self.save_path(), &logging::hint());
-        self.dialogs.push(Dialog::Pick(trouble));
+        self.screen.dialogs.push(Dialog::Pick(trouble));
     }
 
     /// A signal asks the program to end: unsaved training worth asking about is saved.
@@ -218,9 +222,9 @@ impl App {
 
     /// Ends training, and saves where that is wanted and has not been done.
     pub fn close(self) -> Closed {
-        let failed = !self.failures.is_empty() || matches!(self.snapshot.phase, Phase::Failed(_));
-        let mut summary = self.summary();
-        let log = self.log.entries().to_vec();
+        let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
+        let mut summary = self.screen.summary();
+        let log = self.screen.log.entries().to_vec();
         let missed = self.would_be_missed();
         let Self { saving, engine, .. } = self;
         let snapshots = engine.snapshots();

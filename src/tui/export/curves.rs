@@ -4,7 +4,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use crate::train::{Evaluation, Snapshot};
-use crate::tui::app::App;
+use crate::tui::screen::Screen;
 
 /// Size of the drawing.
 const SIZE: (u32, u32) = (960, 720);
@@ -13,16 +13,16 @@ const SIZE: (u32, u32) = (960, 720);
 type Series = (String, Vec<(f64, f64)>);
 
 /// Success, errors and losses, one below the other.
-pub fn svg(app: &App) -> Result<Vec<u8>, String> {
+pub fn svg(screen: &Screen) -> Result<Vec<u8>, String> {
     let mut drawing = String::new();
     {
         let root = SVGBackend::with_string(&mut drawing, SIZE).into_drawing_area();
         let draw = || {
             root.fill(&WHITE)?;
             let parts = root.split_evenly((3, 1));
-            chart(&parts[0], "success", &success(&app.snapshot), Some(1.0))?;
-            chart(&parts[1], "relative error of D", &errors(&app.snapshot), None)?;
-            chart(&parts[2], "loss of D (log10)", &[losses(app)], None)?;
+            chart(&parts[0], "success", &success(&screen.snapshot), Some(1.0))?;
+            chart(&parts[1], "relative error of D", &errors(&screen.snapshot), None)?;
+            chart(&parts[2], "loss of D (log10)", &[losses(screen)], None)?;
             root.present()
         };
         draw().map_err(|e: DrawingAreaErrorKind<_>| e.to_string())?;
@@ -74,15 +74,15 @@ fn errors(snapshot: &Snapshot) -> Vec<Series> {
     vec![learned, composed]
 }
 
-fn losses(app: &App) -> Series {
-    let points = app.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[0].max(1e-9)).log10()));
+fn losses(screen: &Screen) -> Series {
+    let points = screen.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[0].max(1e-9)).log10()));
     ("critic".to_owned(), points.collect())
 }
 
 /// One line for each evaluation and each point of the losses' curve, by updates.
-pub fn csv(app: &App) -> Result<Vec<u8>, String> {
+pub fn csv(screen: &Screen) -> Result<Vec<u8>, String> {
     let mut writer = csv::Writer::from_writer(Vec::new());
-    let distances = app.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
+    let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
     let mut head = vec!["updates".to_owned()];
     head.extend(["critic_loss", "model_loss", "actor_loss"].map(str::to_owned));
     head.extend(["greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
@@ -91,13 +91,13 @@ pub fn csv(app: &App) -> Result<Vec<u8>, String> {
     }
     let width = head.len();
     let mut lines: Vec<(u64, Vec<String>)> = Vec::new();
-    for point in app.snapshot.curve.iter() {
+    for point in screen.snapshot.curve.iter() {
         let mut line = vec![point.updates.to_string()];
         line.extend(point.losses.iter().map(f32::to_string));
         line.resize(width, String::new());
         lines.push((point.updates, line));
     }
-    for (updates, e) in app.snapshot.evaluations.iter() {
+    for (updates, e) in screen.snapshot.evaluations.iter() {
         let mut line = vec![updates.to_string(), String::new(), String::new(), String::new()];
         line.push(e.greedy.success.to_string());
         line.push(e.planned.as_ref().map_or(String::new(), |s| s.success.to_string()));

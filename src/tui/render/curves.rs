@@ -10,7 +10,7 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition, Paragrap
 use super::text::short;
 use super::{BOLD, DIM};
 use crate::train::{DistanceScore, Evaluation};
-use crate::tui::app::App;
+use crate::tui::screen::Screen;
 use crate::tui::theme::Depth;
 
 /// The least height of a chart, and the least width of two side by side.
@@ -37,8 +37,8 @@ struct Plot {
 }
 
 /// Draws as many charts as have room, the most telling first.
-pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
-    let mut plots = plots(app);
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
+    let mut plots = plots(screen);
     let columns = if area.width >= TWO_ABREAST { 2 } else { 1 };
     let rows = usize::from((area.height / LEAST_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
     plots.truncate(rows * columns);
@@ -47,21 +47,24 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
     for row in rows.iter() {
         let places = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
         for (place, plot) in places.iter().zip(&mut plots) {
-            draw_plot(frame, *place, app, &plot);
+            draw_plot(frame, *place, screen, &plot);
         }
     }
 }
 
-fn plots(app: &App) -> Vec<Plot> {
+fn plots(screen: &Screen) -> Vec<Plot> {
     let of = |name: &str, value: &dyn Fn(&Evaluation) -> Option<f64>| Series {
         name: name.to_owned(),
-        points: app.snapshot.evaluations.iter().filter_map(|(at, e)| Some((*at as f64, value(e)?))).collect(),
+        points: screen.snapshot.evaluations.iter().filter_map(|(at, e)| Some((*at as f64, value(e)?))).collect(),
     };
     let loss = |i: usize| {
         let name = ["D", "f", "mu"][i].to_owned();
-        Series { name, points: app.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[i]))).collect() }
+        Series {
+            name,
+            points: screen.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[i]))).collect(),
+        }
     };
-    let distances = app.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
+    let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
     let each = distances
         .iter()
         .enumerate()
@@ -85,9 +88,9 @@ fn by_distance(e: &Evaluation) -> &[DistanceScore] {
     &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
 }
 
-fn draw_plot(frame: &mut Frame, area: Rect, app: &App, plot: &Plot) {
-    let log = plot.log && app.log_scale;
-    let [from, to] = window(app);
+fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
+    let log = plot.log && screen.log_scale;
+    let [from, to] = window(screen);
     let value = |y: f64| if log { y.max(1e-9).log10() } else { y };
     let shown: Vec<Vec<(f64, f64)>> = plot
         .series
@@ -99,7 +102,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, app: &App, plot: &Plot) {
     let mut line = Line::from(Span::styled(title, BOLD));
     for (i, series) in plot.series.iter().enumerate().filter(|(_, s)| !s.points.is_empty()) {
         if plot.series.len() > 1 && line.width() + series.name.len() + 3 <= usize::from(area.width) {
-            line.push_span(Span::styled(format!("  {} {}", sign(i), series.name), colour(app, i)));
+            line.push_span(Span::styled(format!("  {} {}", sign(i), series.name), colour(screen, i)));
         }
     }
     frame.render_widget(Paragraph::new(line), head);
@@ -112,7 +115,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, app: &App, plot: &Plot) {
     let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
     let high = plot.most.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
     let sets = shown.iter().enumerate().map(|(i, points)| {
-        let style = colour(app, i);
+        let style = colour(screen, i);
         Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(style).data(points)
     });
     let label = |y: f64| {
@@ -132,10 +135,10 @@ fn draw_plot(frame: &mut Frame, area: Rect, app: &App, plot: &Plot) {
 }
 
 /// The updates that are shown: all, or a part of them that lies back in time.
-fn window(app: &App) -> [f64; 2] {
-    let last = (app.snapshot.counters.updates as f64).max(1.0);
+fn window(screen: &Screen) -> [f64; 2] {
+    let last = (screen.snapshot.counters.updates as f64).max(1.0);
     let page = PAGE * last;
-    match app.scrolled {
+    match screen.scrolled {
         0 => [0.0, last],
         n => {
             let to = (last - (n - 1) as f64 * page / 2.0).max(page);
@@ -149,15 +152,15 @@ fn sign(i: usize) -> char {
     ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
 }
 
-fn colour(app: &App, i: usize) -> Style {
-    if app.theme.depth == Depth::Mono {
+fn colour(screen: &Screen, i: usize) -> Style {
+    if screen.theme.depth == Depth::Mono {
         return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
     }
     // From near to far, as on the map; the first two far apart.
     let at = [0.0, 0.6, 0.3, 0.45, 0.75, 0.15][i % 6];
-    let Color::Rgb(..) = app.theme.colour((0, 0, 0)) else {
+    let Color::Rgb(..) = screen.theme.colour((0, 0, 0)) else {
         return Style::new()
             .fg([Color::Yellow, Color::Cyan, Color::Green, Color::Blue, Color::Magenta, Color::Red][i % 6]);
     };
-    Style::new().fg(app.theme.colour(app.theme.of_distance(at)))
+    Style::new().fg(screen.theme.colour(screen.theme.of_distance(at)))
 }

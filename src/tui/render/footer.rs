@@ -8,15 +8,15 @@ use ratatui::widgets::Clear;
 
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::{Action, bindings};
-use crate::tui::app::App;
 use crate::tui::editor::Tool;
-use crate::tui::places::{Bar, Click};
+use crate::tui::places::{Bar, Click, Places};
+use crate::tui::screen::Screen;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
-    if let Some((notice, fades)) = app.log.notice() {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+    if let Some((notice, fades)) = screen.log.notice() {
         let notice = Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD });
-        if !app.editor.is_open() {
+        if !screen.editor.is_open() {
             return frame.render_widget(notice, area);
         }
         // Tools stay in sight: what is to be said stands above them.
@@ -24,32 +24,32 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
         frame.render_widget(Clear, above);
         frame.render_widget(notice, above);
     }
-    let bar = if app.editor.is_open() { editing(app, area.width) } else { watching(app) };
-    bar.draw(frame, area, &mut app.places);
+    let bar = if screen.editor.is_open() { editing(screen, area.width) } else { watching(screen) };
+    bar.draw(frame, area, places);
 }
 
-fn watching(app: &App) -> Bar {
+fn watching(screen: &Screen) -> Bar {
     let mut bar = Bar::default();
     for binding in bindings().filter(|b| !b.short.is_empty()) {
-        let waits = binding.action == Action::TogglePause && !app.snapshot.phase.trains();
+        let waits = binding.action == Action::TogglePause && !screen.snapshot.phase.trains();
         let short = if waits { "go on" } else { binding.short };
-        key(&mut bar, app, binding.action, &format!(" {short} "), Style::new());
+        key(&mut bar, screen, binding.action, &format!(" {short} "), Style::new());
     }
     bar
 }
 
 /// As much as there is room for, the tools first.
-fn editing(app: &App, width: u16) -> Bar {
+fn editing(screen: &Screen, width: u16) -> Bar {
     let mut bar = Bar::default();
     bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
     for tool in Tool::ALL {
-        let style = if tool == app.editor.tool { REVERSED } else { Style::new() };
-        key(&mut bar, app, Action::Tool(tool), tool.name(), style);
+        let style = if tool == screen.editor.tool { REVERSED } else { Style::new() };
+        key(&mut bar, screen, Action::Tool(tool), tool.name(), style);
     }
     bar.push(Span::raw(" "), None);
     for (action, what) in [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")] {
-        if bar.width() + app.keymap.key_of(action).len() + what.len() + 3 <= usize::from(width) {
-            key(&mut bar, app, action, &format!(" {what} "), Style::new());
+        if bar.width() + screen.keymap.key_of(action).len() + what.len() + 3 <= usize::from(width) {
+            key(&mut bar, screen, action, &format!(" {what} "), Style::new());
         }
     }
     let mouse = " drag: walls  right drag: floor";
@@ -60,7 +60,7 @@ fn editing(app: &App, width: u16) -> Bar {
 }
 
 /// Adds an action's key and what it does, both of which can be clicked on.
-fn key(bar: &mut Bar, app: &App, action: Action, what: &str, style: Style) {
-    bar.push(Span::styled(format!(" {}", app.keymap.key_of(action)), BOLD), Click::Act(action));
+fn key(bar: &mut Bar, screen: &Screen, action: Action, what: &str, style: Style) {
+    bar.push(Span::styled(format!(" {}", screen.keymap.key_of(action)), BOLD), Click::Act(action));
     bar.push(Span::styled(what.to_owned(), style), Click::Act(action));
 }

@@ -6,31 +6,31 @@ use ratatui::text::Span;
 
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::Action;
-use crate::tui::app::App;
-use crate::tui::places::{Bar, Click};
+use crate::tui::places::{Bar, Click, Places};
+use crate::tui::screen::Screen;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
-    let run = app.run();
-    let unsaved = app.unsaved_updates();
-    let saved = match &app.snapshot.saved {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+    let run = screen.run();
+    let unsaved = screen.unsaved_updates();
+    let saved = match &screen.snapshot.saved {
         _ if unsaved > 0 => " * not saved".to_owned(),
         Some((_, path)) => path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy())),
         None => String::new(),
     };
-    let speed = app.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
+    let speed = screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
     let act = |action| Some(Click::Act(action));
     let mut bar = Bar::default();
     bar.push(Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), act(Action::Help));
-    bar.push(Span::styled(format!(" {} ", app.map().name()), BOLD), act(Action::OpenMap));
+    bar.push(Span::styled(format!(" {} ", screen.map().name()), BOLD), act(Action::OpenMap));
     bar.push(Span::raw(format!("{} ", run.method.name())), act(Action::Method));
     bar.push(Span::raw(format!("{} ", run.preset.name())), act(Action::Preset));
     bar.push(Span::raw(format!("seed {} ", run.seed)), act(Action::NewSeed));
-    bar.push(Span::styled(format!(" {}{speed}", app.phase()), BOLD), act(Action::TogglePause));
+    bar.push(Span::styled(format!(" {}{speed}", screen.phase()), BOLD), act(Action::TogglePause));
     bar.push(Span::styled(saved, DIM), act(Action::Save));
     let unsaved = format!("  {unsaved} updates since the last checkpoint");
-    if app.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
+    if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));
     }
-    bar.draw(frame, area, &mut app.places);
+    bar.draw(frame, area, places);
 }

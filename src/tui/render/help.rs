@@ -7,33 +7,31 @@ use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::{BOLD, DIM, legend, middle};
 use crate::tui::action::{SECTIONS, When};
-use crate::tui::app::App;
+use crate::tui::screen::Screen;
 
 /// Columns of the help.
 const WIDTH: u16 = 76;
 
-/// Draws the overlay in the middle of `area` from line `first` on, which is kept within what there is.
-pub fn draw(frame: &mut Frame, area: Rect, app: &App, first: &mut usize) {
-    let lines = lines(app);
+/// Draws the overlay in the middle of `area` from line `first` on, or from the last line that fills it; returns that line.
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
+    let lines = lines(screen);
     let place = middle(area, WIDTH, (lines.len() as u16 + 2).min(area.height));
     let height = usize::from(place.height.saturating_sub(2));
-    *first = (*first).min(lines.len().saturating_sub(height));
+    let first = first.min(lines.len().saturating_sub(height));
     let more = lines.len() > height;
     let mut block = Block::bordered().title(" help ");
     if more {
-        let last = (*first + height).min(lines.len());
-        block = block.title_bottom(format!(
-            " {} to {last} of {}: arrows, PgUp, PgDn; Esc closes ",
-            *first + 1,
-            lines.len()
-        ));
+        let last = (first + height).min(lines.len());
+        block =
+            block.title_bottom(format!(" {} to {last} of {}: arrows, PgUp, PgDn; Esc closes ", first + 1, lines.len()));
     }
     frame.render_widget(Clear, place);
-    let shown: Vec<Line> = lines.into_iter().skip(*first).take(height).collect();
+    let shown: Vec<Line> = lines.into_iter().skip(first).take(height).collect();
     frame.render_widget(Paragraph::new(shown).block(block), place);
+    first
 }
 
-fn lines(app: &App) -> Vec<Line<'static>> {
+fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = vec![
         Line::raw(" Colours show the learned distance D to the goal G, light near, dark far:"),
         Line::raw(" nobody told the agents about walls or gave them reward. @ walks to G as"),
@@ -43,8 +41,8 @@ fn lines(app: &App) -> Vec<Line<'static>> {
         lines.push(Line::default());
         lines.push(Line::styled(format!(" {}", section.title), BOLD));
         for binding in section.bindings.iter().filter(|b| !b.long.is_empty()) {
-            let keys = app.keymap.shown(binding).join(" ");
-            let keys = if keys.is_empty() { app.keymap.key_of(binding.action) } else { keys };
+            let keys = screen.keymap.shown(binding).join(" ");
+            let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
             let when = if binding.when == When::Editing { " (in the editor)" } else { "" };
             lines.push(Line::from(vec![
                 Span::styled(format!(" {keys:>15}  "), BOLD),
@@ -54,7 +52,7 @@ fn lines(app: &App) -> Vec<Line<'static>> {
         }
     }
     lines.push(Line::default());
-    lines.extend(legend::lines(app));
+    lines.extend(legend::lines(screen));
     if let Some(folder) = crate::logging::folder() {
         lines.push(Line::default());
         lines.push(Line::raw(format!(" Log files: {}", folder.display())));

@@ -9,30 +9,31 @@ use ratatui::widgets::Paragraph;
 use super::DIM;
 use super::map::{STRONGEST_ERROR, contour_interval};
 use super::text::short;
-use crate::tui::app::App;
-use crate::tui::layers::{Field, Overlay};
+use crate::tui::layers::Overlay;
+use crate::tui::screen::Screen;
 use crate::tui::theme::Depth;
+use crate::view::Field;
 
 /// Characters of the bar of colours.
 const BAR: usize = 12;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
-    let cell = app.inspecting.or(app.hovered);
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
+    let cell = screen.inspecting.or(screen.hovered);
     let line = match cell {
-        Some(_) => cell_facts(app),
-        None => scale(app, BAR),
+        Some(_) => cell_facts(screen),
+        None => scale(screen, BAR),
     };
     frame.render_widget(Paragraph::new(line), area);
 }
 
-fn cell_facts(app: &App) -> Line<'static> {
-    let Some(cell) = app.inspecting.or(app.hovered) else { return Line::default() };
+fn cell_facts(screen: &Screen) -> Line<'static> {
+    let Some(cell) = screen.inspecting.or(screen.hovered) else { return Line::default() };
     let place = format!(" cell {},{}", cell.x, cell.y);
-    if !app.map().is_free(cell) {
+    if !screen.map().is_free(cell) {
         return Line::from(format!("{place}: wall"));
     }
-    let Some(facts) = app.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
+    let Some(facts) = screen.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
     let (learned, visits) = (facts.learned, short(f64::from(facts.visits)));
     Line::from(match facts.truth {
         Some(truth) => {
@@ -44,10 +45,10 @@ fn cell_facts(app: &App) -> Line<'static> {
 }
 
 /// What the colours mean, from one end to the other, with a bar of `bar` characters.
-pub fn scale(app: &App, bar: usize) -> Line<'static> {
-    let farthest = app.view.farthest.max(1.0);
-    let name = Span::raw(format!(" {} ", app.field.name()));
-    let (low, high) = match app.field {
+pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
+    let farthest = screen.view.farthest.max(1.0);
+    let name = Span::raw(format!(" {} ", screen.field.name()));
+    let (low, high) = match screen.field {
         Field::Plain => return Line::from(name),
         Field::Error => {
             let most = 100.0 * STRONGEST_ERROR;
@@ -57,21 +58,21 @@ pub fn scale(app: &App, bar: usize) -> Line<'static> {
         _ => ("0".to_owned(), format!("{farthest:.0} steps")),
     };
     let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
-    if app.theme.depth == Depth::Mono {
+    if screen.theme.depth == Depth::Mono {
         line.push_span(Span::raw("to"));
     } else {
         for i in 0..bar {
             let at = i as f32 / (bar - 1) as f32;
-            let rgb = match app.field {
-                Field::Error => app.theme.of_error(2.0 * at - 1.0),
-                Field::Visits => app.theme.of_distance(1.0 - at),
-                _ => app.theme.of_distance(at),
+            let rgb = match screen.field {
+                Field::Error => screen.theme.of_error(2.0 * at - 1.0),
+                Field::Visits => screen.theme.of_distance(1.0 - at),
+                _ => screen.theme.of_distance(at),
             };
-            line.push_span(Span::styled("\u{2588}", Style::new().fg(app.theme.colour(rgb))));
+            line.push_span(Span::styled("\u{2588}", Style::new().fg(screen.theme.colour(rgb))));
         }
     }
     line.push_span(Span::styled(format!(" {high}"), DIM));
-    if app.field.is_distance() && app.overlays.has(Overlay::Contours) && bar >= BAR {
+    if screen.field.is_distance() && screen.overlays.has(Overlay::Contours) && bar >= BAR {
         line.push_span(Span::styled(format!(", a line every {:.0}", contour_interval(farthest)), DIM));
     }
     line

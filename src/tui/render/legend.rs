@@ -7,56 +7,56 @@ use super::text::heading;
 use super::{DIM, info};
 use crate::bridge::Standing;
 use crate::tui::action::Action;
-use crate::tui::app::App;
 use crate::tui::layers::Overlay;
+use crate::tui::screen::Screen;
 use crate::tui::theme::{Depth, Rgb};
 
 /// The line of the first of those that can be switched.
 pub const FIRST_OVERLAY: usize = 2;
 
 /// The pane's lines.
-pub fn lines(app: &App) -> Vec<Line<'static>> {
-    let mut lines = vec![info::scale(app, 5), heading("switched by key or click")];
+pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
+    let mut lines = vec![info::scale(screen, 5), heading("switched by key or click")];
     for overlay in Overlay::ALL {
-        let key = app.keymap.key_of(Action::Toggle(overlay));
-        let shown = app.overlays.has(overlay);
+        let key = screen.keymap.key_of(Action::Toggle(overlay));
+        let shown = screen.overlays.has(overlay);
         let mut line =
             Line::from(vec![Span::raw(format!(" {key:<2}")), Span::raw(if shown { "[x] " } else { "[ ] " })]);
         line.spans.push(Span::styled(overlay.name(), if shown { Style::new() } else { DIM }));
-        line.spans.extend(sign_of(overlay, app));
+        line.spans.extend(sign_of(overlay, screen));
         lines.push(line);
     }
     lines.push(heading("signs"));
-    let theme = &app.theme;
+    let theme = &screen.theme;
     for (sign, rgb, meaning) in [
         ('G', theme.goal, "goal"),
         ('S', theme.walker, "where @ set out"),
         ('@', theme.walker, "walks to G"),
         ('s', theme.cursor, "g: the map's own"),
     ] {
-        lines.push(Line::from(vec![Span::raw(" "), sample(app, sign, rgb), Span::raw(format!(" {meaning}"))]));
+        lines.push(Line::from(vec![Span::raw(" "), sample(screen, sign, rgb), Span::raw(format!(" {meaning}"))]));
     }
-    if app.run().method.plans() {
+    if screen.run().method.plans() {
         lines.push(heading("edges"));
-        let of = |standing: Standing| app.view.edges.iter().filter(|(_, s)| *s == standing).count();
+        let of = |standing: Standing| screen.view.edges.iter().filter(|(_, s)| *s == standing).count();
         let kinds =
             [(Standing::Confirmed, "walked"), (Standing::Demoted, "failed"), (Standing::Untried, "by experience")];
         for ((standing, name), rgb) in kinds.into_iter().zip(theme.edges) {
             let text = format!(" {} {name}", of(standing));
-            lines.push(Line::from(vec![Span::raw(" "), sample(app, '\u{2500}', rgb), Span::raw(text)]));
+            lines.push(Line::from(vec![Span::raw(" "), sample(screen, '\u{2500}', rgb), Span::raw(text)]));
         }
     }
     lines
 }
 
 /// A sign in its colour.
-fn sample(app: &App, sign: char, rgb: Rgb) -> Span<'static> {
-    Span::styled(sign.to_string(), Style::new().fg(app.theme.colour(rgb)))
+fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
+    Span::styled(sign.to_string(), Style::new().fg(screen.theme.colour(rgb)))
 }
 
 /// How something that can be switched on looks.
-fn sign_of(overlay: Overlay, app: &App) -> Vec<Span<'static>> {
-    let theme = &app.theme;
+fn sign_of(overlay: Overlay, screen: &Screen) -> Vec<Span<'static>> {
+    let theme = &screen.theme;
     let mono = theme.depth == Depth::Mono;
     let (sign, rgb) = match overlay {
         Overlay::Contours => return Vec::new(),
@@ -67,5 +67,5 @@ fn sign_of(overlay: Overlay, app: &App) -> Vec<Span<'static>> {
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (if mono { '+' } else { '\u{25a0}' }, theme.path),
     };
-    vec![Span::raw(" "), sample(app, sign, rgb)]
+    vec![Span::raw(" "), sample(screen, sign, rgb)]
 }

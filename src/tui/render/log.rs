@@ -7,13 +7,13 @@ use ratatui::widgets::Paragraph;
 
 use super::DIM;
 use super::text::{clock, short};
-use crate::tui::app::App;
+use crate::tui::screen::Screen;
 
 /// Draws as many entries as have room, wrapped; scrolled back by pages of half the height.
-pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let width = usize::from(area.width).saturating_sub(2).max(8);
     let mut lines: Vec<Line> = Vec::new();
-    for entry in app.log.entries() {
+    for entry in screen.log.entries() {
         let when = format!(" {} at {}", clock(entry.seconds), short(entry.updates as f64));
         lines.push(Line::from(Span::styled(when, DIM)));
         lines.extend(wrapped(&entry.text, width).into_iter().map(|text| Line::from(format!("  {text}"))));
@@ -23,7 +23,7 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &App) {
     }
     let height = usize::from(area.height);
     let most = lines.len().saturating_sub(height);
-    let back = (app.scrolled * (height / 2).max(1)).min(most);
+    let back = (screen.scrolled * (height / 2).max(1)).min(most);
     let from = most - back;
     frame.render_widget(Paragraph::new(lines.split_off(from)), area);
 }

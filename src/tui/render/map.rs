@@ -9,12 +9,13 @@ use ratatui::style::{Color, Modifier, Style};
 
 use crate::bridge::Standing;
 use crate::map::Grid;
-use crate::tui::app::App;
 use crate::tui::canvas::{Canvas, WALL_MARK};
-use crate::tui::layers::{Field, Overlay, Overlays};
-use crate::tui::raster::{Ground, MapFrame, Raster};
+use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::places::Places;
+use crate::tui::raster::MapFrame;
+use crate::tui::screen::Screen;
 use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink};
-use crate::tui::viewer::ShownEdge;
+use crate::view::{Field, Ground, Raster, ShownEdge};
 
 /// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
 const CONTOUR_STEPS: f32 = 10.0;
@@ -31,19 +32,19 @@ const UNTRIED_SPACINGS: f32 = 1.5;
 pub const STRONGEST_ERROR: f32 = 0.5;
 
 /// Draws the map and everything on it.
-pub fn draw(frame: &mut Frame, area: Rect, app: &mut App, cache: &mut Cache) {
-    let Some(place) = MapFrame::fit(area, &app.map().clone(), app.marker, app.viewport) else { return };
-    app.set_frame(place.clone());
-    let base = cache.0.take().filter(|base| base.shows(&place, app));
-    let base = base.unwrap_or_else(|| Base::new(&place, app));
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places, cache: &mut Cache) {
+    let Some(place) = MapFrame::fit(area, screen.map(), screen.marker, screen.viewport) else { return };
+    places.map = Some(place.clone());
+    let base = cache.0.take().filter(|base| base.shows(&place, screen));
+    let base = base.unwrap_or_else(|| Base::new(&place, screen));
     let mut canvas = base.canvas.clone();
-    draw_what_moves(&mut canvas, &place, app);
+    draw_what_moves(&mut canvas, &place, screen);
     for at in place.area.positions() {
         frame.buffer_mut()[at].clone_from(&base.painted[at]);
     }
-    canvas.paint_changes(frame.buffer_mut(), &place, &app.theme);
-    let mut glyphs = Glyphs { place: &place, theme: &app.theme, buffer: frame.buffer_mut() };
-    draw_signs(&mut glyphs, &base, app);
+    canvas.paint_changes(frame.buffer_mut(), &place, &screen.theme);
+    let mut glyphs = Glyphs { place: &place, theme: &screen.theme, buffer: frame.buffer_mut() };
+    draw_signs(&mut glyphs, &base, screen);
     cache.0 = Some(base);
 }
 
@@ -73,18 +74,18 @@ struct Base {
 }
 
 impl Base {
-    fn new(place: &MapFrame, app: &App) -> Self {
+    fn new(place: &MapFrame, screen: &Screen) -> Self {
         let mut canvas = Canvas::new(place);
-        terrain(&mut canvas, &place.raster, app);
-        let field = Self::field_on(&place.raster, app).cloned();
+        terrain(&mut canvas, &place.raster, screen);
+        let field = Self::field_on(&place.raster, screen).cloned();
         let mut labels = Vec::new();
         if let Some(field) = &field {
-            labels = colour(&mut canvas, place, field, app);
+            labels = colour(&mut canvas, place, field, screen);
         }
-        if app.overlays.has(Overlay::Edges) {
+        if screen.overlays.has(Overlay::Edges) {
             // The more telling over the others, and each only once over the ground.
-            let [confirmed, demoted, untried] = app.theme.edges;
-            let spacing = app.snapshot.networks.candidates.spacing();
+            let [confirmed, demoted, untried] = screen.theme.edges;
+            let spacing = screen.snapshot.networks.candidates.spacing();
             for (kind, rgb, share, mark) in [
                 (Standing::Untried, untried, 0.4, '-'),
                 (Standing::Confirmed, confirmed, 0.6, '='),
@@ -93,20 +94,20 @@ impl Base {
                 // Of those that nobody walked yet only what joins neighbours: all together would hide the map.
                 let longest = if kind == Standing::Untried { UNTRIED_SPACINGS * spacing } else { f32::INFINITY };
                 let short = |[a, b]: [[f32; 2]; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) <= longest;
-                let own = app.view.edges.iter().filter(|(_, standing)| *standing == kind);
+                let own = screen.view.edges.iter().filter(|(_, standing)| *standing == kind);
                 let ends = own.map(|(ends, _)| *ends).filter(|ends| short(*ends));
                 canvas.lines(place, ends, (rgb, share, mark));
             }
         }
-        let edges = app.view.edges.clone();
+        let edges = screen.view.edges.clone();
         let mut painted = Buffer::empty(place.area);
-        canvas.paint(&mut painted, place, &app.theme);
+        canvas.paint(&mut painted, place, &screen.theme);
         Self {
             painted,
             place: place.clone(),
-            theme: app.theme.name,
-            overlays: app.overlays,
-            map: app.map().clone(),
+            theme: screen.theme.name,
+            overlays: screen.overlays,
+            map: screen.map().clone(),
             field,
             edges,
             canvas,
@@ -115,28 +116,28 @@ impl Base {
     }
 
     /// The field that belongs on `raster`, if it has been computed.
-    fn field_on<'a>(raster: &Raster, app: &'a App) -> Option<&'a Arc<Vec<f32>>> {
-        (app.view.raster == Some(*raster) && app.view.kind == app.field).then_some(&app.view.field)
+    fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
+        (screen.view.raster == Some(*raster) && screen.view.kind == screen.field).then_some(&screen.view.field)
     }
 
     /// Whether this is what is to be shown now.
-    fn shows(&self, place: &MapFrame, app: &App) -> bool {
-        let same_field = match (&self.field, Self::field_on(&place.raster, app)) {
+    fn shows(&self, place: &MapFrame, screen: &Screen) -> bool {
+        let same_field = match (&self.field, Self::field_on(&place.raster, screen)) {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
             (own, now) => own.is_none() && now.is_none(),
         };
-        let same_edges = !app.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &app.view.edges);
-        let same_map = Arc::ptr_eq(&self.map, app.map());
-        let same_look = self.theme == app.theme.name && self.overlays == app.overlays;
+        let same_edges = !screen.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &screen.view.edges);
+        let same_map = Arc::ptr_eq(&self.map, screen.map());
+        let same_look = self.theme == screen.theme.name && self.overlays == screen.overlays;
         self.place == *place && same_field && same_edges && same_map && same_look
     }
 }
 
 /// Walls and floor.
-fn terrain(canvas: &mut Canvas, raster: &Raster, app: &App) {
+fn terrain(canvas: &mut Canvas, raster: &Raster, screen: &Screen) {
     for i in 0..canvas.len() {
-        let ground = raster.ground(app.map(), i % canvas.columns(), i / canvas.columns());
-        let (rgb, mark) = look_of(ground, &app.theme);
+        let ground = raster.ground(screen.map(), i % canvas.columns(), i / canvas.columns());
+        let (rgb, mark) = look_of(ground, &screen.theme);
         canvas.set(i, rgb, mark);
     }
 }
@@ -151,13 +152,13 @@ pub fn look_of(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
 }
 
 /// The field as colours, with contour lines; a place for the label of each line.
-fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], app: &App) -> Vec<([f32; 2], f32)> {
-    let (theme, farthest) = (&app.theme, app.view.farthest.max(1.0));
+fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], screen: &Screen) -> Vec<([f32; 2], f32)> {
+    let (theme, farthest) = (&screen.theme, screen.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
     let band = |i: usize| (field[i] / apart).floor();
-    let lines = app.field.is_distance() && app.overlays.has(Overlay::Contours);
+    let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
     let columns = canvas.columns();
-    let goal = canvas.at(place, app.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
+    let goal = canvas.at(place, screen.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
     // For each line the place nearest to the goal: where it stays longest as the field changes.
     let mut labels: Vec<(f32, usize, usize)> = Vec::new();
     for i in 0..canvas.len() {
@@ -168,7 +169,7 @@ fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], app: &App) -> Ve
         let crossed = neighbours
             .iter()
             .find(|(n, same_row)| *same_row && *n < canvas.len() && field[*n].is_finite() && band(*n) != band(i));
-        let rgb = match app.field {
+        let rgb = match screen.field {
             Field::Error => theme.of_error(field[i] / STRONGEST_ERROR),
             Field::Visits => theme.of_distance(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
             _ => theme.of_distance(field[i] / farthest),
@@ -195,12 +196,12 @@ fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], app: &App) -> Ve
 }
 
 /// What changes from frame to frame, as pixels.
-fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, app: &App) {
-    let (theme, shows) = (&app.theme, |overlay| app.overlays.has(overlay));
+fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, screen: &Screen) {
+    let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
     // On a shrunken map they would hide the rest; on a large one they are drawn as signs.
     let scale = place.scale();
     if shows(Overlay::Candidates) && (LEAST_SCALE_FOR_BRIDGES..SCALE_FOR_SIZES).contains(&scale) {
-        for candidate in app.view.candidates.iter() {
+        for candidate in screen.view.candidates.iter() {
             // The better joined, the darker.
             canvas.faint_dot(place, candidate.at, theme.candidate, 0.25 + 0.5 * candidate.degree);
             if theme.depth == Depth::Mono {
@@ -209,10 +210,10 @@ fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, app: &App) {
         }
     }
     if shows(Overlay::Path) {
-        let stops: Vec<[f32; 2]> = app.view.trail.last().into_iter().chain(&app.view.path).copied().collect();
+        let stops: Vec<[f32; 2]> = screen.view.trail.last().into_iter().chain(&screen.view.path).copied().collect();
         canvas.lines(place, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
     }
-    if let (true, Some(search)) = (shows(Overlay::Search), &app.snapshot.search) {
+    if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
         let [accepted, rejected] = theme.search;
         let at = |numbers: &[f32]| [numbers[0], numbers[1]];
         search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(place, at(b), rejected, 'x'));
@@ -221,34 +222,34 @@ fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, app: &App) {
             canvas.lines(place, [[from, bridge], [bridge, to]].into_iter(), (accepted, 0.8, '='));
         }
     }
-    if let Some((cells, free)) = app.editor.preview() {
+    if let Some((cells, free)) = screen.editor.preview() {
         let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
         for cell in cells {
             canvas.dot(place, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
         }
     }
-    for (i, at) in app.view.trail.iter().enumerate() {
-        canvas.faint_dot(place, *at, theme.walker, 0.8 * (i + 1) as f32 / app.view.trail.len() as f32);
+    for (i, at) in screen.view.trail.iter().enumerate() {
+        canvas.faint_dot(place, *at, theme.walker, 0.8 * (i + 1) as f32 / screen.view.trail.len() as f32);
     }
     if shows(Overlay::Agents) {
-        for trail in app.snapshot.trails.iter() {
+        for trail in screen.snapshot.trails.iter() {
             let (places, _) = trail.as_chunks::<2>();
             for (i, at) in places.iter().enumerate() {
                 canvas.faint_dot(place, *at, theme.agent, 0.5 * (i + 1) as f32 / places.len() as f32);
             }
         }
-        for at in app.snapshot.agents.chunks_exact(2) {
+        for at in screen.snapshot.agents.chunks_exact(2) {
             canvas.dot(place, [at[0], at[1]], theme.agent, 'o');
         }
     }
 }
 
 /// Letters and signs.
-fn draw_signs(glyphs: &mut Glyphs, base: &Base, app: &App) {
-    let (theme, scale) = (&app.theme, glyphs.place.scale());
-    let shows = |overlay| app.overlays.has(overlay);
+fn draw_signs(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
+    let (theme, scale) = (&screen.theme, glyphs.place.scale());
+    let shows = |overlay| screen.overlays.has(overlay);
     if shows(Overlay::Candidates) && scale >= SCALE_FOR_SIZES {
-        for candidate in app.view.candidates.iter() {
+        for candidate in screen.view.candidates.iter() {
             let sign = match candidate.degree {
                 d if d < 0.34 => '\u{b7}',
                 d if d < 0.67 => '\u{2022}',
@@ -258,7 +259,7 @@ fn draw_signs(glyphs: &mut Glyphs, base: &Base, app: &App) {
         }
     }
     if shows(Overlay::Directions) {
-        for (at, action) in app.view.directions.iter() {
+        for (at, action) in screen.view.directions.iter() {
             glyphs.sign(*at, arrow(*action), None);
         }
     }
@@ -268,26 +269,26 @@ fn draw_signs(glyphs: &mut Glyphs, base: &Base, app: &App) {
             glyphs.write(*at, &format!("{level:.0}"), &mut taken);
         }
     }
-    if let (true, Some(search)) = (shows(Overlay::Search), &app.snapshot.search) {
+    if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
         if let Some(bridge) = &search.found {
             glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
         }
         glyphs.sign([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
         glyphs.sign([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
     }
-    for (marks, letter) in [(app.map().starts(), 's'), (app.map().goals(), 'g')] {
+    for (marks, letter) in [(screen.map().starts(), 's'), (screen.map().goals(), 'g')] {
         marks.iter().for_each(|cell| glyphs.sign(cell.centre(), letter, None));
     }
-    if let Some(followed) = &app.snapshot.followed {
+    if let Some(followed) = &screen.snapshot.followed {
         glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);
         glyphs.sign([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
     }
-    glyphs.letter(app.view.walk.start, 'S', theme.walker);
-    glyphs.letter(app.goal.centre(), 'G', theme.goal);
-    if let Some(at) = app.view.trail.last() {
+    glyphs.letter(screen.view.walk.start, 'S', theme.walker);
+    glyphs.letter(screen.goal.centre(), 'G', theme.goal);
+    if let Some(at) = screen.view.trail.last() {
         glyphs.letter(*at, '@', theme.walker);
     }
-    if let Some(cursor) = app.editor.cursor.or(app.inspecting) {
+    if let Some(cursor) = screen.editor.cursor.or(screen.inspecting) {
         glyphs.letter(cursor.centre(), '+', theme.cursor);
     }
 }

@@ -6,9 +6,10 @@ use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
 use super::map::look_of;
-use crate::tui::app::App;
 use crate::tui::canvas::Canvas;
+use crate::tui::places::Places;
 use crate::tui::raster::{MapFrame, Marker, Viewport};
+use crate::tui::screen::Screen;
 use crate::tui::theme::blend;
 
 /// The most columns and rows of it, and the share of the pane that it may take.
@@ -16,12 +17,11 @@ const MOST: (u16, u16) = (24, 10);
 const SHARE: u16 = 3;
 
 /// Draws it in the upper right corner of `area`.
-pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
-    app.places.minimap = None;
-    let Some(shown) = app.places.map.as_ref().filter(|_| app.viewport.zoom > 1.0) else { return };
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+    let Some(shown) = places.map.as_ref().filter(|_| screen.viewport.zoom > 1.0) else { return };
     let room = Rect { width: MOST.0.min(area.width / SHARE), height: MOST.1.min(area.height / SHARE), ..area };
     let inner = Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
-    let Some(place) = MapFrame::fit(inner, app.map(), Marker::Quadrant, Viewport::default()) else { return };
+    let Some(place) = MapFrame::fit(inner, screen.map(), Marker::Quadrant, Viewport::default()) else { return };
     let (width, height) = (place.area.width + 2, place.area.height + 2);
     let outer = Rect { x: area.right().saturating_sub(width), y: area.y, width, height };
     let place = MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..place.area }, ..place };
@@ -33,12 +33,12 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
         let x = (column as f32 + 0.5) / place.raster.pixels.0 as f32 * width;
         let y = (row as f32 + 0.5) / place.raster.pixels.1 as f32 * height;
         let inside = x >= left && x < left + columns && y >= top && y < top + rows;
-        let (rgb, mark) = look_of(place.raster.ground(app.map(), column, row), &app.theme);
-        let lit = rgb.map(|rgb| if inside { blend(rgb, app.theme.walker, 0.5) } else { rgb });
+        let (rgb, mark) = look_of(place.raster.ground(screen.map(), column, row), &screen.theme);
+        let lit = rgb.map(|rgb| if inside { blend(rgb, screen.theme.walker, 0.5) } else { rgb });
         canvas.set(i, lit, if inside && mark == ' ' { '.' } else { mark });
     }
     frame.render_widget(Clear, outer);
     frame.render_widget(Block::bordered().style(Style::new()), outer);
-    canvas.paint(frame.buffer_mut(), &place, &app.theme);
-    app.places.minimap = Some(place);
+    canvas.paint(frame.buffer_mut(), &place, &screen.theme);
+    places.minimap = Some(place);
 }

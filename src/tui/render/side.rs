@@ -8,10 +8,10 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::{BOLD, DIM, REVERSED, curves, legend, log, training, walk};
 use crate::tui::action::Action;
-use crate::tui::app::App;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
-use crate::tui::places::{Bar, Click};
+use crate::tui::places::{Bar, Click, Places};
+use crate::tui::screen::Screen;
 
 /// Rows from which on a second pane has room below the first, and a third.
 const TWO_PANES: u16 = 30;
@@ -21,12 +21,12 @@ const THREE_PANES: u16 = 48;
 const TWO_COLUMNS: u16 = 70;
 
 /// Draws the panel.
-pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, app);
+    tabs(frame, head, screen, places);
     // Those beside and below the chosen one, the most telling first.
     let mut others = [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
-    let chosen = app.pane;
+    let chosen = screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
     let columns = if body.width >= TWO_COLUMNS { 2 } else { 1 };
     let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(body);
@@ -38,15 +38,15 @@ pub fn draw(frame: &mut Frame, area: Rect, app: &mut App) {
             _ => 1,
         };
         let panes: Vec<Pane> = (0..rows).filter_map(|_| first.take().or_else(&mut next)).collect();
-        for (pane, area) in panes.iter().zip(stack(*area, &panes, app)) {
-            draw_pane(frame, area, app, *pane);
+        for (pane, area) in panes.iter().zip(stack(*area, &panes, screen)) {
+            draw_pane(frame, area, screen, places, *pane);
         }
     }
 }
 
 /// The areas of panes one below the other: text takes what it needs, curves and log share the rest.
-fn stack(area: Rect, panes: &[Pane], app: &App) -> Vec<Rect> {
-    let height = |pane: &Pane| match lines(*pane, app) {
+fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
+    let height = |pane: &Pane| match lines(*pane, screen) {
         Some(lines) if panes.len() > 1 => Constraint::Length(lines.len() as u16 + 1),
         _ => Constraint::Fill(1),
     };
@@ -54,57 +54,57 @@ fn stack(area: Rect, panes: &[Pane], app: &App) -> Vec<Rect> {
 }
 
 /// A pane's lines, if it is made of lines.
-pub fn lines(pane: Pane, app: &App) -> Option<Vec<Line<'static>>> {
+pub fn lines(pane: Pane, screen: &Screen) -> Option<Vec<Line<'static>>> {
     match pane {
-        Pane::Training => Some(training::lines(app)),
-        Pane::Walk => Some(walk::lines(app)),
-        Pane::Legend => Some(legend::lines(app)),
+        Pane::Training => Some(training::lines(screen)),
+        Pane::Walk => Some(walk::lines(screen)),
+        Pane::Legend => Some(legend::lines(screen)),
         Pane::Curves | Pane::Log => None,
     }
 }
 
 /// Gives the chosen pane everything.
-pub fn draw_maximised(frame: &mut Frame, area: Rect, app: &mut App) {
+pub fn draw_maximised(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, app);
-    let pane = app.pane;
-    draw_pane(frame, body, app, pane);
+    tabs(frame, head, screen, places);
+    let pane = screen.pane;
+    draw_pane(frame, body, screen, places, pane);
 }
 
-fn draw_pane(frame: &mut Frame, area: Rect, app: &mut App, pane: Pane) {
+fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places, pane: Pane) {
     let title = match pane {
         Pane::Training => "training",
         Pane::Curves => "curves",
-        Pane::Walk if app.following.is_some() => "exploring agent",
+        Pane::Walk if screen.following.is_some() => "exploring agent",
         Pane::Walk => "walk @ \u{2192} G",
         Pane::Legend => "on the map",
         Pane::Log => "what happened",
     };
-    let style = if pane == app.pane { BOLD } else { Style::new() };
+    let style = if pane == screen.pane { BOLD } else { Style::new() };
     let block = Block::new().borders(Borders::TOP | Borders::LEFT).title(Span::styled(format!(" {title} "), style));
     let inner = block.inner(area);
     frame.render_widget(block, area);
     match pane {
-        Pane::Curves => curves::draw(frame, inner, app),
-        Pane::Log => log::draw(frame, inner, app),
-        _ => frame.render_widget(Paragraph::new(lines(pane, app).unwrap_or_default()), inner),
+        Pane::Curves => curves::draw(frame, inner, screen),
+        Pane::Log => log::draw(frame, inner, screen),
+        _ => frame.render_widget(Paragraph::new(lines(pane, screen).unwrap_or_default()), inner),
     }
     if pane == Pane::Legend {
         for (row, overlay) in inner.rows().skip(legend::FIRST_OVERLAY).zip(Overlay::ALL) {
-            app.places.add(row, Click::Act(Action::Toggle(overlay)));
+            places.add(row, Click::Act(Action::Toggle(overlay)));
         }
     }
-    app.places.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
+    places.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
 }
 
 /// The names of the panes, the chosen one reversed.
-fn tabs(frame: &mut Frame, area: Rect, app: &mut App) {
+fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
     let mut bar = Bar::default();
     for pane in Pane::ALL {
         let show = Action::Show(pane);
-        let number = if area.width >= 34 { format!("{} ", app.keymap.key_of(show)) } else { String::new() };
-        let style = if pane == app.pane { REVERSED } else { DIM };
+        let number = if area.width >= 34 { format!("{} ", screen.keymap.key_of(show)) } else { String::new() };
+        let style = if pane == screen.pane { REVERSED } else { DIM };
         bar.push(Span::styled(format!(" {number}{} ", pane.name()), style), Click::Act(show));
     }
-    bar.draw(frame, area, &mut app.places);
+    bar.draw(frame, area, places);
 }

@@ -5,11 +5,11 @@ use ratatui::text::Line;
 use super::text::{clock, fact, heading, short};
 use crate::learn;
 use crate::train::{DistanceScore, Score};
-use crate::tui::app::App;
+use crate::tui::screen::Screen;
 
 /// The pane's lines.
-pub fn lines(app: &App) -> Vec<Line<'static>> {
-    let snapshot = &app.snapshot;
+pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
+    let snapshot = &screen.snapshot;
     let (updates, steps) = snapshot.rates;
     let (used, room) = snapshot.replay;
     let mut lines = vec![
@@ -23,16 +23,16 @@ pub fn lines(app: &App) -> Vec<Line<'static>> {
         fact("mu loss", format!("{:.1} steps", snapshot.losses.actor)),
         heading("success"),
     ];
-    lines.splice(1..1, left(app).map(|seconds| fact("to go", clock(seconds))));
-    lines.extend(success(app));
-    lines.extend(bridges(app));
-    lines.extend(time(app));
+    lines.splice(1..1, left(screen).map(|seconds| fact("to go", clock(seconds))));
+    lines.extend(success(screen));
+    lines.extend(bridges(screen));
+    lines.extend(time(screen));
     lines
 }
 
 /// Seconds until the run ends, where that is known.
-fn left(app: &App) -> Option<f64> {
-    let (snapshot, limits) = (&app.snapshot, &app.snapshot.limits);
+fn left(screen: &Screen) -> Option<f64> {
+    let (snapshot, limits) = (&screen.snapshot, &screen.snapshot.limits);
     let updates = limits
         .updates
         .filter(|_| snapshot.rates.0 > 0.0)
@@ -44,8 +44,8 @@ fn left(app: &App) -> Option<f64> {
     [updates, seconds, episodes].into_iter().flatten().min_by(f64::total_cmp)
 }
 
-fn success(app: &App) -> Vec<Line<'static>> {
-    let Some((updates, evaluation)) = app.snapshot.evaluations.last() else {
+fn success(screen: &Screen) -> Vec<Line<'static>> {
+    let Some((updates, evaluation)) = screen.snapshot.evaluations.last() else {
         return vec![fact("evaluated", "not yet")];
     };
     let mut lines = Vec::new();
@@ -66,29 +66,29 @@ fn bars(by_distance: &[DistanceScore]) -> String {
     by_distance.iter().map(|d| BARS[(d.success * 7.0).round() as usize]).collect()
 }
 
-fn bridges(app: &App) -> Vec<Line<'static>> {
-    if !app.run().method.plans() {
+fn bridges(screen: &Screen) -> Vec<Line<'static>> {
+    if !screen.run().method.plans() {
         return Vec::new();
     }
-    let search = app.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
+    let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
         Some(bridge) => format!("{} tried, gain {:.0}", s.tried(), bridge.gain),
         None => format!("{} tried, none", s.tried()),
     });
-    let edges = app.view.edges.len() as f64;
+    let edges = screen.view.edges.len() as f64;
     vec![
         heading("bridges"),
-        fact("points", format!("{}, {} edges", app.view.candidates.len(), short(edges))),
+        fact("points", format!("{}, {} edges", screen.view.candidates.len(), short(edges))),
         fact("search", search),
     ]
 }
 
 /// Where the time goes.
-fn time(app: &App) -> Vec<Line<'static>> {
+fn time(screen: &Screen) -> Vec<Line<'static>> {
     use learn::Phase::{
         ActorGradient, ActorStep, CriticModelGradients, CriticModelSteps, Explore, Graph, Sample, Tape,
     };
 
-    let spent = |phase| app.snapshot.profile.spent(phase).as_secs_f64();
+    let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
     let all: f64 = learn::Phase::ALL.into_iter().map(spent).sum();
     let share = |phases: &[learn::Phase]| 100.0 * phases.iter().map(|p| spent(*p)).sum::<f64>() / all.max(1e-9);
     let learning = share(&[CriticModelGradients, ActorGradient, Tape]);

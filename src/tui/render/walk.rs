@@ -4,13 +4,13 @@ use ratatui::text::Line;
 
 use super::text::{fact, heading};
 use crate::tui::action::Action;
-use crate::tui::app::App;
+use crate::tui::screen::Screen;
 
 /// The pane's lines.
-pub fn lines(app: &App) -> Vec<Line<'static>> {
-    match app.following {
-        Some(_) => explorer(app),
-        None => walker(app),
+pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
+    match screen.following {
+        Some(_) => explorer(screen),
+        None => walker(screen),
     }
 }
 
@@ -22,46 +22,46 @@ fn steps(distance: f32) -> String {
     if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1}") }
 }
 
-fn walker(app: &App) -> Vec<Line<'static>> {
-    let walk = &app.view.walk;
+fn walker(screen: &Screen) -> Vec<Line<'static>> {
+    let walk = &screen.view.walk;
     let shortest = walk.shortest.map_or("no way".to_owned(), |s| s.to_string());
     let state = if walk.arrived { "arrived" } else { "walking" };
     let mut lines = vec![
         fact("from S", place(&walk.start)),
-        fact("to G", place(&app.goal.centre())),
+        fact("to G", place(&screen.goal.centre())),
         fact(state, format!("{} steps", walk.steps)),
         fact("shortest", shortest),
         fact("D to goal", steps(walk.distances.0)),
         fact("waypoint", walk.waypoint.map_or("the goal itself".to_owned(), |at| place(&at))),
         fact("D to it", steps(walk.distances.1)),
-        fact("ahead", format!("{} waypoints", app.view.path.len().saturating_sub(1))),
+        fact("ahead", format!("{} waypoints", screen.view.path.len().saturating_sub(1))),
         heading("journeys"),
         fact("arrived", format!("{} of {}", walk.journeys.0, walk.journeys.1)),
-        fact("then", app.tour.name()),
+        fact("then", screen.tour.name()),
     ];
     lines.push(Line::default());
-    let key = |action| app.keymap.key_of(action);
+    let key = |action| screen.keymap.key_of(action);
     lines.push(Line::from(format!(" {} or click: a goal", key(Action::NewGoal))));
     lines.push(Line::from(format!(" {} or right-click: a start", key(Action::NewStart))));
     lines.push(Line::from(format!(" {}: follow who explores", key(Action::Follow))));
     lines
 }
 
-fn explorer(app: &App) -> Vec<Line<'static>> {
-    let Some(followed) = &app.snapshot.followed else { return vec![fact("agent", "...")] };
+fn explorer(screen: &Screen) -> Vec<Line<'static>> {
+    let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
     let aim = if followed.aim == followed.goal { "the goal itself".to_owned() } else { place(&followed.aim) };
     vec![
-        fact("agent", format!("{} of {}", followed.agent, app.snapshot.agents.len() / 2)),
+        fact("agent", format!("{} of {}", followed.agent, screen.snapshot.agents.len() / 2)),
         fact("from", place(&followed.start)),
         fact("at A", place(&followed.state)),
         fact("goal \u{2691}", place(&followed.goal)),
-        fact("steps", format!("{} of {}", followed.steps, app.run().settings.train.episode_steps)),
-        fact("truly", app.view.followed_steps.map_or("no way".to_owned(), |steps| format!("{steps} to the goal"))),
+        fact("steps", format!("{} of {}", followed.steps, screen.run().settings.train.episode_steps)),
+        fact("truly", screen.view.followed_steps.map_or("no way".to_owned(), |steps| format!("{steps} to the goal"))),
         fact("D to goal", steps(followed.distances.1)),
         fact("heads for", aim),
         fact("D to it", steps(followed.distances.0)),
         fact("way", if followed.planned { "through bridges" } else { "by the actor" }),
         Line::default(),
-        Line::from(format!(" {}: the next one", app.keymap.key_of(Action::Follow))),
+        Line::from(format!(" {}: the next one", screen.keymap.key_of(Action::Follow))),
     ]
 }

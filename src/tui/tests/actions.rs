@@ -24,33 +24,35 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
     let help = help(&mut app);
     for binding in bindings() {
         assert!(help.contains(binding.long), "{} is missing", binding.name);
-        assert!(app.keymap.shown(binding).iter().all(|key| binding.long.is_empty() || help.contains(key.as_str())));
+        assert!(
+            app.screen.keymap.shown(binding).iter().all(|key| binding.long.is_empty() || help.contains(key.as_str()))
+        );
     }
     for sign in ["goal", "walks to G", "where @ set out", "planned path", "exploring agents", "bridge candidates"] {
         assert!(help.contains(sign), "{sign} is missing");
     }
-    assert!(app.dialogs.is_empty(), "Esc closes it");
+    assert!(app.screen.dialogs.is_empty(), "Esc closes it");
 }
 
 /// What changes when things are done.
 fn state(app: &App) -> String {
     format!(
         "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
-        app.dialogs.len(),
-        app.pane,
-        app.maximised,
-        app.field,
-        app.overlays,
-        app.marker,
-        (app.viewport, app.scrolled, app.log_scale),
-        app.editor.cursor,
-        app.editor.tool,
-        app.goal,
-        app.inspecting,
-        app.tour,
-        (app.frozen, app.following, app.pausing, app.is_done(), app.suspends()),
-        app.log.entries().len(),
-        app.map().free_count(),
+        app.screen.dialogs.len(),
+        app.screen.pane,
+        app.screen.maximised,
+        app.screen.field,
+        app.screen.overlays,
+        app.screen.marker,
+        (app.screen.viewport, app.screen.scrolled, app.screen.log_scale),
+        app.screen.editor.cursor,
+        app.screen.editor.tool,
+        app.screen.goal,
+        app.screen.inspecting,
+        app.screen.tour,
+        (app.screen.frozen, app.screen.following, app.screen.pausing, app.is_done(), app.suspends()),
+        app.screen.log.entries().len(),
+        app.screen.map().free_count(),
     )
 }
 
@@ -71,7 +73,7 @@ fn every_action_is_taken_by_its_keys() {
             let path = folder.path().join("run.safetensors");
             let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path));
             draw(&mut app, 80, 24);
-            wait_until(&mut app, |app| app.snapshot.counters.updates > 0);
+            wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
             if binding.when == When::Editing {
                 press(&mut app, KeyCode::Char('e'));
             }
@@ -92,10 +94,10 @@ fn every_action_without_a_key_is_found_by_its_name() {
     for binding in bindings().filter(|b| b.keys.is_empty()) {
         press(&mut app, KeyCode::Char(':'));
         type_text(&mut app, binding.long);
-        let Some(Dialog::Pick(picker)) = app.dialogs.last() else { panic!("the list is open") };
+        let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else { panic!("the list is open") };
         assert_eq!(picker.choice(), Some(&super::super::dialog::Choice::Act(binding.action)), "{}", binding.name);
         press(&mut app, KeyCode::Enter);
-        assert!(!app.dialogs.is_empty(), "{} asks something", binding.name);
-        app.dialogs.clear();
+        assert!(!app.screen.dialogs.is_empty(), "{} asks something", binding.name);
+        app.screen.dialogs.clear();
     }
 }

@@ -28,14 +28,14 @@ const SMALL: (u16, u16) = LEAST_SCREEN;
 #[test]
 fn every_key_of_the_footer_can_be_clicked_on() {
     for (short, done) in [
-        ("Space pause", (|app: &App| app.pausing) as fn(&App) -> bool),
-        ("pause", |app| app.pausing),
-        ("n goal", |app| app.goal != Cell::new(19, 4)),
-        ("v view", |app| app.field != Field::default()),
-        ("Tab panes", |app| app.pane != Pane::default()),
-        ("e edit", |app| app.editor.is_open()),
-        (": all", |app| matches!(app.dialogs[..], [Dialog::Pick(_)])),
-        ("? help", |app| matches!(app.dialogs[..], [Dialog::Help(_)])),
+        ("Space pause", (|app: &App| app.screen.pausing) as fn(&App) -> bool),
+        ("pause", |app| app.screen.pausing),
+        ("n goal", |app| app.screen.goal != Cell::new(19, 4)),
+        ("v view", |app| app.screen.field != Field::default()),
+        ("Tab panes", |app| app.screen.pane != Pane::default()),
+        ("e edit", |app| app.screen.editor.is_open()),
+        (": all", |app| matches!(app.screen.dialogs[..], [Dialog::Pick(_)])),
+        ("? help", |app| matches!(app.screen.dialogs[..], [Dialog::Help(_)])),
         ("q quit", |app| app.is_done()),
     ] {
         let mut app = app();
@@ -51,7 +51,7 @@ fn the_header_tells_what_is_run_and_a_click_changes_it() {
     {
         let mut app = app();
         click(&mut app, SMALL, text);
-        let shown = match app.dialogs.last() {
+        let shown = match app.screen.dialogs.last() {
             Some(Dialog::Pick(picker)) => picker.title.clone(),
             Some(Dialog::Ask(prompt)) => prompt.title.clone(),
             _ => String::new(),
@@ -64,27 +64,27 @@ fn the_header_tells_what_is_run_and_a_click_changes_it() {
 fn panes_and_what_the_map_shows_are_switched_by_clicks() {
     let mut app = app();
     click(&mut app, SMALL, "map  log");
-    assert_eq!(app.pane, Pane::Legend);
+    assert_eq!(app.screen.pane, Pane::Legend);
     click(&mut app, SMALL, "bridge edges");
-    assert!(app.overlays.has(Overlay::Edges));
+    assert!(app.screen.overlays.has(Overlay::Edges));
     click(&mut app, SMALL, "contours");
-    assert!(!app.overlays.has(Overlay::Contours));
+    assert!(!app.screen.overlays.has(Overlay::Contours));
     // Where a second pane stands below, its name brings it up.
     click(&mut app, (120, 40), "\u{250c} training");
-    assert_eq!(app.pane, Pane::Training);
+    assert_eq!(app.screen.pane, Pane::Training);
 }
 
 #[test]
 fn a_pane_with_all_the_room_has_no_map_under_it() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    let goal = app.goal;
+    let goal = app.screen.goal;
     press(&mut app, KeyCode::Char('z'));
     draw(&mut app, 80, 24);
     for kind in [MouseEventKind::Down(MouseButton::Left), MouseEventKind::Down(MouseButton::Right)] {
         mouse(&mut app, kind, Position::new(20, 12));
     }
-    assert_eq!(app.goal, goal);
+    assert_eq!(app.screen.goal, goal);
 }
 
 #[test]
@@ -92,11 +92,11 @@ fn the_tools_of_the_editor_are_picked_by_clicks() {
     let mut app = app();
     click(&mut app, SMALL, "e edit");
     click(&mut app, SMALL, "box");
-    assert_eq!(app.editor.tool, crate::tui::editor::Tool::Rectangle);
+    assert_eq!(app.screen.editor.tool, crate::tui::editor::Tool::Rectangle);
     app.notify("8 cells walled up");
     assert!(place_of(&mut app, SMALL, "8 cells walled up").is_some_and(|at| at.y == SMALL.1 - 2), "above the tools");
     click(&mut app, SMALL, "done");
-    assert!(!app.editor.is_open());
+    assert!(!app.screen.editor.is_open());
 }
 
 #[test]
@@ -104,19 +104,19 @@ fn dialogs_are_answered_and_closed_by_clicks() {
     let mut app = app();
     app.act(Action::Method);
     click(&mut app, SMALL, "Esc: close");
-    assert!(app.dialogs.is_empty());
+    assert!(app.screen.dialogs.is_empty());
     app.act(Action::Method);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(1, 20));
-    assert!(app.dialogs.is_empty(), "a click beside it closes it");
-    assert!(!app.editor.is_open(), "and does nothing else");
+    assert!(app.screen.dialogs.is_empty(), "a click beside it closes it");
+    assert!(!app.screen.editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
     type_text(&mut app, "7");
     click(&mut app, SMALL, "Enter: take");
-    assert!(app.dialogs.is_empty());
+    assert!(app.screen.dialogs.is_empty());
     assert_eq!(app.autosave_minutes, 7.0);
     app.act(Action::Theme);
     click(&mut app, SMALL, "light");
-    assert_eq!(app.theme.name, ThemeName::Light);
+    assert_eq!(app.screen.theme.name, ThemeName::Light);
 }
 
 /// A map much wider than its pane, drawn once.
@@ -141,23 +141,23 @@ fn zooming_keeps_what_is_under_the_mouse_and_the_whole_map_comes_back() {
     let cell = Cell::new(150, 90);
     let at = character_of(&app, cell);
     turn_wheel(&mut app, at, 8);
-    let frame = app.places.map.clone().expect("a map");
-    let under = frame.cell_at(at, app.map()).expect("on the map");
+    let frame = app.screen.places.map.clone().expect("a map");
+    let under = frame.cell_at(at, app.screen.map()).expect("on the map");
     assert!(under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6, "{under:?} is far from {cell:?}");
     assert!(frame.raster.window[2] < 60.0, "{:?}", frame.raster.window);
     let before = frame.raster.window;
     press_with(&mut app, KeyCode::Left, KeyModifiers::SHIFT);
     draw(&mut app, 80, 24);
-    let left = app.places.map.clone().expect("a map").raster.window[0];
+    let left = app.screen.places.map.clone().expect("a map").raster.window[0];
     assert!(left < before[0], "panned to the left");
     for _ in 0..50 {
         press_with(&mut app, KeyCode::Up, KeyModifiers::SHIFT);
         draw(&mut app, 80, 24);
     }
-    assert_eq!(app.places.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
+    assert_eq!(app.screen.places.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
     press(&mut app, KeyCode::Char('0'));
     draw(&mut app, 80, 24);
-    assert!(app.places.map.clone().expect("a map").raster.window[2] >= 200.0);
+    assert!(app.screen.places.map.clone().expect("a map").raster.window[2] >= 200.0);
 }
 
 #[test]
@@ -167,20 +167,20 @@ fn the_map_is_moved_by_the_middle_button_and_the_small_map() {
     turn_wheel(&mut app, middle, 6);
     let window = |app: &mut App| {
         draw(app, 80, 24);
-        app.places.map.clone().expect("a map").raster.window
+        app.screen.places.map.clone().expect("a map").raster.window
     };
-    let cell = app.places.map.clone().expect("a map").cell_at(middle, app.map());
+    let cell = app.screen.places.map.clone().expect("a map").cell_at(middle, app.screen.map());
     let before = window(&mut app);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Middle), middle);
     let to = Position::new(30, 15);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Middle), to);
     assert!(window(&mut app)[0] < before[0], "the map goes to the right with the mouse");
-    let now = app.places.map.clone().expect("a map").cell_at(to, app.map());
+    let now = app.screen.places.map.clone().expect("a map").cell_at(to, app.screen.map());
     let (cell, now) = (cell.expect("a cell"), now.expect("a cell"));
     assert!(now.x.abs_diff(cell.x) <= 1 && now.y.abs_diff(cell.y) <= 1, "{now:?} is not {cell:?}");
-    let goal = app.goal;
-    let small = app.places.minimap.clone().expect("a small map").area;
+    let goal = app.screen.goal;
+    let small = app.screen.places.minimap.clone().expect("a small map").area;
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(small.x, small.y));
     assert_eq!(window(&mut app)[..2], [0.0, 0.0], "the upper left corner");
-    assert_eq!(app.goal, goal, "no goal is set below the small map");
+    assert_eq!(app.screen.goal, goal, "no goal is set below the small map");
 }

@@ -22,7 +22,7 @@ use crate::tui::layers::Overlay;
 use crate::tui::output::What;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
-use crate::tui::viewer::{Candidate, View, Walk};
+use crate::view::{Candidate, View, Walk};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
@@ -85,22 +85,22 @@ fn stage(width: u16, height: u16) -> App {
             search: Some(Arc::new(search.clone())),
             evaluations: Arc::new(Vec::new()),
             curve: {
-                let mut curve = app.snapshot.curve.to_vec();
+                let mut curve = app.screen.snapshot.curve.to_vec();
                 curve.push(LossPoint { updates, losses: [losses.critic, losses.model, losses.actor] });
                 Arc::new(curve)
             },
-            ..(*app.snapshot).clone()
+            ..(*app.screen.snapshot).clone()
         };
         app.on_snapshot(Arc::new(snapshot));
     }
-    app.on_snapshot(Arc::new(Snapshot { evaluations: Arc::new(evaluations), ..(*app.snapshot).clone() }));
-    let frame = app.places.map.clone().expect("the map is drawn");
+    app.on_snapshot(Arc::new(Snapshot { evaluations: Arc::new(evaluations), ..(*app.screen.snapshot).clone() }));
+    let frame = app.screen.places.map.clone().expect("the map is drawn");
     let field = |i: usize| {
         let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
         let [left, top, width, height] = frame.raster.window;
         let x = left + (column as f32 + 0.5) / frame.raster.pixels.0 as f32 * width;
         let y = top + (row as f32 + 0.5) / frame.raster.pixels.1 as f32 * height;
-        let free = app.map().is_free_at(x, y);
+        let free = app.screen.map().is_free_at(x, y);
         if free { 2.0 * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
     };
     let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
@@ -109,7 +109,7 @@ fn stage(width: u16, height: u16) -> App {
     let edges = candidates.windows(2).zip(standings).map(|(ends, standing)| ([ends[0], ends[1]], standing));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     let view = View {
-        goal: (Some(app.goal), 1),
+        goal: (Some(app.screen.goal), 1),
         kind: Field::Learned,
         farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
         field: Arc::new(values),
@@ -185,7 +185,7 @@ fn overviews() {
 #[test]
 fn without_colours() {
     let mut app = stage(80, 24);
-    app.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+    app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
     check("mono-80x24", &mut app, 80, 24);
 }
 
@@ -193,7 +193,7 @@ fn without_colours() {
 fn without_colours_on_larger_screens() {
     for (width, height) in [(120, 40), (200, 60)] {
         let mut app = stage(width, height);
-        app.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+        app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
         check(&format!("mono-{width}x{height}"), &mut app, width, height);
     }
 }
@@ -202,23 +202,25 @@ fn without_colours_on_larger_screens() {
 fn panes() {
     for pane in Pane::ALL {
         let mut app = stage(80, 24);
-        app.pane = pane;
+        app.screen.pane = pane;
         check(&format!("pane-{}-80x24", pane.name()), &mut app, 80, 24);
     }
     let mut app = stage(80, 24);
-    (app.pane, app.maximised, app.log_scale) = (Pane::Curves, true, true);
+    (app.screen.pane, app.screen.maximised, app.screen.log_scale) = (Pane::Curves, true, true);
     check("pane-curves-maximised-80x24", &mut app, 80, 24);
-    (app.pane, app.maximised, app.following) = (Pane::Walk, false, Some(2));
+    (app.screen.pane, app.screen.maximised, app.screen.following) = (Pane::Walk, false, Some(2));
     check("pane-explorer-80x24", &mut app, 80, 24);
 }
 
 #[test]
 fn everything_on_the_map() {
     let mut app = stage(120, 40);
-    Overlay::ALL.into_iter().filter(|o| !app.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(|overlay| {
-        app.overlays.toggle(overlay);
-    });
-    app.pane = Pane::Legend;
+    Overlay::ALL.into_iter().filter(|o| !app.screen.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(
+        |overlay| {
+            app.screen.overlays.toggle(overlay);
+        },
+    );
+    app.screen.pane = Pane::Legend;
     check("overlays-120x40", &mut app, 120, 40);
 }
 
@@ -257,7 +259,7 @@ fn lists_of_files() {
     let description = |name: &str, days: u64, planned| Description {
         file: PathBuf::from(format!("saves/{name}.safetensors")),
         title: "rooms".to_owned(),
-        run: stage(80, 24).run().clone(),
+        run: stage(80, 24).screen.run().clone(),
         updates: 20_000,
         success: Some(Success { updates: 20_000, greedy: 0.91, planned }),
         bytes: 2_345_678,
@@ -281,7 +283,7 @@ fn lists_of_files() {
     ];
     for (name, list) in lists {
         let mut app = stage(80, 24);
-        app.dialogs.push(Dialog::Pick(list));
+        app.screen.dialogs.push(Dialog::Pick(list));
         check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
     }
 }
@@ -292,8 +294,8 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
     for method in [Method::default(), gdg()] {
         for following in [None, Some(2)] {
             let mut app = stage(80, 24);
-            app.following = following;
-            let mut snapshot = (*app.snapshot).clone();
+            app.screen.following = following;
+            let mut snapshot = (*app.screen.snapshot).clone();
             // Numbers as long as they become in a day of training.
             Arc::make_mut(&mut snapshot.run).method = method.clone();
             snapshot.seconds = 90_000.0;
@@ -303,10 +305,10 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
             snapshot.limits.updates = Some(500_000_000);
             snapshot.replay = (999_999, 1_000_000);
             snapshot.losses.actor = 1_234.5;
-            snapshot.evaluations = longest.snapshot.evaluations.clone();
+            snapshot.evaluations = longest.screen.snapshot.evaluations.clone();
             app.on_snapshot(Arc::new(snapshot));
             for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
-                let lines = pane_lines(pane, &app).expect("lines");
+                let lines = pane_lines(pane, &app.screen).expect("lines");
                 // Header, names and title above, footer below; a line at the left.
                 assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
                 for line in lines {
@@ -330,7 +332,7 @@ fn the_editor() {
 fn what_would_be_missed_is_asked_about_and_saved_at_a_hang_up() {
     let mut app = stage(80, 24);
     app.act(Action::Quit);
-    assert!(!app.is_done() && app.dialogs.len() == 1, "twelve seconds are asked about");
+    assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
     press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
     assert!(app.is_done() && app.saves_at_end().is_none(), "twice leaves without saving");
     app.on_signal();
@@ -342,7 +344,7 @@ fn everything_can_be_exported() {
     let mut app = stage(80, 24);
     press(&mut app, KeyCode::Char('?'));
     for what in What::ALL {
-        let bytes = contents(what, &mut app).expect("a file");
+        let bytes = contents(what, &app.screen).expect("a file");
         match what.file_type() {
             "png" => {
                 let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
@@ -365,15 +367,15 @@ fn everything_can_be_exported() {
             }
         }
     }
-    assert_eq!(app.dialogs.len(), 1, "the help is still open");
+    assert_eq!(app.screen.dialogs.len(), 1, "the help is still open");
 }
 
 #[test]
 fn fields() {
     for field in [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain] {
         let mut app = stage(80, 24);
-        app.field = field;
-        app.on_view(Arc::new(View { kind: field, ..(*app.view).clone() }));
+        app.screen.field = field;
+        app.on_view(Arc::new(View { kind: field, ..(*app.screen.view).clone() }));
         let name = field.name().replace(' ', "-").to_lowercase();
         check(&format!("field-{name}-80x24"), &mut app, 80, 24);
     }

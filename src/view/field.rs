@@ -3,40 +3,85 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use ratatui::layout::Position;
-
+use super::raster::{Ground, Raster};
 use super::{Worker, cell_of};
 use crate::learn::Policy;
 use crate::map::UNREACHABLE;
-use crate::train::Snapshot;
-use crate::tui::layers::Field;
-use crate::tui::raster::{Ground, Raster};
+use crate::train::{Method, Snapshot};
 
 /// Candidates that composed distances of the field consider at each pixel.
 const LINKS_OF_A_PIXEL: usize = 6;
 
-/// Characters from one arrow to the next, across and down.
-const ARROWS_APART: (usize, usize) = (4, 2);
+/// What the map's colours stand for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Field {
+    /// D(., g) to the goal, as the critics have it.
+    #[default]
+    Learned,
+    /// D(s, .) from where the walking agent started.
+    FromStart,
+    /// D(., g) as the bridge graph composes it.
+    Composed,
+    /// The map's own steps to the goal.
+    True,
+    /// By how much D(., g) is longer or shorter than these.
+    Error,
+    /// How often agents were there.
+    Visits,
+    /// Nothing.
+    Plain,
+}
+
+impl Field {
+    const ALL: [Self; 7] =
+        [Self::Learned, Self::FromStart, Self::Composed, Self::True, Self::Error, Self::Visits, Self::Plain];
+
+    /// What it is called on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Learned => "D to G",
+            Self::FromStart => "D from S",
+            Self::Composed => "D by bridges",
+            Self::True => "true steps",
+            Self::Error => "error of D",
+            Self::Visits => "visits",
+            Self::Plain => "map alone",
+        }
+    }
+
+    /// The next one (or the one before) that there is for `method`.
+    #[must_use]
+    pub fn turn(self, forward: bool, method: &Method) -> Self {
+        let count = Self::ALL.len();
+        let mut at = self as usize;
+        loop {
+            at = (at + if forward { 1 } else { count - 1 }) % count;
+            if Self::ALL[at] != Self::Composed || method.plans() {
+                return Self::ALL[at];
+            }
+        }
+    }
+
+    /// Whether its values are steps.
+    pub fn is_distance(self) -> bool {
+        matches!(self, Self::Learned | Self::FromStart | Self::Composed | Self::True)
+    }
+}
 
 impl Worker {
     pub(super) fn renew_field(&mut self, snapshot: &Snapshot) {
         let began = Instant::now();
-        if let (Some(goal), Some(frame)) = (self.view.goal.0, self.frame.clone()) {
+        if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone()) {
             let shown = self.shown.clone();
             let policy = &*shown.policy;
-            self.view.field = Arc::new(self.field(frame.raster, goal.centre(), policy, snapshot));
+            self.view.field = Arc::new(self.field(raster, goal.centre(), policy, snapshot));
             self.view.farthest = self.view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
-            self.view.raster = Some(frame.raster);
-            let places = || {
-                let (across, down) = ARROWS_APART;
-                let rows = (frame.area.y..frame.area.bottom()).step_by(down);
-                rows.flat_map(move |y| (frame.area.x..frame.area.right()).step_by(across).map(move |x| (x, y)))
-            };
+            self.view.raster = Some(raster);
             self.view.directions = Arc::default();
             if self.directions {
                 let map = self.world.map();
-                let at = places().map(|(x, y)| frame.middle_of(Position::new(x, y)));
-                let at: Vec<[f32; 2]> = at.filter(|at| map.is_free_at(at[0], at[1])).collect();
+                let free = arrows.iter().filter(|at| map.is_free_at(at[0], at[1]));
+                let at: Vec<[f32; 2]> = free.copied().collect();
                 let mut actions = vec![0.0; 2 * at.len()];
                 let goals = goal.centre().repeat(at.len());
                 policy.actions(at.as_flattened(), &goals, &mut actions, &mut self.scratch);
@@ -100,5 +145,23 @@ impl Worker {
             steps => steps as f32,
         };
         positions.iter().map(of).collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn turning_forth_and_back_leads_round_and_home() {
+        for method in &["gdg", "gdg-bridge"].map(|name| name.parse::<Method>().expect("a method")) {
+            let there = (0..7).scan(Field::Learned, |field, _| {
+                *field = field.turn(true, method);
+                Some(*field)
+            });
+            let there: Vec<Field> = there.collect();
+            assert_eq!(there.contains(&Field::Composed), method.plans());
+            assert_eq!(Field::Learned.turn(true, method).turn(false, method), Field::Learned);
+        }
     }
 }

@@ -2,6 +2,7 @@
 //! distances, the bridge graph, the planned path, and an agent that walks to the goal.
 
 mod field;
+mod raster;
 mod walk;
 
 use std::sync::Arc;
@@ -12,13 +13,13 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use tokio::sync::watch;
 
-use super::layers::Field;
-use super::raster::{MapFrame, Raster};
 use crate::bridge::{BridgeGraph, BridgeSettings, Standing, Walker};
 use crate::env::{Environment, MazeScene, PointMaze};
 use crate::learn::Scratch;
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use crate::train::{Engine, Networks, Run, Snapshot};
+pub use field::Field;
+pub use raster::{Ground, Raster};
 pub use walk::{Tour, Walk};
 
 /// Time between two steps of the walking agent.
@@ -39,8 +40,8 @@ pub enum Request {
     Start(Option<Cell>),
     /// What it does at the goal.
     Tour(Tour),
-    /// The characters and pixels that the map is shown by.
-    Frame(MapFrame),
+    /// The pixels that the map is shown by, and the positions at which the actor's directions are.
+    Frame(Raster, Arc<Vec<[f32; 2]>>),
     /// What colours are to stand for.
     Field(Field),
     /// Whether the actor's directions are shown.
@@ -150,7 +151,7 @@ struct Worker {
     shown: Arc<Networks>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
-    frame: Option<MapFrame>,
+    frame: Option<(Raster, Arc<Vec<[f32; 2]>>)>,
     directions: bool,
     inspect: Option<Cell>,
     inspects_anew: bool,
@@ -267,8 +268,8 @@ impl Worker {
                 self.view.kind = kind;
                 self.field.ask();
             }
-            Request::Frame(frame) => {
-                self.frame = Some(frame);
+            Request::Frame(raster, arrows) => {
+                self.frame = Some((raster, arrows));
                 self.field.ask();
             }
             Request::Directions(shown) => {
