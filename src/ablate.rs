@@ -1,4 +1,4 @@
-//! `gdg-tui ablate`: what each piece of the default preset is worth, by switching it off.
+//! `gdg-tui ablate`: measures what each piece of the default preset is worth by switching it off.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -21,7 +21,7 @@ use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run,
 struct Variant {
     name: &'static str,
     method: &'static str,
-    /// Settings as `--set` takes them, with spaces between.
+    /// Settings as `--set` takes them, separated by spaces.
     set: &'static str,
 }
 
@@ -63,10 +63,10 @@ struct Outcome {
     evaluation: Evaluation,
 }
 
-/// Trains every variant and gives the table as Markdown.
+/// Trains every variant and returns the table as Markdown.
 ///
 /// # Errors
-/// What is wrong with the map, that the JSON file is there already or cannot be written, or what candle reports.
+/// Fails if the map is invalid, if the JSON file already exists or cannot be written, or if candle fails.
 pub fn run(args: &AblateArgs) -> Result<String, Report> {
     if let Some(path) = &args.json {
         check_place(path, args.overwrite)?;
@@ -104,7 +104,7 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
     outcomes.sort_by_key(|o| (place(o.variant), o.seed));
     let table = table(&map, &outcomes, args);
     if let Some(path) = &args.json {
-        // Whatever has become of the place meanwhile, the table is told.
+        // Print the table even if the file cannot be written.
         write_json(path, args.overwrite, &outcomes).inspect_err(|_| {
             let _ = std::io::stdout().write_all(table.as_bytes());
         })?;
@@ -112,7 +112,7 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
     Ok(table)
 }
 
-/// Looks whether a file can be created, which is to be known before the work begins.
+/// Checks that a file can be created, to fail before hours of training instead of after.
 fn check_place(path: &Path, overwrite: bool) -> Result<(), Report> {
     refuse_existing(path, overwrite)?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));

@@ -1,7 +1,7 @@
-//! `gdg-tui bench`: how fast the learner is on this machine, as ratios measured side by side.
+//! `gdg-tui bench`: measures the learner's speed on this machine, as ratios of side-by-side runs.
 //!
-//! Everything of one case runs in turns within one process, so that a machine whose speed drifts is as fair to one
-//! as to the other; the median of many turns is told.
+//! All variants of a case take turns within one process, so that a drifting machine speed affects them equally; the
+//! table shows the median of many turns.
 
 mod cases;
 mod plain;
@@ -12,17 +12,17 @@ use std::time::Instant;
 use miette::{IntoDiagnostic, Report};
 use serde::Serialize;
 
-/// Shapes that updates are measured at: batch and width.
+/// Shapes at which updates are measured: batch and width.
 const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
 
-/// Where candle looks for the number of its threads.
+/// Environment variable from which candle reads its number of threads.
 const CANDLE_THREADS: &str = "RAYON_NUM_THREADS";
 
-/// Everything that was measured; times are medians in microseconds.
+/// All measurements; times are medians in microseconds.
 #[derive(Debug, Serialize)]
 struct Measurements {
     threads: usize,
-    /// Multiply-adds that one core does at most, in GFLOP/s (two operations each).
+    /// Peak multiply-add rate of one core, in GFLOP/s (two operations each).
     peak_gflops: f64,
     updates: Vec<UpdateTimes>,
     default_preset: DefaultTimes,
@@ -38,17 +38,17 @@ struct UpdateTimes {
     runs: usize,
     /// Plain candle-nn: Linear, autograd, AdamW.
     plain_us: f64,
-    /// The fused update on one thread, and on all.
+    /// The fused update on one thread, and on all threads.
     fused_us: f64,
     fused_threads_us: f64,
-    /// Plain against fused on one thread; one thread against all.
+    /// Speed-up of fused over plain on one thread; of all threads over one.
     speed_up: f64,
     threads_speed_up: f64,
-    /// Matrix products of the fused update against the core's peak.
+    /// Speed of the fused update's matrix products, as a share of the core's peak.
     peak_share: f64,
 }
 
-/// Whole training on the four rooms with the default preset, in updates a second.
+/// Complete training on the four rooms with the default preset, in updates per second.
 #[derive(Debug, Serialize)]
 struct DefaultTimes {
     runs: usize,
@@ -57,7 +57,7 @@ struct DefaultTimes {
     phases: Vec<PhaseTimes>,
 }
 
-/// Time of one phase of training, mean of each update.
+/// Mean time per update of one phase of training.
 #[derive(Debug, Serialize)]
 struct PhaseTimes {
     phase: &'static str,
@@ -65,19 +65,19 @@ struct PhaseTimes {
     all_threads_us: f64,
 }
 
-/// Training on a map of 256 x 256 cells with the interface open at 200 x 60, against training alone.
+/// Training on a 256 x 256 map with the interface open at 200 x 60, compared to training alone.
 #[derive(Debug, Serialize)]
 struct InterfaceTimes {
     runs: usize,
-    /// Updates a second without the interface.
+    /// Updates per second without the interface.
     alone: f64,
-    /// Speed with the interface as a share of that.
+    /// Speed with the interface, as a share of that.
     ratio: f64,
-    /// Drawing a frame.
+    /// Time to draw a frame.
     frame_us: f64,
 }
 
-/// Something else that was timed.
+/// Another timed operation.
 #[derive(Debug, Serialize)]
 struct Timed {
     what: &'static str,
@@ -85,13 +85,13 @@ struct Timed {
     runs: usize,
 }
 
-/// Measures and prints a table, or JSON.
+/// Runs all measurements and returns a table, or JSON.
 ///
 /// # Errors
-/// What candle reports.
+/// Fails if candle or the measuring process does.
 pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
-    // One thread against one thread, and candle at its best: its operations would spread over threads that spin.
-    // It asks for their number in the environment, which only a new process can be given safely.
+    // Compare one thread to one thread, which is also candle at its best: it would spread its operations over spinning
+    // threads. Candle reads the number of threads from the environment, which can be set safely only for a new process.
     if std::env::var_os(CANDLE_THREADS).is_none() {
         let threads = threads.to_string();
         let mut again = Command::new(std::env::current_exe().into_diagnostic()?);
@@ -150,14 +150,14 @@ impl Measurements {
     }
 }
 
-/// Microseconds that `work` takes.
+/// Returns the time that `work` takes, in microseconds.
 fn time_us(work: impl FnOnce()) -> f64 {
     let began = Instant::now();
     work();
     began.elapsed().as_secs_f64() * 1e6
 }
 
-/// The middle value.
+/// Returns the median.
 fn median(mut values: Vec<f64>) -> f64 {
     values.sort_by(f64::total_cmp);
     values.get(values.len() / 2).copied().unwrap_or(f64::NAN)

@@ -1,8 +1,8 @@
 //! Bridge points: states b with D(s,b) + D(b,g) < D(s,g) that split a hard task into easy ones.
 //!
-//! [`Candidates`] spreads candidates over what the agents have seen and remembers in how many steps one was reached
-//! from another; [`BridgeGraph`] joins them by edges that the critics propose and experience verifies;
-//! [`Walker`] walks through it, waypoint by waypoint; [`search()`] is the published search for a single bridge point.
+//! [`Candidates`] spreads candidates over the visited states and records the fewest steps observed from one to another;
+//! [`BridgeGraph`] connects them with edges that the critics propose and observed trajectories verify; [`Walker`]
+//! follows the graph to a goal, one waypoint at a time; [`search()`] is the published search for a single bridge point.
 
 mod candidates;
 mod graph;

@@ -47,6 +47,8 @@ pub enum Command {
         #[arg(long, default_value_t = 0, requires = "random")]
         seed: u64,
     },
+    /// Print the reference of all settings, in Markdown
+    Settings,
     /// Measure what each piece of the default preset is worth, by switching it off
     Ablate(AblateArgs),
     /// Measure the learner's speed on this machine, side by side with plain candle-nn

@@ -1,7 +1,8 @@
-//! Environments: goal-conditioned worlds of many agents, without any reward.
+//! Environments: goal-conditioned worlds with many parallel agents and no reward.
 //!
-//! A world is one folder here: it moves agents, and says everything about itself that training, evaluation and front
-//! ends ask ([`Environment`]). The learner sees sizes and scales alone ([`Spec`]). [`WORLDS`] lists the built-in ones.
+//! Each world is a submodule that implements [`Environment`]: it steps the agents and answers every query from
+//! training, evaluation and the front ends. The learner sees only sizes and scales ([`Spec`]). [`WORLDS`] lists the
+//! built-in worlds.
 
 pub mod maze;
 mod task;
@@ -21,16 +22,16 @@ pub use task::{NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
 /// The built-in worlds.
 pub const WORLDS: [WorldKind; 1] = [maze::KIND];
 
-/// A kind of world, as it is registered.
+/// Registry entry of a kind of world.
 #[derive(Clone, Copy, Debug)]
 pub struct WorldKind {
-    /// Its name in checkpoints, and on the command line where it needs no file.
+    /// Name in checkpoints and, for worlds that need no file, on the command line.
     pub name: &'static str,
-    /// What it is, in a few words.
+    /// Short description.
     pub about: &'static str,
-    /// Makes one that needs no file.
+    /// Creates the world, if it needs no file.
     pub create: Option<fn() -> Box<dyn Environment>>,
-    /// Makes the one that [`Environment::save`] wrote, without agents.
+    /// Loads the world that [`Environment::save`] wrote, without agents.
     pub load: fn(&Store) -> Result<Box<dyn Environment>, StoreError>,
 }
 
@@ -40,11 +41,11 @@ pub struct WorldKind {
 pub enum Restart {
     /// At a random place.
     Anywhere,
-    /// At the world's own start: a map's `S` (one of them at random, if there are several).
+    /// At the world's own start: a map's `S`, or a random one if there are several.
     StartCell,
 }
 
-/// What can be set about every world.
+/// Settings common to all worlds.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct EnvSettings {
     /// Where episodes begin.
@@ -59,130 +60,131 @@ impl Default for EnvSettings {
     }
 }
 
-/// What an environment's numbers mean. Lengths are in the environment's own unit (cells of a maze, metres of an
-/// arm).
+/// Sizes and scales of states, goals and actions. Lengths are in the environment's own unit (maze cells, or metres for
+/// an arm).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Spec {
-    /// Middle of each state component's range; its length is the size of a state.
+    /// Midpoint of each state component's range; the vector's length is the state size.
     pub state_centre: Vec<f32>,
-    /// Half of each state component's range: `(state - centre) / half_range` lies in [-1, 1]. 0 for a component that
-    /// never varies.
+    /// Half the range of each state component: `(state - centre) / half_range` lies in [-1, 1]. 0 for a constant
+    /// component.
     pub state_half_range: Vec<f32>,
-    /// How much each state component changes in a step, roughly: what the dynamics model's outputs are measured in.
-    /// 0 for a component that never varies.
+    /// Typical change of each state component per step: the unit of the dynamics model's outputs. 0 for a constant
+    /// component.
     pub change_scale: Vec<f32>,
-    /// Which state components are the goal that the state achieves; its length is the size of a goal.
+    /// Indices of the state components that form the achieved goal; the vector's length is the goal size.
     pub achieved: Vec<usize>,
     /// Size of an action; every component lies in [-1, 1].
     pub action_dim: usize,
-    /// A goal is reached when the achieved goal is nearer than this (Euclidean).
+    /// A goal is reached when the achieved goal is closer to it than this (Euclidean).
     pub goal_radius: f32,
-    /// Whether goals are positions in a space of few dimensions, where nearness is meaningful at every scale (so
-    /// that multi-resolution encodings make sense).
+    /// Whether goals are positions in a low-dimensional space, where distance is meaningful at every scale, so that
+    /// multi-resolution encodings make sense.
     pub goals_are_positions: bool,
 }
 
 impl Spec {
-    /// Numbers in a state.
+    /// Returns the state size.
     pub fn state_dim(&self) -> usize {
         self.state_centre.len()
     }
 
-    /// Numbers in a goal.
+    /// Returns the goal size.
     pub fn goal_dim(&self) -> usize {
         self.achieved.len()
     }
 
-    /// State component `i` of value `value`, scaled to [-1, 1]; 0 for one that never varies.
+    /// Scales `value` of state component `i` to [-1, 1]; returns 0 for a constant component.
     pub fn scaled(&self, i: usize, value: f32) -> f32 {
         let half = self.state_half_range[i];
         if half > 0.0 { (value - self.state_centre[i]) / half } else { 0.0 }
     }
 
-    /// The goal that `state` achieves, component by component.
+    /// Returns the components of the goal that `state` achieves.
     pub fn achieved<'a>(&'a self, state: &'a [f32]) -> impl Iterator<Item = f32> + 'a {
         self.achieved.iter().map(|i| state[*i])
     }
 
-    /// Euclidean distance between the goal that `state` achieves and `goal`.
+    /// Returns the Euclidean distance between the goal that `state` achieves and `goal`.
     pub fn goal_distance(&self, state: &[f32], goal: &[f32]) -> f32 {
         self.achieved(state).zip(goal).map(|(a, g)| (a - g) * (a - g)).sum::<f32>().sqrt()
     }
 
-    /// Whether `state` is at `goal`.
+    /// Returns whether `state` reaches `goal`.
     pub fn reached(&self, state: &[f32], goal: &[f32]) -> bool {
         self.goal_distance(state, goal) < self.goal_radius
     }
 }
 
-/// A world in which many agents move side by side, each on its own.
+/// A world in which many agents move in parallel, independently of each other.
 ///
-/// A *state* is what the learner sees of an agent, `state_dim` numbers. A *whole state* is everything that the agent's
-/// future depends on, in the world's own layout: joints and velocities of an arm as well as its gripper's position.
+/// A *state* is what the learner observes of an agent: `state_dim` numbers. A *whole state* is everything that the
+/// agent's future depends on, in the world's own layout: an arm's joints and velocities as well as its gripper
+/// position.
 pub trait Environment: Any + Send + Sync {
-    /// The name of its [`WorldKind`].
+    /// Returns the name of its [`WorldKind`].
     fn kind(&self) -> &'static str;
 
-    /// What it is called: a map's name.
+    /// Returns its title, such as the map's name.
     fn title(&self) -> &str;
 
-    /// What states, goals and actions are.
+    /// Returns the sizes and scales of states, goals and actions.
     fn spec(&self) -> &Spec;
 
-    /// How many agents there are.
+    /// Returns the number of agents.
     fn agents(&self) -> usize;
 
-    /// All agents' states, `(agents, state_dim)`.
+    /// Returns all agents' states, `(agents, state_dim)`.
     fn states(&self) -> &[f32];
 
-    /// An agent's whole state.
+    /// Returns an agent's whole state.
     fn whole(&self, agent: usize) -> Vec<f64>;
 
-    /// Puts `agent` into a whole state, exactly; or as near to it as the world allows, where it allows it not.
+    /// Puts `agent` into a whole state, or as close to it as the world allows if the state itself is not allowed.
     fn place(&mut self, agent: usize, whole: &[f64]);
 
-    /// Puts `agent` at a start.
+    /// Moves `agent` to a start state.
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng);
 
-    /// A random goal that an agent at `agent`'s place could be asked to reach, into `goal` (`goal_dim`).
+    /// Draws a random goal that `agent` could be asked to reach from its place, into `goal` (`goal_dim`).
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]);
 
-    /// Moves every agent by one action; `actions` is `(agents, action_dim)` and clipped to [-1, 1].
+    /// Steps every agent by one action; `actions` is `(agents, action_dim)` and gets clipped to [-1, 1].
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng);
 
-    /// The same world for so many other agents, all at some start; its statistics begin again.
+    /// Returns a copy of the world with `agents` new agents, all at some start, and empty statistics.
     fn fork(&self, agents: usize) -> Box<dyn Environment>;
 
-    /// Goes on under other settings.
+    /// Switches to new settings.
     fn configure(&mut self, _settings: &EnvSettings) {}
 
-    /// Writes what [`WorldKind::load`] reads, and statistics of exploration if there are any. Agents' whole states are
-    /// saved by the trainer.
+    /// Writes the data that [`WorldKind::load`] reads, and the exploration statistics if there are any. The trainer
+    /// saves the agents' whole states.
     fn save(&self, store: &mut Store);
 
     /// Restores the statistics that [`Self::save`] wrote.
     ///
     /// # Errors
-    /// That they do not fit this world.
+    /// Returns an error if they do not fit this world.
     fn restore_statistics(&mut self, _store: &Store) -> Result<(), StoreError> {
         Ok(())
     }
 
-    /// Counts where the agents are, for statistics of exploration. Called after each of their steps while they explore.
+    /// Counts the agents' places for the exploration statistics. Called after every exploration step.
     fn count_visits(&mut self) {}
 
-    /// Share of the world that agents have explored, where that can be said.
+    /// Returns the share of the world that the agents have explored, if it is defined.
     fn coverage(&self) -> Option<f64> {
         None
     }
 
-    /// Facts for records, by name; may take seconds the first time.
+    /// Returns facts for the run's records, by name; the first call may take seconds.
     fn facts(&self) -> Map<String, Value> {
         Map::new()
     }
 
-    /// Tasks to evaluate on, `per_group` of each kind; may take seconds the first time. Unless a world knows better: from
-    /// random starts to random goals, of unknown length.
+    /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds. The default draws random
+    /// starts and goals, with unknown shortest paths.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         let mut world = self.fork(1);
         let tasks = (0..per_group).map(|_| {
@@ -194,45 +196,45 @@ pub trait Environment: Any + Send + Sync {
         TaskSet { tasks: tasks.collect(), distances: vec![0.0] }
     }
 
-    /// The one task that the world itself sets, from its own start to its own goal.
+    /// Returns the task that the world itself defines, from its own start to its own goal, if any.
     fn own_task(&self) -> Option<Task> {
         None
     }
 
-    /// The true distances, where they are known: for evaluation and display alone.
+    /// Returns the true distances if they are known; for evaluation and display only.
     fn truth(&self) -> Option<Box<dyn Truth + '_>> {
         None
     }
 
-    /// Whether a step could have led from `state` by `action` to `next`: what an edited world is asked of stored
-    /// transitions.
+    /// Returns whether `action` in `state` could have led to `next`. Filters the stored transitions after a world is
+    /// edited.
     fn is_possible(&self, _state: &[f32], _action: &[f32], _next: &[f32]) -> bool {
         true
     }
 
-    /// What changed where this world takes the place of `before` in a run.
+    /// Describes what changes when this world replaces `before` in a run.
     ///
     /// # Errors
-    /// That it cannot take its place.
+    /// Returns an error if it cannot replace `before`.
     fn change_from(&self, _before: &dyn Environment) -> Result<Change, EnvError> {
         Err(EnvError::NotEditable(self.kind()))
     }
 
-    /// What a front end draws.
+    /// Returns what a front end draws.
     fn scene(&self) -> Scene {
         Scene::Nothing
     }
 
-    /// Memory that it and its evaluation take, in bytes, besides the agents.
+    /// Returns the memory in bytes that the world and its evaluation use, excluding the agents.
     fn memory_bytes(&self) -> u64 {
         0
     }
 }
 
-/// What a front end draws of a world.
+/// What a front end draws for a world.
 #[derive(Clone, Debug, Default)]
 pub enum Scene {
-    /// Nothing: agents train without a picture.
+    /// Nothing: the agents train without being drawn.
     #[default]
     Nothing,
     /// A grid map seen from above; states begin with the position (x, y) in cells, y down.
@@ -240,7 +242,7 @@ pub enum Scene {
 }
 
 impl Scene {
-    /// The maze; of another world, one of a single cell.
+    /// Returns the maze scene; for other worlds, one of a single cell.
     pub fn maze(&self) -> MazeScene {
         match self {
             Self::Maze(maze) => maze.clone(),
@@ -249,51 +251,51 @@ impl Scene {
     }
 }
 
-/// A maze, and where its agents have been.
+/// A maze and its visit counts.
 #[derive(Clone, Debug)]
 pub struct MazeScene {
     /// The map.
     pub map: Arc<Grid>,
-    /// How often an agent was in each cell, row-major.
+    /// Visit count of each cell, row-major.
     pub visits: Arc<Vec<u32>>,
 }
 
 impl Default for MazeScene {
-    /// A map of one cell.
+    /// Returns a map of one cell.
     fn default() -> Self {
         Self { map: Arc::new(Grid::empty("no map", 1, 1)), visits: Arc::new(vec![0]) }
     }
 }
 
-/// What an edit of a world changed.
+/// What a world edit changed.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Change {
-    /// Whether distances may have grown, so that what was learned is too short.
+    /// Whether distances may have grown, so that the learned ones are too short.
     pub may_lengthen: bool,
-    /// The change in a few words.
+    /// Short description of the change.
     pub what: String,
-    /// What to beware of.
+    /// Warning for the user, if any.
     pub warning: Option<String>,
-    /// Its numbers for records, by name.
+    /// Facts about the change for the run's records, by name.
     pub facts: Map<String, Value>,
 }
 
-/// Why a world cannot take another's place in a run.
+/// Why a world cannot replace another in a run.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum EnvError {
-    /// A world that cannot be edited.
+    /// The world cannot be edited.
     #[error("the world {0} cannot be edited")]
     NotEditable(&'static str),
-    /// A world of another kind.
-    #[error("the run is in a world of the kind {run}, not {other}")]
+    /// The world is of another kind.
+    #[error("the run uses a world of kind {run}, not {other}")]
     OtherKind {
-        /// The run's.
+        /// Kind of the run's world.
         run: &'static str,
-        /// The other's.
+        /// Kind of the other world.
         other: &'static str,
     },
-    /// A map of another size.
-    #[error("the map is {} x {}, the run's {} x {}", map.0, map.1, run.0, run.1)]
+    /// The map has another size.
+    #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
     OtherSize {
         /// Columns and rows of the map.
         map: (usize, usize),

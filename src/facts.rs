@@ -9,7 +9,7 @@ use miette::Report;
 use crate::map::{self, BUILTIN, Diameter, Grid, MapError, StepSearch};
 use crate::setup::report;
 
-/// The table of the built-in maps.
+/// Returns the table of built-in maps.
 pub fn list() -> String {
     let head = format!("{:<12}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
     let lines = BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)).map(|grid| {
@@ -20,10 +20,10 @@ pub fn list() -> String {
     std::iter::once(head).chain(lines).collect()
 }
 
-/// Validates a map or scenario file; the facts about it.
+/// Validates a map or scenario file and returns the facts about it.
 ///
 /// # Errors
-/// What is wrong with the file.
+/// Returns what is wrong with the file.
 pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     let _spinner = Spinner::start("measuring the map");
     if file.extension().is_none_or(|e| e != "scen") {
@@ -38,7 +38,7 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
             report(MapError::whole(&file.to_string_lossy(), what, "name it with --map FILE"))
         })
     };
-    // An unreadable scenario is the first thing to say.
+    // Report an unreadable scenario before a missing map.
     if !file.is_file() {
         return Err(report(map::load_map(file).err().unwrap_or_else(|| {
             MapError::whole(&file.to_string_lossy(), "is not a file", "give the file of a scenario")
@@ -51,7 +51,7 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     Ok(format!("scenario: {} tasks, longest {longest:.1} cells\n{}", tasks.len(), facts(&grid)))
 }
 
-/// The map that a scenario's first task names, without its path.
+/// Returns the file name of the map that a scenario's first task names.
 fn first_map_name(file: &Path) -> Option<String> {
     let text = std::fs::read_to_string(file).ok()?;
     let name = text.lines().nth(1)?.split('\t').nth(1)?.to_owned();
@@ -83,12 +83,12 @@ fn farthest(diameter: Diameter) -> String {
     if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
 }
 
-/// Shows that work goes on: on standard error, where that is a terminal, and as long as this lives.
+/// A spinner on standard error, if that is a terminal, until it is dropped.
 struct Spinner(ProgressBar);
 
 impl Spinner {
     fn start(what: &'static str) -> Self {
-        // Indicatif draws nothing where standard error is no terminal.
+        // Indicatif draws nothing if standard error is not a terminal.
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
         let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(what);
         bar.enable_steady_tick(Duration::from_millis(100));

@@ -1,8 +1,9 @@
-//! Failures of threads: kept here for the front ends to show. And faults on demand, for tests of what becomes of them.
+//! Records the panics of threads for the front ends to show, and injects faults for tests.
 //!
-//! The panic hook records the message of every thread that panics, whether or not its result is ever looked at. `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its point for the Nth time,
-//! `THREAD=delay:MS@N` makes it wait, `POINT=fail@N` makes something fail from the Nth time on, `POINT=once@N` that one
-//! time; several are parted by commas.
+//! The panic hook records the message of every thread that panics, whether or not the thread is ever joined.
+//! `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its fault point for the Nth time,
+//! `THREAD=delay:MS@N` makes it sleep, `POINT=fail@N` makes an operation fail from the Nth time on, and `POINT=once@N`
+//! only that one time. Several faults are separated by commas.
 
 use std::backtrace::Backtrace;
 use std::panic::PanicHookInfo;
@@ -14,30 +15,31 @@ use parking_lot::Mutex;
 
 use crate::text::{plain, shortened};
 
-/// What tests set.
+/// The environment variable that tests set.
 const VARIABLE: &str = "GDG_TUI_FAULTS";
 
-/// The most failures that are kept: one that repeats must not fill the memory.
+/// Maximum number of failures kept, so that a repeating one cannot fill the memory.
 const MOST: usize = 100;
 
-/// The most characters of a panic's message that are shown.
+/// Maximum number of characters of a panic message to show.
 const SHOWN: usize = 300;
 
 static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
 
-/// Whether panics of other threads are shown by a front end instead of being printed.
+/// Whether a front end shows the panics of other threads, so that they need not be printed.
 static SHOWN_BY_INTERFACE: AtomicBool = AtomicBool::new(false);
 
-/// A panic.
+/// A recorded panic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Failure {
     /// The thread's name.
     pub thread: String,
-    /// The message, and where in the source it came from.
+    /// The message and its location in the source.
     pub what: String,
 }
 
-/// Keeps and logs every panic from now on; prints those of the main thread, and of others unless an interface shows them.
+/// Installs a panic hook that records and logs every panic. It prints panics of the main thread, and those of other
+/// threads unless an interface shows them.
 pub fn watch() {
     std::panic::set_hook(Box::new(|info| {
         let thread = std::thread::current();
@@ -52,7 +54,7 @@ pub fn watch() {
             failures.push(failure);
         }
         drop(failures);
-        // Last, as finding the names of functions takes a second or more.
+        // Last, because resolving the names of functions takes a second or more.
         tracing::error!(thread = name, "{}", Backtrace::force_capture());
     }));
 }
@@ -63,21 +65,21 @@ fn message_of(info: &PanicHookInfo) -> String {
     plain(&format!("{}{place}", shortened(text, SHOWN)))
 }
 
-/// An interface is there that shows failures, or no longer.
+/// Sets whether an interface shows failures.
 pub fn show_in_interface(shown: bool) {
     SHOWN_BY_INTERFACE.store(shown, Ordering::Relaxed);
 }
 
-/// The failures since this was last asked.
+/// Returns and clears the failures recorded since the last call.
 pub fn take() -> Vec<Failure> {
     std::mem::take(&mut FAILURES.lock())
 }
 
-/// A fault on demand.
+/// An injected fault.
 struct Fault {
     point: String,
     kind: Kind,
-    /// At which pass, from 1.
+    /// The pass at which it triggers, from 1.
     at: u64,
     passes: AtomicU64,
 }
@@ -110,11 +112,11 @@ fn parse(text: &str) -> Option<Fault> {
     Some(Fault { point: point.to_owned(), kind, at: at.parse().ok()?, passes: AtomicU64::new(0) })
 }
 
-/// A point that a thread passes again and again; whether something is to fail there. Without faults on demand it costs
-/// a look at an empty list.
+/// Marks a point that a thread passes repeatedly; returns whether the operation there should fail. Without injected
+/// faults it only checks an empty list.
 ///
 /// # Panics
-/// Where a test demands it.
+/// If a test injects a panic at this point.
 pub fn point(name: &str) -> bool {
     let mut fails = false;
     for fault in demanded().iter().filter(|fault| fault.point == name) {
@@ -135,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faults_are_read_and_nonsense_is_not() {
+    fn faults_are_parsed_and_nonsense_is_rejected() {
         let fault = parse("viewer=delay:250@7").expect("a fault");
         assert_eq!((fault.point.as_str(), fault.at), ("viewer", 7));
         assert!(matches!(fault.kind, Kind::Delay(time) if time == Duration::from_millis(250)));

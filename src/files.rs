@@ -1,5 +1,4 @@
-//! Files as the program reads and writes them: only regular ones, never more than there is room for, replaced as a whole
-//! or not at all.
+//! File access: regular files only, within size limits, replaced as a whole or not at all.
 
 mod read;
 mod verified;

@@ -1,4 +1,4 @@
-//! Pictures of single moments of a recording of the screen.
+//! Renders single moments of a screen recording as pictures.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -16,11 +16,11 @@ use crate::files::{self, write_whole};
 use crate::setup::refuse_existing;
 use crate::tui::{LARGEST_SCREEN, Paper, png_of};
 
-/// The longest line of a recording, in bytes: on the largest screen a frame with two colours of its own in every cell
-/// takes half of that.
+/// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two distinct colours in every
+/// cell takes half of that.
 const LINE_BYTES: u64 = 64 << 20;
 
-/// A recording's first line.
+/// The first line of a recording.
 #[derive(Deserialize)]
 struct Head {
     version: u64,
@@ -28,31 +28,31 @@ struct Head {
     height: u64,
 }
 
-/// What a recording's other lines tell.
+/// The event on any other line of a recording.
 enum Change {
     Output(String),
     Resize {
         columns: u16,
         rows: u16,
     },
-    /// What is not to be seen.
+    /// An event without a visible effect.
     Other,
 }
 
-/// A recording, read line by line: it can be longer than there is memory.
+/// A recording, read line by line because it may not fit into memory.
 struct Cast {
     name: String,
     file: BufReader<File>,
-    /// The latest line, and its number from 1.
+    /// The current line, and its number from 1.
     line: Vec<u8>,
     number: usize,
 }
 
-/// Draws the moments that `args` ask for; what was written, line by line.
+/// Renders the moments that `args` ask for; returns the paths written, one per line.
 ///
 /// # Errors
-/// A file that cannot be read or written, or is no recording: with its line. Moments after its end, and pictures that
-/// are there already: then nothing is written.
+/// Fails if a file cannot be read or written, or is not a recording (naming the line). Fails without writing anything
+/// if a moment is outside the recording or a picture already exists.
 pub fn run(args: &FramesArgs) -> Result<String, Report> {
     let mut moments = args.at.clone();
     moments.sort_by(f64::total_cmp);
@@ -74,10 +74,10 @@ pub fn run(args: &FramesArgs) -> Result<String, Report> {
     Ok(written.iter().map(|path| format!("{}\n", path.display())).collect())
 }
 
-/// Plays a recording and calls `show` with what is on its screen at each of `moments`, which are sorted.
+/// Plays a recording and calls `show` with the contents of its screen at each of `moments`, which must be sorted.
 ///
 /// # Errors
-/// A file that cannot be read or is no recording, with its line; and what `show` reports.
+/// Fails if the file cannot be read or is not a recording (naming the line), or if `show` fails.
 pub fn play(
     cast: &Path,
     moments: Vec<f64>,
@@ -87,7 +87,7 @@ pub fn play(
     let (mut cast, mut screen) = Cast::open(cast)?;
     while moments.peek().is_some() {
         let event = cast.event()?;
-        // A moment shows what was written up to it, at that very time too.
+        // A moment includes everything written up to and at that time.
         let until = event.as_ref().map_or(f64::INFINITY, |(seconds, _)| *seconds);
         while let Some(at) = moments.next_if(|at| *at < until) {
             show(screen.screen(), at)?;
@@ -101,7 +101,7 @@ pub fn play(
     Ok(())
 }
 
-/// When a recording's last event is, in seconds from its beginning; all of its lines are read.
+/// Returns the time of a recording's last event, in seconds from its start; reads all of its lines.
 fn length(path: &Path) -> Result<f64, Report> {
     let (mut cast, _) = Cast::open(path)?;
     let mut last = 0f64;
@@ -112,10 +112,10 @@ fn length(path: &Path) -> Result<f64, Report> {
 }
 
 impl Cast {
-    /// Opens a recording; also a screen of its size.
+    /// Opens a recording, and creates a screen of its size.
     fn open(path: &Path) -> Result<(Self, vt100::Parser), Report> {
         let name = path.to_string_lossy().into_owned();
-        // It is read twice, which a pipe cannot be.
+        // The recording is read twice, which is impossible with a pipe.
         let file = files::open(path)
             .map_err(|error| miette!(help = "give the file of a recording", "{name}: cannot be read: {error}"))?;
         let mut cast = Self { name, file: BufReader::new(file), line: Vec::new(), number: 0 };
@@ -130,14 +130,14 @@ impl Cast {
         Ok((cast, vt100::Parser::new(some(rows), some(columns), 0)))
     }
 
-    /// The next event, and when it was; none at the end.
+    /// Returns the next event and its time, or `None` at the end.
     fn event(&mut self) -> Result<Option<(f64, Change)>, Report> {
         if !self.next_line()? {
             return Ok(None);
         }
         let (seconds, kind, data): (f64, String, String) = match self.parse() {
             Ok(event) => event,
-            // The program was killed while it wrote this line, or still writes it.
+            // The recording program was killed while writing this line, or is still writing it.
             Err(_) if self.line.starts_with(b"[") && !self.line.ends_with(b"\n") => return Ok(None),
             Err(error) => return Err(error),
         };
@@ -154,7 +154,7 @@ impl Cast {
         Ok(Some((seconds, change)))
     }
 
-    /// Reads on; whether there was another line.
+    /// Reads the next line; returns whether there was one.
     fn next_line(&mut self) -> Result<bool, Report> {
         self.line.clear();
         self.number += 1;
@@ -170,7 +170,7 @@ impl Cast {
         serde_json::from_slice(&self.line).into_diagnostic().wrap_err_with(|| self.wrong())
     }
 
-    /// A size that a screen can have: one of any other would fill the memory.
+    /// Checks that a screen can have this size: an arbitrary one could exhaust the memory.
     fn size(&self, columns: u64, rows: u64) -> Result<(u16, u16), Report> {
         let (most_columns, most_rows) = LARGEST_SCREEN;
         match (u16::try_from(columns), u16::try_from(rows)) {
@@ -192,12 +192,12 @@ impl Cast {
     }
 }
 
-/// A size that a screen can have.
+/// Converts a size, raising 0 to the minimum of 1.
 fn some(size: u16) -> NonZero<u16> {
     NonZero::new(size).unwrap_or(NonZero::<u16>::MIN)
 }
 
-/// The file of a moment's picture.
+/// Returns the path of a moment's picture.
 fn picture(args: &FramesArgs, at: f64) -> PathBuf {
     let stem = args.cast.file_stem().map_or("cast".into(), |stem| stem.to_string_lossy());
     args.out.join(format!("{stem}-{at}.png"))
@@ -211,7 +211,7 @@ fn write(screen: &vt100::Screen, args: &FramesArgs, at: f64) -> Result<PathBuf, 
     Ok(path)
 }
 
-/// What a terminal shows.
+/// Converts what a terminal shows to a buffer.
 fn buffer_of(screen: &vt100::Screen) -> Buffer {
     let (rows, columns) = screen.size();
     let mut buffer = Buffer::empty(Rect::new(0, 0, columns.get(), rows.get()));
@@ -242,7 +242,7 @@ mod tests {
 
     const HEAD: &str = r#"{"version":2,"width":4,"height":1}"#;
 
-    /// A folder with a recording of these lines, and what draws moments of it.
+    /// Creates a folder with a recording of these lines, and arguments that draw moments of it.
     fn recording(lines: &str, at: &[f64]) -> (tempfile::TempDir, FramesArgs) {
         let folder = tempfile::tempdir().expect("a folder");
         let cast = folder.path().join("short.cast");
@@ -251,7 +251,7 @@ mod tests {
         (folder, args)
     }
 
-    /// The error that such a recording gets; nothing is written then.
+    /// Returns the error for such a recording; checks that nothing is written.
     fn error(lines: &str, at: &[f64]) -> String {
         let (_folder, args) = recording(lines, at);
         let error = run(&args).expect_err("a mistake");
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moment_shows_what_was_written_before_it() {
+    fn a_moment_shows_the_output_up_to_it() {
         let events = [HEAD, r#"[1.0,"o","\u001b[31mab"]"#, r#"[2.0,"r","6x2"]"#, r#"[2.5,"o","cd"]"#];
         let (_folder, args) = recording(&events.join("\n"), &[1.5, 0.5, 2.5, 1.5]);
         assert_eq!(run(&args).expect("pictures").lines().count(), 3);
@@ -273,7 +273,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_recording_is_told_with_its_line() {
+    fn invalid_recordings_are_reported_with_their_line() {
         for (lines, place) in [
             (format!("{HEAD}\nhello\n"), "short.cast:2:"),
             (format!("{HEAD}\n[1,\"r\",\"wide\"]\n"), "short.cast:2:"),
@@ -287,7 +287,7 @@ mod tests {
     }
 
     #[test]
-    fn a_screen_of_a_size_that_no_terminal_has_is_refused() {
+    fn oversized_screens_are_refused() {
         let head = |columns: u32, rows: u32| format!("{{\"version\":2,\"width\":{columns},\"height\":{rows}}}\n");
         let resize = |columns: u32, rows: u32| format!("{HEAD}\n[0,\"r\",\"{columns}x{rows}\"]\n");
         for (lines, place, found) in [
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_that_the_recording_does_not_have_are_refused() {
+    fn moments_outside_the_recording_are_refused() {
         let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
         for at in [2.6, 500.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(error(&lines, &[1.0, at]).contains("2.5 s long"), "{at}");
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_replaced_only_when_asked_for() {
+    fn pictures_are_replaced_only_on_request() {
         let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
         let (_folder, mut args) = recording(&lines, &[1.0, 2.0]);
         std::fs::create_dir(&args.out).expect("a folder");
@@ -329,7 +329,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_that_was_cut_off_is_drawn_up_to_there() {
+    fn a_truncated_recording_is_drawn_up_to_its_last_event() {
         let lines = format!("{HEAD}\n[1,\"o\",\"ab\"]\n[2,\"o\",\"c");
         let (_folder, args) = recording(&lines, &[1.0]);
         assert!(run(&args).is_ok());

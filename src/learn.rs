@@ -1,8 +1,8 @@
-//! The learner: distance critics, dynamics model and actor, trained from replayed transitions without any reward.
+//! Learners: distance critics, a dynamics model and an actor, trained on replayed transitions without rewards.
 //!
-//! A learner is one file here that implements [`Learner`]; [`LEARNERS`] lists the built-in ones. It knows states, goals
-//! and actions by their [`crate::env::Spec`] and nothing else, learns from the [`Replay`], and offers what it has
-//! learned as a [`Policy`]: D and mu, for exploration, planning, evaluation and display.
+//! Each learner is a module that implements [`Learner`]; [`LEARNERS`] lists the built-in ones. A learner sees states,
+//! goals and actions only through their [`crate::env::Spec`]. It trains on the [`Replay`] and exposes the result as a
+//! [`Policy`] for exploration, planning, evaluation and display: D, the distance in steps, and mu, the actor.
 
 #[forbid(unsafe_code)]
 mod adam;
@@ -65,7 +65,7 @@ pub use policy::{FrozenNets, Nets, Policy, Scratch};
 pub use profile::{Phase, Profile};
 pub use reference::{Layers, Reference};
 pub use replay::{Moment, Replay, ReplayState, Sizes};
-pub use settings::{Backend, LearnSettings, LossScale};
+pub use settings::{Backend, LearnSettings, LossScale, OutOfRange};
 pub use state::NetworkState;
 
 /// The built-in learners.

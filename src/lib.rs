@@ -34,6 +34,26 @@
 //! * [`headless`], [`tui`] and [`ablate`]: the front ends. [`cli`], [`setup`], [`signals`], [`logging`] and [`facts`] serve them;
 //!   [`bench`](mod@bench) measures; [`frames`] draws moments of recordings.
 //!
+//! # Add a world
+//!
+//! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
+//! and are saved; tasks, truth, coverage and a picture where there are any) and its [`env::WorldKind`]. Then one line in
+//! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME --no-ui`. For the interface to draw
+//! it, add a variant to [`env::Scene`].
+//!
+//! # Add a learner
+//!
+//! One file, `src/learn/NAME.rs`: a type that implements [`learn::Learner`] (an update from the replay, a
+//! [`learn::Policy`] that offers D and mu, saving and loading) and its [`learn::LearnerKind`]; a learner with a Q function
+//! offers D(s,g) = -Q(s, mu(s,g), g). Then one line in [`learn::LEARNERS`], and one in [`train::METHODS`] for each
+//! combination with a planner that deserves a name of its own. `examples/own_world.rs` does both from outside.
+//!
+//! # Add a pane
+//!
+//! A variant of `tui::panes::Pane` with its name, a file in `src/tui/render/` that draws it from the screen's state, its
+//! line in `src/tui/render/side.rs`, and a binding in the table of `src/tui/action.rs`, which the help and the list of
+//! everything read. What takes long to compute belongs to [`view`].
+//!
 //! # What is held to
 //!
 //! Same seed, same run, bit for bit: whatever the number of threads, with or without a front end, evaluated or not,

@@ -1,4 +1,4 @@
-//! The log file: what happened, for finding the cause of a failure afterwards.
+//! The log file, for diagnosing failures afterwards.
 
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
@@ -9,12 +9,12 @@ use tracing_appender::rolling::{RollingFileAppender, Rotation};
 
 use crate::cli::LogLevel;
 
-/// Days that are kept.
+/// Number of days to keep.
 const KEPT: usize = 5;
 
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
 
-/// Opens today's log file. Where there can be none, the program goes on without.
+/// Opens today's log file. If that fails, the program continues without a log.
 pub fn begin(level: LogLevel) {
     let level = match level {
         LogLevel::Off => return,
@@ -25,7 +25,7 @@ pub fn begin(level: LogLevel) {
     };
     let Some(dirs) = ProjectDirs::from("", "", "gdg-tui") else { return };
     let folder = dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("log");
-    // The library would complain about a missing folder on standard error.
+    // The library would report a missing folder on standard error.
     if std::fs::create_dir_all(&folder).is_err() {
         return;
     }
@@ -39,12 +39,12 @@ pub fn begin(level: LogLevel) {
     }
 }
 
-/// The folder of the log files, where there are any.
+/// Returns the folder of the log files, if logging is active.
 pub fn folder() -> Option<&'static Path> {
     FOLDER.get().map(PathBuf::as_path)
 }
 
-/// Where to look for more, to be appended to an error.
+/// Returns the location of the log, to append to an error; empty if there is none.
 pub fn hint() -> String {
     folder().map_or(String::new(), |folder| format!("log: {}", folder.display()))
 }

@@ -8,7 +8,7 @@ use clap::{CommandFactory, Parser};
 use gdg_tui::cli::{Cli, Command};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{plain_lines, tell};
-use gdg_tui::train::Registry;
+use gdg_tui::train::{Registry, print_settings, reference_page};
 use gdg_tui::{ablate, bench, facts, faults, frames, headless, logging, report, setup, tui};
 use miette::Report;
 
@@ -27,6 +27,7 @@ fn main() -> ExitCode {
     let status = match &cli.command {
         Some(Command::Maps { random: None, .. }) => print(&facts::list()),
         Some(Command::Maps { random: Some(kind), seed }) => print(&print_ascii(&random((*kind).into(), *seed))),
+        Some(Command::Settings) => print(&reference_page()),
         Some(Command::Ablate(args)) => printed(ablate::run(args), BAD_INPUT),
         Some(Command::Frames(args)) => printed(frames::run(args), BAD_INPUT),
         Some(Command::TerminalGuard) => {
@@ -58,10 +59,7 @@ fn train(cli: &Cli) -> u8 {
     let args = &cli.train;
     if args.print_config {
         return match setup::settings(args) {
-            Ok(settings) => match serde_json::to_string_pretty(&settings) {
-                Ok(text) => print(&(text + "\n")),
-                Err(error) => fail(Report::msg(error), FAILED),
-            },
+            Ok(settings) => print(&print_settings(&settings)),
             Err(error) => fail(error, BAD_INPUT),
         };
     }

@@ -1,6 +1,6 @@
-//! Grid maps: parsing, printing, the built-in ones, and step distances on them.
+//! Grid maps: parsing, printing, the built-in maps, and step distances.
 //!
-//! Distances computed here are the *truth* of a map. Evaluation and display read them; learning never does.
+//! Distances computed here are the *ground truth* of a map: evaluation and display use them, learning never does.
 
 mod ascii;
 mod builtin;

@@ -1,4 +1,4 @@
-//! Errors as the user sees them.
+//! Prints errors for the user.
 
 use std::error::Error;
 use std::fmt;
@@ -7,15 +7,15 @@ use miette::{Diagnostic, LabeledSpan, Report, SourceCode};
 
 use crate::text::{plain_lines, shortened, tell};
 
-/// The most characters of a message and of each of its causes.
+/// Maximum number of characters of a message and of each of its causes.
 const SHOWN: usize = 2000;
 
-/// Prints an error to standard error. Where nobody can read it there is nobody to be told.
+/// Prints an error to standard error; ignores write errors.
 pub fn show(error: Report) {
     tell(format!("{:?}", Report::new(Shown::from(error))).trim_end());
 }
 
-/// An error whose texts, which may quote what came from outside, are safe to show.
+/// An error whose texts, which may quote external input, are safe to display.
 #[derive(Debug)]
 struct Shown {
     message: String,
@@ -24,7 +24,7 @@ struct Shown {
     error: Report,
 }
 
-/// What an error was caused by.
+/// A cause of an error.
 #[derive(Debug)]
 struct Cause {
     message: String,
@@ -93,7 +93,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn nothing_that_acts_on_a_terminal_is_shown_and_causes_and_help_are() {
+    fn errors_show_causes_and_help_without_control_characters() {
         let cause: Result<(), _> = Err(std::io::Error::other("cause\x1b]0;x\x07"));
         let error = cause.into_diagnostic().wrap_err("outer\u{9b}31m").expect_err("an error");
         let shown = Shown::from(error.wrap_err("file\x1b[2J\nname"));

@@ -1,4 +1,4 @@
-//! Signals that end a run: the first in order, the second at once.
+//! Termination signals: the first one ends a run gracefully, the second one immediately.
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
@@ -7,16 +7,16 @@ use miette::{IntoDiagnostic, Report};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 
-/// What has come so far.
+/// The termination signal received so far, if any.
 #[derive(Clone, Default)]
 pub struct Ending(Arc<AtomicI32>);
 
 impl Ending {
-    /// Registers SIGINT, SIGTERM and SIGHUP, but for those that were ignored when the program began (as nohup does). When
-    /// a second one comes, `give_back` runs and the process ends.
+    /// Registers the termination signals SIGINT, SIGTERM and SIGHUP, except those that were ignored at startup (as
+    /// under nohup). On a second signal, runs `give_back` and exits.
     ///
     /// # Errors
-    /// What the system reports.
+    /// Returns the system's error.
     pub fn listen(give_back: fn()) -> Result<Self, Report> {
         let ending = Self::default();
         let ignored = ignored();
@@ -36,19 +36,19 @@ impl Ending {
         Ok(ending)
     }
 
-    /// The number of the signal that came, if one did.
+    /// Returns the number of the signal received, if any.
     pub fn number(&self) -> Option<i32> {
         Some(self.0.load(Ordering::Relaxed)).filter(|number| *number != 0)
     }
 
-    /// The exit status of a run that a signal ended in order, if one did.
+    /// Returns the exit status of a run ended gracefully by a signal, if there was one.
     pub fn status(&self) -> Option<u8> {
         self.number().map(|number| 128 + number as u8)
     }
 }
 
-/// Signals ignored by this process, bit n - 1 for number n. Only Linux exposes this without unsafe code; elsewhere
-/// none count as ignored.
+/// Returns the signals ignored by this process, bit n - 1 for number n. Only Linux exposes this without unsafe code;
+/// elsewhere none count as ignored.
 fn ignored() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));

@@ -1,14 +1,14 @@
-//! Named arrays of numbers and texts: what everything that outlives the program is saved as.
+//! Named arrays and texts: the form in which all persistent state is saved.
 //!
-//! Worlds, learners, the replay and the bridge candidates write themselves to a [`Store`] and read themselves from
-//! one; only the checkpoint knows how a store becomes a file.
+//! Worlds, learners, the replay and the bridge candidates save themselves to a [`Store`] and load themselves from one;
+//! only the checkpoint module knows how a store is written to a file.
 
 use std::collections::BTreeMap;
 
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-/// Numbers of one type.
+/// An array of numbers of one type.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Array {
     /// Single precision.
@@ -28,35 +28,35 @@ pub struct Store {
     texts: BTreeMap<String, String>,
 }
 
-/// What is wrong with a store's contents.
+/// An error in a store's contents.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
-    /// An array or text that is not there.
+    /// An array or text is missing.
     #[error("holds no {0}: it is not a checkpoint")]
     Missing(String),
-    /// An array of another type.
+    /// An array has the wrong type.
     #[error("its {name} is of another type than {expected}")]
     Type {
-        /// The array.
+        /// Name of the array.
         name: String,
-        /// The type that it should have.
+        /// The expected type.
         expected: &'static str,
     },
-    /// A text that is not the expected value.
+    /// A text cannot be parsed as the expected value.
     #[error("its {name} cannot be read: {why}")]
     Unreadable {
-        /// The text.
+        /// Name of the text.
         name: String,
-        /// What the parser says.
+        /// The parser's message.
         why: String,
     },
-    /// Contents that contradict each other, the settings, or the range of their values.
+    /// Contents contradict each other or the settings, or are out of range.
     #[error("{0}")]
     Misfit(String),
 }
 
 impl StoreError {
-    /// An error about contents that do not fit.
+    /// Creates an error about contents that do not fit.
     pub fn misfit(what: impl Into<String>) -> Self {
         Self::Misfit(what.into())
     }
@@ -88,29 +88,29 @@ impl Store {
     /// Adds a value as JSON.
     ///
     /// # Errors
-    /// [`StoreError::Unreadable`] for a value that JSON cannot express.
+    /// Returns [`StoreError::Unreadable`] for a value that JSON cannot express.
     pub fn put_json(&mut self, name: &str, value: &impl Serialize) -> Result<(), StoreError> {
         let text = serde_json::to_string(value);
         self.put_text(name, text.map_err(|e| StoreError::Unreadable { name: name.to_owned(), why: e.to_string() })?);
         Ok(())
     }
 
-    /// All arrays and texts, by name.
+    /// Returns all arrays and texts, by name.
     pub fn into_parts(self) -> (BTreeMap<String, Array>, BTreeMap<String, String>) {
         (self.arrays, self.texts)
     }
 
-    /// All arrays, by name.
+    /// Returns all arrays, by name.
     pub fn arrays(&self) -> &BTreeMap<String, Array> {
         &self.arrays
     }
 
-    /// All texts, by name.
+    /// Returns all texts, by name.
     pub fn texts(&self) -> &BTreeMap<String, String> {
         &self.texts
     }
 
-    /// Whether every floating-point number is finite.
+    /// Returns whether every floating-point number is finite.
     pub fn is_finite(&self) -> bool {
         let finite = |array: &Array| match array {
             Array::F32(numbers) => numbers.iter().all(|v| v.is_finite()),
@@ -119,7 +119,7 @@ impl Store {
         self.arrays.values().all(finite)
     }
 
-    /// Whether there is an array of this name.
+    /// Returns whether there is an array of this name.
     pub fn has(&self, name: &str) -> bool {
         self.arrays.contains_key(name)
     }
@@ -128,10 +128,10 @@ impl Store {
         self.arrays.get(name).ok_or_else(|| StoreError::Missing(name.to_owned()))
     }
 
-    /// The array `name` of single-precision numbers.
+    /// Returns the array `name` of single-precision numbers.
     ///
     /// # Errors
-    /// That it is missing or of another type.
+    /// Fails if it is missing or of another type.
     pub fn f32(&self, name: &str) -> Result<&[f32], StoreError> {
         match self.array(name)? {
             Array::F32(numbers) => Ok(numbers),
@@ -139,10 +139,10 @@ impl Store {
         }
     }
 
-    /// The array `name` of 16-bit counts.
+    /// Returns the array `name` of 16-bit counts.
     ///
     /// # Errors
-    /// That it is missing or of another type.
+    /// Fails if it is missing or of another type.
     pub fn u16(&self, name: &str) -> Result<&[u16], StoreError> {
         match self.array(name)? {
             Array::U16(numbers) => Ok(numbers),
@@ -150,10 +150,10 @@ impl Store {
         }
     }
 
-    /// The array `name` of 32-bit counts.
+    /// Returns the array `name` of 32-bit counts.
     ///
     /// # Errors
-    /// That it is missing or of another type.
+    /// Fails if it is missing or of another type.
     pub fn u32(&self, name: &str) -> Result<&[u32], StoreError> {
         match self.array(name)? {
             Array::U32(numbers) => Ok(numbers),
@@ -161,10 +161,10 @@ impl Store {
         }
     }
 
-    /// The array `name` of 64-bit counts.
+    /// Returns the array `name` of 64-bit counts.
     ///
     /// # Errors
-    /// That it is missing or of another type.
+    /// Fails if it is missing or of another type.
     pub fn u64(&self, name: &str) -> Result<&[u64], StoreError> {
         match self.array(name)? {
             Array::U64(numbers) => Ok(numbers),
@@ -172,18 +172,18 @@ impl Store {
         }
     }
 
-    /// The text called `name`.
+    /// Returns the text called `name`.
     ///
     /// # Errors
-    /// That it is missing.
+    /// Fails if it is missing.
     pub fn text(&self, name: &str) -> Result<&str, StoreError> {
         self.texts.get(name).map(String::as_str).ok_or_else(|| StoreError::Missing(name.to_owned()))
     }
 
-    /// The value whose JSON is the text called `name`.
+    /// Parses the text called `name` as JSON.
     ///
     /// # Errors
-    /// That it is missing or another value's.
+    /// Fails if it is missing or does not represent a `T`.
     pub fn json<T: DeserializeOwned>(&self, name: &str) -> Result<T, StoreError> {
         let unreadable = |e: serde_json::Error| StoreError::Unreadable { name: name.to_owned(), why: e.to_string() };
         serde_json::from_str(self.text(name)?).map_err(unreadable)

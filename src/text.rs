@@ -1,15 +1,16 @@
-//! Text from outside, made safe to show: names of files, quoted lines, values.
+//! Makes external text safe to display: file names, quoted lines, values.
 //!
-//! What a file or an argument holds may act on the terminal that shows it: move its cursor, change its title, turn the
-//! direction of text around. Everything that comes from outside passes through here before it is shown.
+//! Text from a file or an argument may control the terminal that shows it: move its cursor, change its title, reverse
+//! the text direction. All external text passes through here before it is displayed.
 
 mod excerpt;
 
 pub use excerpt::{Excerpt, line_and_column};
 
-/// Whether a character does anything but stand where it is written.
+/// Returns whether a character does anything but display itself.
 fn acts(c: char) -> bool {
-    // Control characters (C0, DEL, C1), separators of lines, and what changes the direction of text or hides in it.
+    // Control characters (C0, DEL, C1), line separators, and characters that change the text direction or are
+    // invisible.
     c.is_control()
         || matches!(c, '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{061c}' | '\u{feff}')
         || ('\u{202a}'..='\u{202e}').contains(&c)
@@ -17,7 +18,8 @@ fn acts(c: char) -> bool {
         || ('\u{e0000}'..='\u{e007f}').contains(&c)
 }
 
-/// What stands for a character that acts: of as many bytes, so that places in the text stay what they are.
+/// Returns the replacement for a character that acts on the terminal. It has the same length in bytes, so offsets in
+/// the text stay valid.
 fn stand_in(c: char) -> char {
     match c.len_utf8() {
         1 => '?',
@@ -27,23 +29,23 @@ fn stand_in(c: char) -> char {
     }
 }
 
-/// One line of `text` with every character that acts on a terminal replaced; of as many bytes as before.
+/// Replaces all characters of `text` that act on a terminal, line breaks included. The length in bytes stays the same.
 pub fn plain(text: &str) -> String {
     text.chars().map(|c| if acts(c) { stand_in(c) } else { c }).collect()
 }
 
-/// The same for text of several lines, whose ends are kept.
+/// Like [`plain`], but keeps line breaks.
 pub fn plain_lines(text: &str) -> String {
     text.chars().map(|c| if acts(c) && c != '\n' { stand_in(c) } else { c }).collect()
 }
 
-/// Prints a line to standard error. Where nobody can read it there is nobody to be told, and that is no failure.
+/// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
 pub fn tell(line: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// The beginning of `text`, plain, in at most `most` characters.
+/// Returns the beginning of `text`, made safe by [`plain`], in at most `most` characters.
 pub fn shortened(text: &str, most: usize) -> String {
     let start: String = text.chars().take(most).collect();
     let cut = start.len() < text.len();
@@ -51,7 +53,7 @@ pub fn shortened(text: &str, most: usize) -> String {
     plain(&kept) + if cut { "..." } else { "" }
 }
 
-/// A line of JSON with everything escaped that acts on a terminal and that JSON itself lets through.
+/// Escapes the characters in a line of JSON that act on a terminal but need no escape in JSON itself.
 pub fn json_line(json: &str) -> String {
     let mut out = String::with_capacity(json.len());
     for c in json.chars() {
@@ -65,14 +67,15 @@ pub fn json_line(json: &str) -> String {
     out
 }
 
-/// `name` as the name of a file in a folder of our choice: its last component, without characters that act, and never
-/// empty. What a file calls itself cannot lead anywhere else.
+/// Turns `name` into a file name for a folder of our choice: its last component, without characters that act on a
+/// terminal, never empty. An external name cannot escape from that folder.
 pub fn file_name(name: &str) -> String {
     const MOST: usize = 80;
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let kept: String =
         last.chars().filter(|c| !acts(*c) && !matches!(c, ':' | '*' | '?' | '"' | '<' | '>' | '|')).collect();
-    let kept: String = kept.trim_start_matches('.').trim().chars().take(MOST).collect();
+    let kept = kept.trim_start_matches(|c: char| c == '.' || c.is_whitespace()).trim_end();
+    let kept: String = kept.chars().take(MOST).collect();
     if kept.is_empty() { "unnamed".to_owned() } else { kept }
 }
 
@@ -93,13 +96,13 @@ mod tests {
     }
 
     #[test]
-    fn quotations_are_short() {
+    fn long_text_is_truncated() {
         assert_eq!(shortened("abc", 5), "abc");
         assert_eq!(shortened(&"x".repeat(50_000_000), 10), "xxxxxxx...");
     }
 
     #[test]
-    fn json_escapes_what_json_itself_does_not() {
+    fn control_characters_in_json_are_escaped() {
         let line = serde_json::to_string("a\u{9b}b\u{1b}\u{e0041}").expect("a string");
         let safe = json_line(&line);
         assert!(safe.is_ascii() && !safe.contains('\x1b'), "{safe}");
@@ -107,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn a_name_from_a_file_leads_nowhere() {
+    fn external_names_cannot_leave_the_folder() {
         for (name, expected) in [
             ("../../x", "x"),
             ("/etc/passwd", "passwd"),
@@ -125,7 +128,7 @@ mod tests {
 
     proptest! {
         #[test]
-        fn nothing_that_acts_is_left(text in any::<String>()) {
+        fn plain_text_and_file_names_are_safe(text in any::<String>()) {
             let shown = plain(&text);
             prop_assert!(!shown.chars().any(acts) && shown.len() == text.len());
             let name = file_name(&text);

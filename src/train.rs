@@ -21,7 +21,7 @@ pub use checkpoint::{
     CheckpointError, Description, LoadError, Loaded, SaveTo, describe, from_bytes, load, resealed, save,
 };
 pub use config::{
-    ConfigError, Effect, Overrides, effect_of, list_settings, settings_from, settings_from_text, with_setting,
+    ConfigError, Overrides, list_settings, print_settings, settings_from, settings_from_text, with_setting,
 };
 pub use engine::{Command, Engine, Followed, Networks, Phase, Snapshot, Step};
 pub use error::TrainError;
@@ -31,5 +31,6 @@ pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use registry::Registry;
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
-pub use settings::{Settings, TrainSettings, UpdateWhen};
+pub use settings::reference::{Group, SETTINGS, Setting, reference_page};
+pub use settings::{Effect, Settings, TrainSettings, UpdateWhen};
 pub use trainer::{Kept, Recovery, Trainer, WorldChange};

@@ -1,5 +1,5 @@
-//! Attacks on the program, with counts: a short form with the other tests, the long one by
-//! `ATTACK=long cargo test --release --test attack -- --nocapture`.
+//! Stress tests that attack the program and count their attempts. The short form runs with the other tests, the long
+//! one with `ATTACK=long cargo test --release --test attack -- --nocapture`.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -18,7 +18,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use support::{Session, checkpoints, headless, outcome, plain, resealed, size, some};
 
-/// How often something is tried: in the short form, and in the long one.
+/// Returns the number of attempts: `short`, or `long` in the long form.
 fn times(short: usize, long: usize) -> usize {
     if std::env::var("ATTACK").is_ok_and(|form| form == "long") { long } else { short }
 }
@@ -27,7 +27,7 @@ fn folder() -> tempfile::TempDir {
     tempfile::tempdir().unwrap()
 }
 
-/// Where faults were found, so that a failure can be tried again.
+/// Seeds the random numbers of an attack; `ATTACK_SEED` overrides the seed, to reproduce a failure.
 fn rng(attack: u64) -> ChaCha8Rng {
     let seed = std::env::var("ATTACK_SEED").ok().and_then(|seed| seed.parse().ok()).unwrap_or(1);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
@@ -40,7 +40,7 @@ fn load(path: &Path) -> train::Loaded {
 }
 
 #[test]
-fn kills_at_random_moments_of_saving_never_break_a_checkpoint() {
+fn kills_while_saving_never_corrupt_a_checkpoint() {
     let (kills, folder, mut rng) = (times(12, 300), folder(), rng(1));
     let path = folder.path().join("kept.safetensors");
     let mut args = vec!["trap", "--save", "kept.safetensors", "--save-every", "0.0001"];
@@ -60,7 +60,7 @@ fn kills_at_random_moments_of_saving_never_break_a_checkpoint() {
         updates = now;
         args = vec!["--resume", "kept.safetensors", "--save", "kept.safetensors", "--save-every", "0.0001"];
     }
-    // What the killed programs left behind goes with the next save, once it is old enough to be nobody's.
+    // The next save removes what the killed programs left behind, once it is old enough to count as stale.
     std::thread::sleep(Duration::from_secs(6));
     let stop = (updates + 1).to_string();
     args.extend(["--max-updates", &stop, "--eval-tasks", "1"]);
@@ -70,7 +70,7 @@ fn kills_at_random_moments_of_saving_never_break_a_checkpoint() {
     println!("{kills} kills, {updates} updates, no checkpoint broken, nothing left behind");
 }
 
-/// A small run's checkpoint at `updates`, reached by stops and resumes at the `stops`.
+/// Trains a small run to the last of `stops`, saving and resuming at each one; returns its checkpoint.
 fn trained(folder: &Path, name: &str, stops: &[u64]) -> PathBuf {
     let file = format!("{name}.safetensors");
     for (i, stop) in stops.iter().enumerate() {
@@ -83,7 +83,7 @@ fn trained(folder: &Path, name: &str, stops: &[u64]) -> PathBuf {
     folder.join(file)
 }
 
-/// All tensors of a checkpoint, and its texts but for times and evaluations.
+/// Returns all tensors of a checkpoint and its trainer state, without the elapsed time.
 fn contents(path: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
     resealed(&std::fs::read(path).unwrap(), |texts, tensors| {
@@ -96,7 +96,7 @@ fn contents(path: &Path) -> BTreeMap<String, Vec<u8>> {
 }
 
 #[test]
-fn runs_stopped_and_resumed_at_random_updates_go_on_bit_for_bit() {
+fn runs_resumed_at_random_updates_continue_bitwise() {
     let (rounds, folder, mut rng) = (times(3, 50), folder(), rng(2));
     let straight = contents(&trained(folder.path(), "straight", &[900]));
     for round in 0..rounds {
@@ -112,7 +112,7 @@ fn runs_stopped_and_resumed_at_random_updates_go_on_bit_for_bit() {
     println!("{rounds} runs stopped and resumed, all the same");
 }
 
-/// Changes some bytes, cuts, repeats or moves a part.
+/// Applies random mutations: changes bytes, inserts numbers, and removes, repeats or cuts off parts.
 fn mutated(bytes: &[u8], rng: &mut ChaCha8Rng) -> Vec<u8> {
     let mut bytes = bytes.to_vec();
     for _ in 0..rng.random_range(1..6) {
@@ -171,12 +171,12 @@ fn mutated_maps_scenarios_and_settings_are_read_or_refused() {
 }
 
 #[test]
-fn mutated_checkpoints_are_read_or_refused_and_what_is_read_trains_on() {
+fn mutated_checkpoints_are_refused_or_can_be_trained() {
     let (count, folder, mut rng) = (times(120, 1000), folder(), rng(4));
     let good = std::fs::read(trained(folder.path(), "good", &[150])).unwrap();
     let mut taken = 0;
     for i in 0..count {
-        // Half of them with a checksum that is right, as somebody would make them who means harm.
+        // Half of them get a correct checksum, as an attacker would give them.
         let bytes = if i % 2 == 0 {
             mutated(&good, &mut rng)
         } else {
@@ -198,7 +198,7 @@ fn mutated_checkpoints_are_read_or_refused_and_what_is_read_trains_on() {
             Ok(mut trainer) => {
                 taken += 1;
                 let more = trainer.counters().updates + 30;
-                // It may give up, but neither hang nor panic.
+                // Training may fail, but must neither hang nor panic.
                 let began = Instant::now();
                 while trainer.counters().updates < more && trainer.tick().is_ok() {
                     assert!(began.elapsed() < Duration::from_mins(1), "number {i} trains for ever");
@@ -225,7 +225,7 @@ fn mutated_recordings_are_drawn_or_refused() {
     println!("{count} recordings");
 }
 
-/// Everything in a folder and below, with its contents.
+/// Returns all files in a folder and its subfolders, with their contents.
 fn everything(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
@@ -239,7 +239,7 @@ fn everything(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
 }
 
 #[test]
-fn a_monkey_at_keyboard_and_mouse_breaks_nothing_and_leaves_what_is_not_its_own() {
+fn random_keys_and_clicks_break_nothing_and_touch_no_other_files() {
     let (events, outside, mut rng) = (times(500, 5000), folder(), rng(6));
     let inside = outside.path().join("inside");
     std::fs::create_dir(&inside).unwrap();
@@ -264,7 +264,7 @@ fn a_monkey_at_keyboard_and_mouse_breaks_nothing_and_leaves_what_is_not_its_own(
             std::thread::sleep(Duration::from_millis(5));
         }
         if let Some(status) = session.child.try_wait().unwrap() {
-            // It found the way out, as a user does.
+            // Random keys can quit the program, as a user does.
             assert!(status.exit_code() == 0, "{status:?} after {i} events:\n{}", session.shows());
             session = Session::start(&inside, &["trap"]);
             session.wait_for("training");
@@ -283,7 +283,7 @@ fn a_monkey_at_keyboard_and_mouse_breaks_nothing_and_leaves_what_is_not_its_own(
 }
 
 #[test]
-fn resize_storms_are_survived() {
+fn the_interface_survives_resize_storms() {
     let (resizes, folder, mut rng) = (times(60, 500), folder(), rng(7));
     let session = Session::start(folder.path(), &["trap"]);
     session.wait_for("training");
@@ -308,7 +308,7 @@ fn resize_storms_are_survived() {
 }
 
 #[test]
-fn many_at_once_never_take_the_same_file() {
+fn concurrent_programs_never_save_to_the_same_file() {
     let (programs, folder) = (times(6, 40), folder());
     let done = AtomicUsize::new(0);
     std::thread::scope(|scope| {
@@ -326,7 +326,7 @@ fn many_at_once_never_take_the_same_file() {
     println!("{programs} programs side by side");
 }
 
-/// Memory in MB, open handles and updates of a program at one moment.
+/// Returns a program's current memory in MB, its open handles and its updates.
 #[cfg(target_os = "linux")]
 fn measured(session: &Session) -> Option<(f64, usize, f64)> {
     let process = format!("/proc/{}", session.child.process_id()?);
@@ -341,11 +341,11 @@ fn measured(session: &Session) -> Option<(f64, usize, f64)> {
     Some((pages * 4096.0 / 1e6, handles, updates))
 }
 
-/// Training with the interface open while the map is edited, autosaved and evaluated again and again: memory and open
-/// handles stay what they are once the replay is full. 20 minutes in the long form.
+/// Trains with the interface open while the map is edited, autosaved and evaluated repeatedly: memory and open handles
+/// stay constant once the replay is full. Takes 20 minutes in the long form.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_long_run_takes_no_more_memory_and_leaves_no_handle_open() {
+fn a_long_run_leaks_neither_memory_nor_handles() {
     let (rounds, folder) = (times(20, 2_400), folder());
     std::fs::write(folder.path().join("own.toml"), "autosave_minutes = 0.02\n").unwrap();
     let args = ["trap", "--ui-config", "own.toml", "--threads", "1"];
@@ -353,7 +353,7 @@ fn a_long_run_takes_no_more_memory_and_leaves_no_handle_open() {
     session.wait_for("training");
     let mut all = Vec::new();
     for round in 0..rounds {
-        // A wall at the goal's neighbour, and away again; all panes in turn.
+        // Draw a wall next to the goal and undo it, then show all panes in turn.
         session.press(["e", "x", "u", "\x1b", "n", "1", "2", "3", "4", "5"][round % 10]);
         std::thread::sleep(Duration::from_millis(500));
         if round % 10 == 9 {
@@ -368,8 +368,8 @@ fn a_long_run_takes_no_more_memory_and_leaves_no_handle_open() {
     for (memory, handles, updates) in all.iter().step_by((all.len() / 20).max(1)) {
         println!("{memory:.0} MB, {handles} handles, {updates:.0} updates");
     }
-    // The replay is full, and all buffers are as large as they get, after a fifth of the time. While a checkpoint is
-    // written there is more: what counts is what it comes back to.
+    // After a fifth of the time the replay is full and all buffers have their final size. Writing a checkpoint takes
+    // more memory for a while, so compare the minima.
     let fifth = all.len() / 5;
     let (first, last) = (&all[fifth], &all[all.len() - 1]);
     if rounds > 1_000 {
@@ -387,9 +387,9 @@ fn a_long_run_takes_no_more_memory_and_leaves_no_handle_open() {
     assert!(checkpoints(folder.path()).len() <= 4, "of autosaves three are kept");
 }
 
-/// What fuzzing starts from, and what it found: read again, so that a fault that was mended stays mended.
+/// Replays the fuzzers' seeds and findings, to prevent regressions.
 #[test]
-fn kept_inputs_of_the_fuzzers_are_read_or_refused() {
+fn fuzzing_seeds_are_read_or_refused() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds");
     let trap = map::builtin("trap").unwrap();
     let mut count = 0;

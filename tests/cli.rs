@@ -1,4 +1,4 @@
-//! The program as it is run from a shell: records, exit statuses, errors.
+//! The program as run from a shell: records, exit statuses, errors.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -15,9 +15,9 @@ fn gdg() -> Assert {
     command
 }
 
-/// Arguments that make a run small.
+/// Arguments that keep a run small.
 const SMALL: [&str; 8] =
-    ["--set", "hidden=16", "--set", "replay_capacity=20000", "--set", "candidates=50", "--set", "warmup_env_steps=500"];
+    ["--set", "hidden=16", "--set", "buffer_size=20000", "--set", "candidates=50", "--set", "learning_starts=500"];
 
 fn records(output: &[u8]) -> Vec<Value> {
     let text = std::str::from_utf8(output).unwrap();
@@ -36,7 +36,7 @@ fn file(name: &str) -> String {
 }
 
 #[test]
-fn records_have_their_form() {
+fn records_have_the_documented_form() {
     let all =
         run(&["trap", "--seed", "5", "--max-updates", "1000", "--eval-tasks", "2", "--eval-every-updates", "500"]);
     let of = |event: &str| all.iter().filter(|r| r["event"] == event).collect::<Vec<_>>();
@@ -75,7 +75,7 @@ fn records_have_their_form() {
     assert_eq!((&end["event"], &end["reason"], &end["updates"]), (&"end".into(), &"max-updates".into(), &1000.into()));
 }
 
-/// The records without times and rates.
+/// Returns the records without times, rates and the number of threads.
 fn timeless(mut records: Vec<Value>) -> Vec<Value> {
     for record in &mut records {
         let object = record.as_object_mut().unwrap();
@@ -87,7 +87,7 @@ fn timeless(mut records: Vec<Value>) -> Vec<Value> {
 }
 
 #[test]
-fn the_same_seed_prints_the_same_whatever_the_threads() {
+fn the_same_seed_prints_the_same_records_on_any_number_of_threads() {
     let args = ["trap", "--seed", "9", "--max-updates", "1200", "--eval-tasks", "2"];
     let once = timeless(run(&[&args[..], &["--threads", "1"]].concat()));
     let again = timeless(run(&[&args[..], &["--threads", "2"]].concat()));
@@ -103,7 +103,7 @@ fn other_methods_and_the_paper_preset_run() {
         assert_eq!(evaluation["planned"].is_null(), !plans, "{args:?}");
         assert_eq!(evaluation["bridges"].is_null(), !plans, "{args:?}");
         assert_eq!(evaluation["distance_error"]["graph"].is_null(), !plans, "{args:?}");
-        // The trap marks a start and a goal: how its own task went.
+        // The trap marks a start and a goal, so this task is evaluated too.
         let journey = &evaluation["marked"]["greedy"];
         assert!(journey["left_steps"].as_u64().unwrap() <= 200 && journey["reached"].is_boolean(), "{journey}");
         assert_eq!(evaluation["marked"]["planned"].is_null(), !plans, "{args:?}");
@@ -111,7 +111,7 @@ fn other_methods_and_the_paper_preset_run() {
 }
 
 #[test]
-fn episodes_can_begin_at_the_start_cell_alone() {
+fn episodes_can_be_restricted_to_the_start_cell() {
     let args = ["trap", "--max-updates", "20", "--eval-tasks", "1"];
     let coverage = |more: &[&str]| {
         let all = run(&[&args[..], more].concat());
@@ -126,7 +126,7 @@ fn episodes_can_begin_at_the_start_cell_alone() {
 }
 
 #[test]
-fn ablate_gives_a_table_and_json() {
+fn ablate_prints_a_table_and_writes_json() {
     let folder = tempfile::tempdir().unwrap();
     let json = folder.path().join("all.json");
     let mut command = gdg();
@@ -145,7 +145,7 @@ fn ablate_gives_a_table_and_json() {
 }
 
 #[test]
-fn ablate_looks_at_the_place_of_its_json_before_it_works() {
+fn ablate_checks_its_json_path_before_training() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("there.json"), "mine").unwrap();
     for (json, more, expected) in [
@@ -155,7 +155,7 @@ fn ablate_looks_at_the_place_of_its_json_before_it_works() {
     ] {
         let began = Instant::now();
         let mut command = gdg();
-        // Hours of work.
+        // Training would take hours.
         command.current_dir(&folder).args(["ablate", "trap", "--updates", "10000000", "--json", json]).args(more);
         let output = command.timeout(Duration::from_mins(1)).output().unwrap();
         let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
@@ -176,7 +176,7 @@ fn maps_prints_random_maps() {
 }
 
 #[test]
-fn limits_count_from_the_beginning_of_training_when_resumed() {
+fn limits_of_a_resumed_run_count_from_the_start_of_training() {
     let folder = tempfile::tempdir().unwrap();
     let (half, whole) = (folder.path().join("half.safetensors"), folder.path().join("whole.safetensors"));
     let (half, whole) = (half.to_str().unwrap(), whole.to_str().unwrap());
@@ -197,7 +197,7 @@ fn limits_count_from_the_beginning_of_training_when_resumed() {
 }
 
 #[test]
-fn episodes_and_seconds_end_a_run_too() {
+fn episode_and_time_limits_end_a_run() {
     let all = run(&["trap", "--max-episodes", "40", "--eval-tasks", "1"]);
     assert_eq!(all.last().unwrap()["reason"], "max-episodes");
     let all = run(&["trap", "--max-seconds", "0.3", "--eval-tasks", "1"]);
@@ -206,7 +206,7 @@ fn episodes_and_seconds_end_a_run_too() {
 }
 
 #[test]
-fn success_that_is_not_reached_is_status_3() {
+fn missing_the_required_success_is_status_3() {
     let args = ["--no-ui", "trap", "--max-updates", "10", "--eval-tasks", "2", "--method", "random"];
     gdg().args(args).args(SMALL).args(["--require-success", "1"]).assert().code(3);
     gdg().args(args).args(SMALL).args(["--require-success", "0"]).assert().code(0);
@@ -232,7 +232,7 @@ fn a_scenario_is_evaluated_in_six_ranges() {
 
 #[cfg(unix)]
 #[test]
-fn signals_end_a_run_in_order() {
+fn signals_end_a_run_gracefully() {
     let folder = tempfile::tempdir().unwrap();
     for (signal, status) in [("INT", 130), ("TERM", 143)] {
         let saved = folder.path().join(format!("{signal}.safetensors"));
@@ -243,7 +243,7 @@ fn signals_end_a_run_in_order() {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        // The first record says that it listens; then it trains without end.
+        // The first record means that the signal handlers are installed; then the run trains indefinitely.
         let mut out = std::io::BufReader::new(child.stdout.take().unwrap());
         let mut text = String::new();
         std::io::BufRead::read_line(&mut out, &mut text).unwrap();
@@ -259,7 +259,7 @@ fn signals_end_a_run_in_order() {
     }
 }
 
-/// Arguments that cannot be used, and what the error must say.
+/// Checks unusable arguments, and what their errors say.
 #[test]
 fn bad_usage_and_input_are_status_2_with_a_hint() {
     let bad: &[(&[&str], &[&str])] = &[
@@ -267,8 +267,8 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read"]),
         (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
         (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
-        (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "set like 64"]),
-        (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "\"sqrt\""]),
+        (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "whole number from 1"]),
+        (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "squared, sqrt or log"]),
         (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
         (&["--no-ui", "--config", "no-such.json"], &["no-such.json", "cannot be read"]),
         (&["--no-ui", "--resume", "no-such.safetensors"], &["no-such.safetensors", "cannot be read"]),
@@ -290,7 +290,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
 }
 
 #[test]
-fn a_settings_file_names_the_place_of_its_error() {
+fn errors_in_a_settings_file_are_reported_with_their_location() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("settings.json");
     let error = |text: &str| {
@@ -322,7 +322,7 @@ fn printed_settings_can_be_read_back() {
 }
 
 #[test]
-fn maps_lists_and_check_judges() {
+fn maps_lists_maps_and_check_validates_them() {
     let maps = gdg().arg("maps").output().unwrap();
     let text = String::from_utf8_lossy(&maps.stdout).into_owned();
     for (name, size, farthest) in [("fourrooms", "88x88", "120"), ("city", "101x101", "240"), ("trap", "53x41", "95")] {
@@ -343,7 +343,7 @@ fn maps_lists_and_check_judges() {
     assert!(String::from_utf8_lossy(&bad.stderr).contains("short-row.txt:2:3"));
 }
 
-/// The largest map there can be; the limit leaves room for a busy machine.
+/// Uses the largest map allowed; the time limit leaves room for a busy machine.
 #[test]
 fn check_of_the_largest_map_takes_seconds() {
     let folder = tempfile::tempdir().unwrap();
@@ -358,7 +358,7 @@ fn check_of_the_largest_map_takes_seconds() {
 }
 
 #[test]
-fn help_tells_how_to_begin() {
+fn help_shows_how_to_get_started() {
     let help = gdg().arg("--help").output().unwrap();
     let text = String::from_utf8_lossy(&help.stdout).into_owned();
     for part in ["Examples:", "--no-ui", "--require-success", "Exit status", "maps", "check"] {
@@ -367,7 +367,7 @@ fn help_tells_how_to_begin() {
 }
 
 #[test]
-fn frames_writes_nothing_that_was_not_asked_for() {
+fn frames_writes_only_what_was_asked_for() {
     let folder = tempfile::tempdir().unwrap();
     let frames = |cast: &str, more: &[&str]| {
         std::fs::write(folder.path().join("run.cast"), cast).unwrap();
@@ -421,11 +421,11 @@ fn bench_measures_everything_it_promises() {
 }
 
 #[test]
-fn a_map_can_be_edited_at_an_update() {
+fn a_map_can_be_edited_at_a_given_update() {
     let folder = tempfile::tempdir().unwrap();
     let edited = folder.path().join("wider.txt");
     let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
-    // Everything that was wall is free.
+    // Turns all walls into free cells.
     std::fs::write(&edited, trap.replace('#', ".")).unwrap();
     let at = format!("100:{}", edited.display());
     let all = run(&["trap", "--max-updates", "200", "--eval-tasks", "1", "--edit-at", &at]);
@@ -440,7 +440,7 @@ fn a_map_can_be_edited_at_an_update() {
 }
 
 #[test]
-fn edits_at_the_first_update_of_a_run_come_before_its_first_step() {
+fn edits_at_the_first_update_are_applied_before_the_first_step() {
     let folder = tempfile::tempdir().unwrap();
     let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
     let at = |updates: u64, name: &str| {
@@ -460,7 +460,7 @@ fn edits_at_the_first_update_of_a_run_come_before_its_first_step() {
         &["--edit-at", &third, "--edit-at", &second, "--edit-at", &first],
     ]
     .concat());
-    // Those at the same update come in the order in which they are given.
+    // Edits at the same update are applied in the order in which they are given.
     assert_eq!(edits(&all), [(0, "second".to_owned()), (0, "first".to_owned()), (40, "third".to_owned())]);
     let order: Vec<&str> = all.iter().map(|r| r["event"].as_str().unwrap()).collect();
     assert_eq!(order, ["start", "edit", "edit", "edit", "saved", "evaluation", "saved", "end"]);

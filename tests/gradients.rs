@@ -1,4 +1,4 @@
-//! The fused gradients against candle's autograd, over several shapes, odd sizes and batch 1.
+//! Compares the fused gradients with candle's autograd, over several shapes, odd sizes and batch size 1.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -9,7 +9,8 @@ use gdg_tui::learn::{Backend, Batch, Gdg, Layers, LearnSettings, LossScale, Netw
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-/// A state with a position among other numbers, as an arm has; `axes` numbers of it are the achieved goal.
+/// Returns a spec whose state has a position among other numbers, as for an arm; `axes` of its numbers are the achieved
+/// goal.
 fn spec(state: usize, axes: usize, positions: bool) -> Spec {
     Spec {
         state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
@@ -43,7 +44,7 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
     batch
 }
 
-/// Largest difference, and the largest gradient it stands against.
+/// Returns the largest difference, and the largest gradient as its scale.
 fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
     let autograd = autograd.flatten_all().unwrap().to_vec1::<f32>().unwrap();
     assert_eq!(fused.len(), autograd.len());
@@ -60,7 +61,7 @@ fn check(spec: &Spec, settings: &LearnSettings) {
 fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Gdg::new(spec, settings, 2, &mut rng).unwrap();
-    let mut batch = batch(spec, settings.batch, &mut rng);
+    let mut batch = batch(spec, settings.batch_size, &mut rng);
     batch.greedy_targets = settings.greedy_targets;
     let tensor = |numbers: &[f32], width: usize| {
         Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
@@ -68,7 +69,7 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
     let reference = learner.reference(layers).unwrap();
-    // Averages over time begin as what they are averages of.
+    // Moving averages start equal to what they average.
     let targets = reference.targets(&batch, &Device::Cpu).unwrap();
     let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
@@ -89,7 +90,7 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let (found_losses, found) = learner.gradients(&batch).unwrap();
     let found_losses = [found_losses.critic, found_losses.model, found_losses.actor];
     for (i, name) in ["critic", "model", "actor"].iter().enumerate() {
-        // Two critics differ; only one has the reference's loss.
+        // The reference covers the first critic only, so the mean loss of two critics differs from it.
         if settings.critics == 1 || i > 0 {
             assert!((losses[i] - found_losses[i]).abs() <= 2e-4 * losses[i].abs() + 1e-5, "{name}: {losses:?}");
         }
@@ -104,63 +105,63 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
 }
 
 fn settings(batch: usize, hidden: usize, layers: usize) -> LearnSettings {
-    LearnSettings { batch, hidden, layers, critics: 1, ..LearnSettings::default() }
+    LearnSettings { batch_size: batch, hidden, layers, critics: 1, ..LearnSettings::default() }
 }
 
 #[test]
-fn of_the_default_preset_agree() {
+fn gradients_of_the_default_preset_match_autograd() {
     check(&spec(2, 2, true), &LearnSettings::default());
 }
 
 #[test]
-fn with_targets_by_behaviour_alone_agree() {
+fn gradients_with_behaviour_targets_match_autograd() {
     let settings = LearnSettings { greedy_targets: false, expectile: 0.9, ..LearnSettings::default() };
     check(&spec(2, 2, true), &settings);
 }
 
 #[test]
-fn of_the_paper_preset_agree() {
+fn gradients_of_the_paper_preset_match_autograd() {
     check(&spec(2, 2, true), &LearnSettings::paper());
 }
 
 #[test]
-fn of_odd_sizes_and_batch_one_agree() {
+fn gradients_of_odd_sizes_and_batch_one_match_autograd() {
     for (batch, hidden, layers) in [(1, 16, 1), (3, 7, 2), (37, 33, 3), (65, 128, 2)] {
         check(&spec(2, 2, true), &settings(batch, hidden, layers));
     }
 }
 
 #[test]
-fn of_states_larger_than_goals_agree() {
+fn gradients_of_states_larger_than_goals_match_autograd() {
     check(&spec(10, 3, false), &settings(33, 24, 2));
     check(&spec(5, 3, true), &settings(20, 24, 2));
     check(&spec(4, 1, true), &settings(20, 24, 2));
 }
 
 #[test]
-fn of_an_actor_beyond_its_bound_agree() {
+fn gradients_of_an_actor_beyond_its_bound_match_autograd() {
     check(&spec(2, 2, true), &LearnSettings { actor_bound: 0.05, ..settings(40, 32, 2) });
 }
 
 #[test]
-fn of_a_state_with_a_number_that_never_varies_agree() {
+fn gradients_of_a_state_with_a_constant_number_match_autograd() {
     let mut spec = spec(4, 2, true);
     (spec.state_half_range[3], spec.change_scale[3]) = (0.0, 0.0);
     check(&spec, &settings(40, 32, 2));
 }
 
 #[test]
-fn of_every_loss_agree() {
+fn gradients_of_every_loss_match_autograd() {
     for loss in [LossScale::Squared, LossScale::Sqrt, LossScale::Log] {
         check(&spec(2, 2, true), &LearnSettings { loss, ..settings(40, 32, 2) });
     }
 }
 
 #[test]
-fn of_updates_on_the_tape_lead_to_the_same_weights() {
+fn updates_on_the_tape_lead_to_the_same_weights() {
     let spec = spec(2, 2, true);
     let mut learners = [Backend::Fused, Backend::Tape].map(|backend| {
-        let settings = LearnSettings { backend, batch: 48, hidden: 32, ..LearnSettings::default() };
+        let settings = LearnSettings { backend, batch_size: 48, hidden: 32, ..LearnSettings::default() };
         Gdg::new(&spec, &settings, 1, &mut ChaCha8Rng::seed_from_u64(3)).unwrap()
     });
     let initial = learners[0].networks_state().unwrap();
@@ -180,12 +181,12 @@ fn of_updates_on_the_tape_lead_to_the_same_weights() {
     for ((name, fused), ((_, tape), (_, initial))) in fused.iter().zip(tape.iter().zip(&initial)) {
         let (part, fused) = &fused[0];
         let moved = fused.iter().zip(&initial[0].1).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        // Adam's first steps have the full size whatever the gradient's, so that noise in a gradient near zero shows.
+        // Adam's first steps have full size whatever the gradient, which amplifies noise in gradients near zero.
         let apart: Vec<f32> = fused.iter().zip(&tape[0].1).map(|(a, b)| (a - b).abs()).collect();
         let mean = apart.iter().sum::<f32>() / apart.len() as f32;
         assert!(moved > 0.005 && mean < 1e-5, "{name} {part}: moved {moved}, apart {mean}");
     }
-    // What acts is what was trained: averages of tables too.
+    // The policy uses what was trained, including averages of tables.
     let (states, goals) = ([1.0, 2.0, -1.5, 0.5], [0.5, -2.0, 2.5, 1.0]);
     let distances = learners.each_ref().map(|learner| {
         let mut out = [0.0; 2];

@@ -1,10 +1,10 @@
-//! The layout that `src/lib.rs` draws is the one that there is.
+//! Checks that the code follows the module layout drawn in `src/lib.rs`.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
 use std::path::{Path, PathBuf};
 
-/// Modules from the lowest layer to the highest; those of a layer may know each other.
+/// Modules from the lowest layer to the highest; modules of the same layer may depend on each other.
 const LAYERS: [&[&str]; 8] = [
     &["text", "faults", "files", "store"],
     &["map"],
@@ -19,13 +19,13 @@ const LAYERS: [&[&str]; 8] = [
     ],
 ];
 
-/// Modules that know states, goals and actions, and no map.
+/// Modules that work with states, goals and actions, and do not depend on maps.
 const WITHOUT_MAPS: [&str; 3] = ["learn", "bridge", "train"];
 
-/// Words that only those who know maps use.
+/// Identifiers that only modules with access to maps use.
 const OF_MAPS: [&str; 6] = ["Grid", "Cell", "PointMaze", "MazeScene", "StepSearch", "Diameter"];
 
-/// Every source file, and the module at the top that it belongs to.
+/// Returns every source file and the top-level module that it belongs to.
 fn sources() -> Vec<(String, PathBuf)> {
     fn walk(folder: &Path, found: &mut Vec<PathBuf>) {
         for entry in std::fs::read_dir(folder).unwrap() {
@@ -47,14 +47,14 @@ fn sources() -> Vec<(String, PathBuf)> {
     found.into_iter().map(|path| (module(&path), path)).collect()
 }
 
-/// The program's own code without comments and tests.
+/// Returns the code of a file without comments and tests.
 fn code(path: &Path) -> String {
     let text = std::fs::read_to_string(path).unwrap();
     let code = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
     code.lines().filter(|line| !line.trim_start().starts_with("//")).map(|line| format!("{line}\n")).collect()
 }
 
-/// The modules at the top that `code` names.
+/// Returns the top-level modules that `code` names.
 fn named(code: &str) -> impl Iterator<Item = &str> {
     code.split("crate::").skip(1).flat_map(|rest| {
         let end = |text: &str| text.find(|c: char| !c.is_alphanumeric() && c != '_').unwrap_or(text.len());
@@ -70,12 +70,12 @@ fn named(code: &str) -> impl Iterator<Item = &str> {
 }
 
 #[test]
-fn modules_know_those_below_them_alone() {
+fn modules_depend_only_on_lower_layers() {
     let layer = |module: &str| LAYERS.iter().position(|layer| layer.contains(&module));
     let mut seen = 0;
     for (module, path) in sources() {
         let own = layer(&module).unwrap_or_else(|| panic!("{module} has no layer"));
-        // Tests of the interface stand in files of their own.
+        // The tests of the interface are in separate files.
         if path.components().any(|part| part.as_os_str() == "tests") || path.ends_with("tests.rs") {
             continue;
         }
@@ -88,7 +88,7 @@ fn modules_know_those_below_them_alone() {
 }
 
 #[test]
-fn learner_bridges_and_trainer_know_no_maps() {
+fn learner_bridges_and_trainer_do_not_depend_on_maps() {
     for (module, path) in sources().into_iter().filter(|(module, _)| WITHOUT_MAPS.contains(&module.as_str())) {
         let code = code(&path);
         assert!(named(&code).all(|other| other != "map"), "{module}: {} knows maps", path.display());

@@ -26,7 +26,7 @@ fn is_scenario(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "scen")
 }
 
-/// The map that the scenarios of both folders are for.
+/// Returns the map that the scenarios of both folders are for.
 fn plain() -> Grid {
     parse_map("plain.txt", b"..#\n.#.\n...\n").unwrap()
 }
@@ -45,7 +45,7 @@ fn every_valid_file_is_read() {
 }
 
 #[test]
-fn line_ends_and_byte_order_marks_change_nothing() {
+fn line_endings_and_byte_order_marks_do_not_matter() {
     let read = |name: &str| map::load_map(&Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/valid").join(name));
     let expected = plain();
     for name in ["crlf.txt", "no-final-newline.txt", "byte-order-mark.txt", "plain.txt"] {
@@ -58,9 +58,9 @@ fn line_ends_and_byte_order_marks_change_nothing() {
     assert_eq!(print_ascii(&movingai), "..##\n...#\n##..\n");
 }
 
-/// The error that each invalid file gets: where, what, and what would be right.
+/// Checks the error of each invalid file: where, what, and what is expected instead.
 #[test]
-fn every_invalid_file_gets_its_error() {
+fn every_invalid_file_gets_the_expected_error() {
     let mut report = String::new();
     for path in folder("invalid") {
         let name = path.file_name().unwrap().to_string_lossy().into_owned();
@@ -116,7 +116,7 @@ fn built_in(name: &str) -> Grid {
 }
 
 #[test]
-fn built_in_maps_have_their_farthest_distances() {
+fn built_in_maps_have_the_expected_diameters() {
     let farthest = |name: &str| {
         let grid = built_in(name);
         let diameter = StepSearch::new(&grid).diameter(&grid, 100_000);
@@ -154,7 +154,7 @@ fn fourrooms_is_the_11_by_11_map_enlarged_eight_times() {
 
 /// The obstacles of a map: its 8-connected groups of wall cells.
 struct Obstacles {
-    /// Obstacle of each cell, row-major; free cells have none.
+    /// Obstacle of each cell, row-major; `None` for free cells.
     of_cell: Vec<Option<u32>>,
 }
 
@@ -186,8 +186,8 @@ impl Obstacles {
     }
 }
 
-/// How many different obstacles the straight line between the middles of `a` and `b` runs through: each of them
-/// has to be got round. The line is sampled at every tenth of a cell.
+/// Returns the number of obstacles that the straight line between the centres of `a` and `b` crosses, each of which
+/// requires a detour. The line is sampled at every tenth of a cell.
 fn obstacles_between(grid: &Grid, obstacles: &Obstacles, a: Cell, b: Cell) -> usize {
     let ([ax, ay], [bx, by]) = (a.centre(), b.centre());
     let samples = 10 * a.x.abs_diff(b.x).max(a.y.abs_diff(b.y)).max(1);
@@ -204,11 +204,11 @@ fn obstacles_between(grid: &Grid, obstacles: &Obstacles, a: Cell, b: Cell) -> us
     met.len()
 }
 
-/// An obstacle (an 8-connected group of wall cells) has to be got round when the straight line from start to goal
-/// runs through it. Counted for every pair of free cells on one colour of the chessboard, so that every other line
-/// runs beside a counted one.
+/// An obstacle (an 8-connected group of wall cells) requires a detour if the straight line from start to goal crosses
+/// it. Checks every pair of free cells on one colour of a chessboard, so that every other line runs next to a checked
+/// one.
 #[test]
-fn no_task_of_the_city_has_more_than_nine_obstacles_to_get_round() {
+fn no_task_of_the_city_has_more_than_nine_obstacles() {
     let grid = built_in("city");
     let obstacles = Obstacles::new(&grid);
     let cells: Vec<Cell> = grid.free_cells().filter(|c| (c.x + c.y).is_multiple_of(2)).collect();
@@ -222,8 +222,8 @@ fn no_task_of_the_city_has_more_than_nine_obstacles_to_get_round() {
     assert!(most >= 8, "the city is not nearly empty: {most}");
 }
 
-/// Within ten steps of the start there is a cell of a dead end nearer to the goal than the start and everything
-/// around it; the way round takes more than 80 steps.
+/// Within ten steps of the start, a cell of a dead end is nearer to the goal than the start and everything around it;
+/// the way round takes more than 80 steps.
 #[test]
 fn the_trap_is_a_local_optimum() {
     let grid = built_in("trap");
@@ -238,12 +238,12 @@ fn the_trap_is_a_local_optimum() {
     };
     let end = *near.iter().min_by(|a, b| straight(**a).total_cmp(&straight(**b))).unwrap();
     assert!(straight(end) < straight(start));
-    // Even within ten steps of that end, nothing is nearer: it is a local optimum, and the start lies in its basin.
+    // Nothing within ten steps of that cell is nearer either: it is a local optimum, and the start lies in its basin.
     let around = search.from(end).to_vec();
     assert!(grid.free_cells().filter(|c| around[grid.index(*c)] <= 10).all(|c| straight(c) >= straight(end)));
 }
 
-/// A random map of up to `most` by `most` cells with at least one free one.
+/// Generates maps of up to `most` by `most` cells with at least one free cell.
 fn grids(most: usize) -> impl Strategy<Value = Grid> {
     (1..=most, 1..=most)
         .prop_flat_map(|(w, h)| {
@@ -260,7 +260,7 @@ proptest! {
     #![proptest_config(ProptestConfig { failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn parsing_what_was_printed_gives_the_same_map(grid in grids(20)) {
+    fn printed_maps_parse_to_the_same_map(grid in grids(20)) {
         prop_assert_eq!(&parse_map("random", print_ascii(&grid).as_bytes()).unwrap(), &grid);
         let movingai = parse_map("random", print_movingai(&grid).as_bytes()).unwrap();
         prop_assert_eq!(movingai.free(), grid.free());
@@ -285,7 +285,7 @@ proptest! {
     }
 
     #[test]
-    fn the_diameter_is_that_of_all_pairs(grid in grids(10)) {
+    fn the_diameter_agrees_with_a_search_over_all_pairs(grid in grids(10)) {
         let mut search = StepSearch::new(&grid);
         let components = search.components(&grid);
         let largest = components.largest();
@@ -327,7 +327,7 @@ proptest! {
 }
 
 #[test]
-fn an_agent_slides_along_walls_and_one_in_a_wall_is_moved_out() {
+fn agents_slide_along_walls_and_are_moved_out_of_them() {
     let grid = Arc::new(parse_map("wall", b"...\n###\n...\n").unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut world = PointMaze::new(grid, 1);
@@ -370,14 +370,14 @@ fn real_maps_and_scenarios_are_read() {
         let mut search = StepSearch::new(&grid);
         for task in tasks.iter().step_by(7) {
             let steps = f64::from(search.from(task.start)[grid.index(task.goal)]);
-            // An octile length counts a diagonal sqrt 2 where a step count counts it 1.
+            // A diagonal counts sqrt 2 in an octile length, and 1 in a step count.
             assert!(steps <= task.optimal_octile + 1e-6 && task.optimal_octile <= steps * 2f64.sqrt() + 1e-6);
         }
     }
 }
 
 #[test]
-fn random_maps_are_whole_and_repeatable_and_differ_by_seed() {
+fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
     for (kind, side) in [(Kind::Maze, 44), (Kind::City, 101)] {
         let mut shares = Vec::new();
         for seed in 0..20 {

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Runs the unit tests of the kernels, where all unsafe code is, under valgrind: no read or write out of bounds, and
-# nothing read before it is written. Valgrind has AVX2 and no AVX-512.
+# Runs the unit tests of the kernels, which contain all unsafe code, under valgrind: no access out of bounds, and no
+# read of uninitialised memory. Valgrind supports AVX2, but not AVX-512.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 

@@ -1,4 +1,4 @@
-//! What becomes of a run when something goes wrong: nothing is lost, and everything is said.
+//! Failure handling: nothing is lost, and every failure is reported.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -14,7 +14,7 @@ use gdg_tui::train::{self, Registry};
 use serde_json::Value;
 use support::{Session, checkpoints, headless, kill, outcome, plain, resealed};
 
-/// What tests alone set.
+/// The environment variable that injects faults.
 const FAULTS: &str = "GDG_TUI_FAULTS";
 
 fn folder() -> tempfile::TempDir {
@@ -27,7 +27,7 @@ fn assert_loads(path: &Path) -> u64 {
     loaded.trainer.counters().updates
 }
 
-/// A small checkpoint.
+/// Trains a small run and returns its checkpoint.
 fn checkpoint(folder: &Path) -> std::path::PathBuf {
     let path = folder.join("small.safetensors");
     let args = ["trap", "--max-updates", "350", "--eval-tasks", "1", "--save", "small.safetensors"];
@@ -61,7 +61,7 @@ impl Running {
         }
     }
 
-    /// Sends a signal; the exit status, and how long it took to end.
+    /// Sends a signal; returns the exit status and the time until exit.
     fn ends_by(mut self, signal: &str) -> (i32, Duration) {
         let asked = Instant::now();
         kill(self.child.id(), signal);
@@ -71,7 +71,7 @@ impl Running {
     }
 }
 
-/// "Within a second", on a machine that does other things too.
+/// "Within a second", with a margin for busy machines.
 const SOON: Duration = Duration::from_secs(4);
 
 #[test]
@@ -79,7 +79,7 @@ fn closing_the_terminal_saves_the_run() {
     let folder = folder();
     let session = Session::start(folder.path(), &["trap"]);
     session.wait_for("training");
-    // Less than ten seconds of training would not be missed.
+    // Runs of less than ten seconds are not saved.
     session.wait_for("elapsed   0:00:12");
     let mut child = session.hang_up();
     let began = Instant::now();
@@ -97,7 +97,7 @@ fn closing_the_terminal_saves_the_run() {
 }
 
 #[test]
-fn a_fresh_run_leaves_the_checkpoint_of_another_alone() {
+fn a_new_run_does_not_replace_the_checkpoint_of_another() {
     let folder = folder();
     let first = checkpoint(folder.path());
     let before = std::fs::read(&first).unwrap();
@@ -122,7 +122,7 @@ fn a_fresh_run_leaves_the_checkpoint_of_another_alone() {
 }
 
 #[test]
-fn a_run_that_diverges_goes_back_and_gives_up_in_order() {
+fn a_diverging_run_rolls_back_and_finally_stops() {
     let folder = folder();
     let args = ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "back.safetensors"];
     let (status, output, errors) = outcome(headless(folder.path(), &args).env(FAULTS, "loss=once@300"));
@@ -136,7 +136,7 @@ fn a_run_that_diverges_goes_back_and_gives_up_in_order() {
     );
     let resumed = train::load(&folder.path().join("back.safetensors"), &Registry::builtin(), 1).unwrap().trainer;
     assert!((resumed.run().settings.learn.learning_rate - 5e-4).abs() < 1e-9);
-    // And for good.
+    // Divergence that rolling back cannot cure.
     let args = ["trap", "--max-updates", "400", "--set", "learning_rate=3e38", "--save", "lost.safetensors"];
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 1);
@@ -160,7 +160,7 @@ fn divergence_is_shown_in_the_interface_and_the_program_stays_usable() {
 }
 
 #[test]
-fn runs_without_interface_save_on_the_way() {
+fn headless_runs_save_periodically() {
     let folder = folder();
     let path = folder.path().join("often.safetensors");
     let mut run =
@@ -172,7 +172,7 @@ fn runs_without_interface_save_on_the_way() {
 }
 
 #[test]
-fn a_file_that_another_program_has_replaced_meanwhile_is_left_alone() {
+fn a_file_replaced_by_another_program_is_left_alone() {
     let folder = folder();
     let other = std::fs::read(checkpoint(folder.path())).unwrap();
     let path = folder.path().join("mine.safetensors");
@@ -193,7 +193,7 @@ fn a_file_that_another_program_has_replaced_meanwhile_is_left_alone() {
 }
 
 #[test]
-fn a_save_that_fails_on_the_way_does_not_end_the_run() {
+fn a_failed_periodic_save_does_not_end_the_run() {
     let folder = folder();
     let args =
         ["trap", "--max-updates", "400", "--eval-tasks", "1", "--save", "a.safetensors", "--save-every", "0.002"];
@@ -203,11 +203,11 @@ fn a_save_that_fails_on_the_way_does_not_end_the_run() {
 }
 
 #[test]
-fn a_run_that_cannot_be_saved_in_its_place_is_saved_in_another() {
+fn a_run_that_cannot_be_saved_to_its_path_is_saved_elsewhere() {
     let folder = folder();
     let mut run = Running::start(&mut headless(folder.path(), &["trap", "--save", "sub/a.safetensors"]));
     run.wait_for("progress");
-    // Where the folder was there is a file now.
+    // Replace the folder with a file.
     std::fs::remove_dir_all(folder.path().join("sub")).unwrap();
     std::fs::write(folder.path().join("sub"), b"").unwrap();
     assert_eq!(run.ends_by("TERM").0, 1);
@@ -215,7 +215,7 @@ fn a_run_that_cannot_be_saved_in_its_place_is_saved_in_another() {
 }
 
 #[test]
-fn a_place_that_cannot_be_saved_to_is_refused_before_training() {
+fn an_unwritable_path_is_refused_before_training() {
     let folder = folder();
     std::fs::write(folder.path().join("file"), b"").unwrap();
     std::fs::write(folder.path().join("protected"), b"").unwrap();
@@ -228,7 +228,7 @@ fn a_place_that_cannot_be_saved_to_is_refused_before_training() {
 }
 
 #[test]
-fn signals_are_obeyed_during_an_evaluation_and_the_run_is_saved_before_it() {
+fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
     let folder = folder();
     let args = ["trap", "--max-updates", "50", "--save", "kept.safetensors"];
     let mut run = Running::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
@@ -239,7 +239,7 @@ fn signals_are_obeyed_during_an_evaluation_and_the_run_is_saved_before_it() {
 }
 
 #[test]
-fn a_second_signal_ends_at_once() {
+fn a_second_signal_exits_immediately() {
     let folder = folder();
     let mut run = Running::start(headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"));
     run.wait_for("start");
@@ -252,7 +252,7 @@ fn a_second_signal_ends_at_once() {
 
 #[cfg(target_os = "linux")]
 #[test]
-fn a_signal_that_was_ignored_stays_ignored() {
+fn ignored_signals_stay_ignored() {
     let folder = folder();
     let program = headless(folder.path(), &["trap"]);
     let mut shell = Command::new("sh");
@@ -265,7 +265,7 @@ fn a_signal_that_was_ignored_stays_ignored() {
     assert_eq!(run.ends_by("TERM").0, 143);
 }
 
-/// Waits for the message about an internal error, leaves by saving, and checks what is left.
+/// Waits for the message about an internal error, saves and quits, and checks what is left.
 fn fails_in_the_interface(fault: &str, message: &str) {
     let folder = folder();
     let args = ["trap", "--set", "graph_every_updates=100", "--threads", "2"];
@@ -282,32 +282,32 @@ fn fails_in_the_interface(fault: &str, message: &str) {
 }
 
 #[test]
-fn a_panic_of_the_trainer_is_shown_and_the_run_saved() {
+fn a_panic_in_the_trainer_is_shown_and_the_run_is_saved() {
     fails_in_the_interface("trainer=panic@800", "something failed inside");
 }
 
 #[test]
-fn a_panic_of_a_helper_in_an_update_is_shown_and_the_run_saved() {
+fn a_panic_in_an_update_thread_is_shown_and_the_run_is_saved() {
     fails_in_the_interface("helper=panic@3000", "something failed inside");
 }
 
 #[test]
-fn a_panic_while_a_graph_is_built_is_shown_and_the_run_saved() {
+fn a_panic_in_the_graph_builder_is_shown_and_the_run_is_saved() {
     fails_in_the_interface("graph=panic@1", "something failed inside");
 }
 
 #[test]
-fn a_panic_of_the_viewer_is_shown_and_the_run_saved() {
+fn a_panic_in_the_viewer_is_shown_and_the_run_is_saved() {
     fails_in_the_interface("viewer=panic@20", "something failed inside");
 }
 
 #[test]
-fn a_panic_of_an_evaluation_is_shown_and_the_run_saved() {
+fn a_panic_in_an_evaluation_is_shown_and_the_run_is_saved() {
     fails_in_the_interface("evaluation=panic@1", "something failed inside");
 }
 
 #[test]
-fn a_panic_of_the_interface_gives_the_terminal_back_and_saves_the_run() {
+fn a_panic_in_the_interface_restores_the_terminal_and_saves_the_run() {
     let folder = folder();
     let args = ["trap", "--save", "kept.safetensors"];
     let mut session = Session::start_with(folder.path(), &args, &[(FAULTS, "interface=panic@25")]);
@@ -318,7 +318,7 @@ fn a_panic_of_the_interface_gives_the_terminal_back_and_saves_the_run() {
 }
 
 #[test]
-fn threads_that_hang_for_a_while_leave_the_interface_alive() {
+fn the_interface_stays_responsive_while_other_threads_hang() {
     for thread in ["trainer", "viewer", "evaluation", "graph"] {
         let folder = folder();
         let fault = format!("{thread}=delay:3000@1");
@@ -334,7 +334,7 @@ fn threads_that_hang_for_a_while_leave_the_interface_alive() {
 }
 
 #[test]
-fn panics_without_the_interface_are_errors_and_the_run_is_saved() {
+fn headless_panics_are_errors_and_the_run_is_saved() {
     for (fault, updates) in [
         ("trainer=panic@500", 1..500),
         ("graph=panic@1", 1..400),
@@ -352,7 +352,7 @@ fn panics_without_the_interface_are_errors_and_the_run_is_saved() {
 }
 
 #[test]
-fn a_killed_or_aborted_program_leaves_the_terminal_as_it_was() {
+fn killing_or_aborting_the_program_restores_the_terminal() {
     for signal in ["KILL", "ABRT"] {
         let folder = folder();
         let mut session = Session::start(folder.path(), &["trap"]);
@@ -371,7 +371,7 @@ fn a_killed_or_aborted_program_leaves_the_terminal_as_it_was() {
 }
 
 #[test]
-fn what_does_not_fit_into_memory_is_refused_with_what_it_needs() {
+fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
     let folder = folder();
     let limited = |args: &[&str]| {
         let mut shell = Command::new("sh");
@@ -380,7 +380,7 @@ fn what_does_not_fit_into_memory_is_refused_with_what_it_needs() {
         shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
         outcome(shell.current_dir(folder.path()))
     };
-    for setting in ["hidden=4096", "replay_capacity=100000000"] {
+    for setting in ["hidden=4096", "buffer_size=100000000"] {
         let (status, output, errors) =
             limited(&["--no-ui", "trap", "--max-updates", "9", "--set", "layers=8", "--set", setting]);
         assert_eq!((status, output.as_str()), (2, ""), "{setting}: {errors}");
@@ -392,7 +392,7 @@ fn what_does_not_fit_into_memory_is_refused_with_what_it_needs() {
 }
 
 #[test]
-fn a_damaged_checkpoint_falls_back_to_the_one_before() {
+fn a_damaged_checkpoint_falls_back_to_the_previous_one() {
     let folder = folder();
     let path = checkpoint(folder.path());
     let mut bytes = std::fs::read(&path).unwrap();
@@ -411,7 +411,7 @@ fn a_damaged_checkpoint_falls_back_to_the_one_before() {
 }
 
 #[test]
-fn curves_evaluations_and_log_are_there_after_resuming() {
+fn curves_evaluations_and_log_survive_resuming() {
     let folder = folder();
     let path = checkpoint(folder.path());
     let history = train::load(&path, &Registry::builtin(), 1).unwrap().trainer.history().clone();
@@ -446,7 +446,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
     let loaded = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
     assert_eq!(loaded.world().title(), "[2Jx");
     assert_eq!(train::describe(&path).unwrap().title, "[2Jx");
-    // What the first number becomes; where there is none, all bits are set.
+    // The value for the first number of the tensor; `None` sets all bits of all numbers.
     for (tensor, number, expected) in [
         ("graph.lengths", Some(f32::NAN), "impossible length"),
         ("graph.lengths", Some(-5.0), "impossible length"),
@@ -493,7 +493,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
 }
 
 #[test]
-fn checkpoints_of_the_former_format_load_and_of_later_ones_name_their_version() {
+fn old_checkpoints_load_and_newer_ones_are_refused_with_their_version() {
     let folder = folder();
     let good = std::fs::read(checkpoint(folder.path())).unwrap();
     let former = resealed(&good, |texts, _| {
@@ -511,7 +511,7 @@ fn checkpoints_of_the_former_format_load_and_of_later_ones_name_their_version() 
 }
 
 #[test]
-fn nothing_blocks_on_what_is_no_regular_file() {
+fn special_files_are_refused_without_blocking() {
     let folder = folder();
     nix::unistd::mkfifo(&folder.path().join("fifo"), nix::sys::stat::Mode::S_IRWXU).unwrap();
     symlink("/dev/zero", folder.path().join("zero")).unwrap();
@@ -543,7 +543,7 @@ fn nothing_blocks_on_what_is_no_regular_file() {
 }
 
 #[test]
-fn a_private_checkpoint_stays_private_and_a_link_a_link() {
+fn saving_keeps_private_permissions_and_links() {
     let folder = folder();
     let path = checkpoint(folder.path());
     std::fs::set_permissions(&path, PermissionsExt::from_mode(0o600)).unwrap();
@@ -557,7 +557,7 @@ fn a_private_checkpoint_stays_private_and_a_link_a_link() {
 }
 
 #[test]
-fn nothing_from_outside_acts_on_the_terminal() {
+fn external_text_cannot_control_the_terminal() {
     let folder = folder();
     let evil = "evil\x1b]0;title\x07\u{9b}31m\u{202e}.txt";
     std::fs::write(folder.path().join(evil), "..x\n").unwrap();
@@ -583,7 +583,7 @@ fn nothing_from_outside_acts_on_the_terminal() {
 }
 
 #[test]
-fn quotations_of_huge_lines_are_short() {
+fn errors_about_huge_lines_are_short() {
     let folder = folder();
     let line = "x".repeat(50_000_000);
     for text in [format!("{{\"{line}\": 1}}"), format!("{{\"tau\": \"{line}\"}}"), format!("{{\"tau\": {line}}}")] {
@@ -595,7 +595,7 @@ fn quotations_of_huge_lines_are_short() {
 }
 
 #[test]
-fn a_full_standard_error_changes_no_exit_status() {
+fn a_full_standard_error_does_not_change_the_exit_status() {
     let folder = folder();
     let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     for (args, expected) in [(&["--no-ui", "nomap"][..], 2), (&["--nonsense"], 2), (&["check", "nomap"], 2)] {

@@ -1,4 +1,4 @@
-//! A world and a learner that the library does not know go through the same trainer as the built-in ones.
+//! A custom world and a custom learner go through the same trainer as the built-in ones.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -16,7 +16,7 @@ use own_world::registry;
 
 fn trainer(method: &str) -> Trainer {
     let mut settings = Preset::Default.settings();
-    settings.learn.replay_capacity = 50_000;
+    settings.learn.buffer_size = 50_000;
     settings.learn.hidden = 16;
     settings.bridge.candidates = 30;
     settings.bridge.graph_every_updates = 200;
@@ -32,7 +32,7 @@ fn train_to(trainer: &mut Trainer, updates: u64) {
     }
 }
 
-/// Everything but the time that it took.
+/// Returns the saved state without the elapsed time.
 fn state(trainer: &Trainer) -> Store {
     let mut store = trainer.save().unwrap();
     let mut state: serde_json::Value = store.json("trainer").unwrap();
@@ -42,7 +42,7 @@ fn state(trainer: &Trainer) -> Store {
 }
 
 #[test]
-fn a_learner_of_ones_own_learns_a_world_of_ones_own() {
+fn a_custom_learner_learns_a_custom_world() {
     let mut run = trainer("table+bridges");
     train_to(&mut run, 3_000);
     let found = run.evaluate(&run.tasks(40)).unwrap();
@@ -50,23 +50,23 @@ fn a_learner_of_ones_own_learns_a_world_of_ones_own() {
     assert!(planned >= 0.9 && greedy >= 0.9, "planned {planned}, greedy {greedy}");
     let bridges = found.bridges.unwrap();
     assert!(bridges.candidates > 5 && bridges.edges > bridges.candidates, "{bridges:?}");
-    // What the world does not know is not made up.
+    // Metrics that the world does not provide are absent.
     assert!(found.distance_error.is_none() && found.coverage.is_none() && found.greedy.spl.is_none());
 }
 
 #[test]
-fn without_learning_a_world_of_ones_own_is_not_learned() {
+fn random_actions_do_not_solve_a_custom_world() {
     let mut run = trainer("random");
     train_to(&mut run, 3_000);
     let mut tasks = run.tasks(40);
-    // In 500 steps a bead that is pushed at random passes everywhere.
+    // In 500 steps a randomly pushed bead gets everywhere, so measure SPL instead of success.
     tasks.tasks.iter_mut().for_each(|task| task.shortest = Some(0));
     let spl = run.evaluate(&tasks).unwrap().greedy.spl.unwrap();
     assert!(spl < 0.5, "{spl}");
 }
 
 #[test]
-fn any_learner_goes_with_any_planner_in_any_world_and_is_resumed_bit_by_bit() {
+fn any_learner_and_planner_combine_and_resume_bitwise() {
     let folder = tempfile::tempdir().unwrap();
     for method in ["table+none", "table+bridges", "table+sorb", "gdg", "gdg-bridge", "random", "random+bridges"] {
         let path = folder.path().join(method);
@@ -97,7 +97,7 @@ fn a_checkpoint_of_an_unknown_world_or_learner_is_refused_by_name() {
 }
 
 #[test]
-fn a_world_of_ones_own_runs_without_the_interface_and_goes_on_from_its_checkpoint() {
+fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("own.safetensors");
     let path = path.to_str().unwrap();

@@ -1,4 +1,4 @@
-//! The real program in a pseudo-terminal: what a user sees, presses, and is left with.
+//! The real program in a pseudo-terminal: what a user sees and presses, and what remains on the terminal.
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -10,7 +10,7 @@ use portable_pty::{CommandBuilder, native_pty_system};
 use support::{Session, size, some};
 
 #[test]
-fn it_opens_pauses_helps_saves_and_leaves_a_summary() {
+fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["trap", "--seed", "4"]);
     session.wait_for("gdg-tui");
@@ -18,7 +18,7 @@ fn it_opens_pauses_helps_saves_and_leaves_a_summary() {
     session.wait_for("quit");
     session.press("?");
     session.wait_for("pause training, or go on");
-    // An escape with something right behind it would be another key.
+    // An escape immediately followed by other bytes would be a different key.
     session.press("\x1b");
     session.wait_until_gone("pause training, or go on");
     session.press(" ");
@@ -38,7 +38,7 @@ fn it_opens_pauses_helps_saves_and_leaves_a_summary() {
     assert_eq!(short.end(), 0);
 }
 
-/// A map of two rooms with a door, small enough to be learned in seconds.
+/// A map of two rooms joined by a door, small enough to learn in seconds.
 const ROOMS: &str = "\
 S.....#......
 ......#......
@@ -48,7 +48,7 @@ S.....#......
 ";
 
 #[test]
-fn a_user_trains_edits_places_a_goal_saves_quits_and_resumes() {
+fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("rooms.txt"), ROOMS).unwrap();
     let mut session = Session::start(folder.path(), &["rooms.txt", "--seed", "3"]);
@@ -57,7 +57,7 @@ fn a_user_trains_edits_places_a_goal_saves_quits_and_resumes() {
     session.wait_for("paused");
     session.press(".");
     session.wait_for("paused");
-    // A wall at the cursor, which begins at the goal, and away again.
+    // Draw a wall at the cursor, which starts at the goal, and undo it.
     session.press("e");
     session.wait_for("EDIT");
     session.press("kx");
@@ -65,10 +65,10 @@ fn a_user_trains_edits_places_a_goal_saves_quits_and_resumes() {
     session.press("u");
     session.wait_for("1 opened");
     session.press("\x1b");
-    // The notice of the edit hides the keys for some seconds.
+    // The notice about the edit hides the key hints for a few seconds.
     session.wait_for("Tab panes");
     session.press(" ");
-    // Left of the map's goal, where the pointer is; the agent gets there, again and again.
+    // Move the goal two cells left of the map's; the agent reaches it repeatedly.
     session.press("3hh");
     session.wait_for("to G      10.5, 4.5");
     for journeys in ["arrived   1 of", "arrived   2 of"] {
@@ -83,7 +83,7 @@ fn a_user_trains_edits_places_a_goal_saves_quits_and_resumes() {
     let mut again = Session::start(folder.path(), &["--resume", "saves/rooms-gdg-bridge-seed3.safetensors"]);
     again.wait_for("rooms gdg-bridge default seed 3");
     again.wait_for("training");
-    // The list of checkpoints knows it too.
+    // The checkpoint list shows it too.
     again.press("L");
     again.wait_for("load a checkpoint");
     again.wait_for("rooms gdg-bridge");
@@ -96,7 +96,7 @@ fn a_user_trains_edits_places_a_goal_saves_quits_and_resumes() {
 }
 
 #[test]
-fn a_stop_gives_the_terminal_back_and_going_on_takes_it_again() {
+fn suspending_restores_the_terminal_and_continuing_takes_it_back() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("quit");
@@ -152,7 +152,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     let told = run(&["frames", "run.cast", "--at", &format!("0,{end}"), "--out", "pictures"]);
     assert_eq!(told.lines().count(), 2);
     assert!(told.lines().all(|file| folder.path().join(file).is_file()), "{told}");
-    // Another run does not replace it unless it is asked to.
+    // Another run replaces it only with --overwrite.
     let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
     again.wait_for("run.cast: there is such a file");
     assert_eq!(again.child.wait().unwrap().exit_code(), 2);
@@ -172,7 +172,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
 }
 
 #[test]
-fn a_configuration_sets_keys_and_theme_and_its_mistakes_are_told() {
+fn a_configuration_sets_keys_and_theme_and_its_errors_are_reported() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("own.toml"), "theme = \"light\"\n[keys]\npause = [\"f5\"]\n").unwrap();
     let mut session = Session::start(folder.path(), &["trap", "--ui-config", "own.toml"]);
@@ -188,7 +188,7 @@ fn a_configuration_sets_keys_and_theme_and_its_mistakes_are_told() {
 }
 
 #[test]
-fn resizes_keys_and_a_paste_leave_it_alive() {
+fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("quit");
@@ -205,7 +205,7 @@ fn resizes_keys_and_a_paste_leave_it_alive() {
         session.press(&format!("\x1b[<0;{i};{}M\x1b[<32;{i};{}M\x1b[<0;{i};{i}m", i % 30 + 1, i % 24 + 1));
     }
     session.wait_for("updates");
-    // A paste into a line of text is cut to what a line can be.
+    // A paste into a text field is cut to the maximum length of the field.
     session.press(":\x1b[200~");
     session.press(&"pause ".repeat(200_000));
     session.press("\x1b[201~");
@@ -219,7 +219,7 @@ fn resizes_keys_and_a_paste_leave_it_alive() {
 }
 
 #[test]
-fn a_signal_gives_the_terminal_back_and_keeps_the_checkpoint() {
+fn a_signal_restores_the_terminal_and_saves_the_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
     for (signal, status) in [("TERM", 143), ("HUP", 129)] {
         let session = Session::start(folder.path(), &["trap", "--save", "kept.safetensors"]);
@@ -233,7 +233,7 @@ fn a_signal_gives_the_terminal_back_and_keeps_the_checkpoint() {
 }
 
 #[test]
-fn check_shows_on_a_terminal_that_it_works() {
+fn check_shows_a_spinner_on_a_terminal() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("large.txt"), format!("{}\n", ".".repeat(1024)).repeat(1024)).unwrap();
     let pty = native_pty_system().openpty(size(80, 24)).unwrap();
@@ -244,7 +244,7 @@ fn check_shows_on_a_terminal_that_it_works() {
     let mut child = pty.slave.spawn_command(command).unwrap();
     drop(pty.slave);
     let mut shown = Vec::new();
-    // A terminal that nobody holds any more ends with an error.
+    // Reading from a terminal that no process holds any more ends with an error.
     let _ = pty.master.try_clone_reader().unwrap().read_to_end(&mut shown);
     assert!(child.wait().unwrap().success());
     let shown = String::from_utf8_lossy(&shown);

@@ -1,4 +1,4 @@
-//! Training: the same run whatever surrounds it, and learning that works.
+//! Training: runs are reproducible, and learning works.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 
@@ -11,7 +11,7 @@ use gdg_tui::map::{Grid, parse_map};
 use gdg_tui::store::{Array, Store};
 use gdg_tui::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 
-/// Two rooms joined by a door: the straight way between them is mostly wall.
+/// Two rooms joined by a door: most straight lines between them hit the wall.
 const TWO_ROOMS: &str = "\
 ..........#..........
 ..........#..........
@@ -26,11 +26,11 @@ const TWO_ROOMS: &str = "\
 ..........#..........
 ";
 
-/// Small networks and a small graph: quick, and enough for two rooms.
+/// Returns settings with small networks and a small graph: fast, and enough for two rooms.
 fn settings() -> Settings {
     let mut settings = Settings::default();
     settings.learn.hidden = 64;
-    settings.learn.replay_capacity = 100_000;
+    settings.learn.buffer_size = 100_000;
     settings.bridge.candidates = 80;
     settings.bridge.graph_every_updates = 200;
     settings
@@ -46,7 +46,7 @@ fn map_of(trainer: &Trainer) -> &Arc<Grid> {
     PointMaze::of(trainer.world()).unwrap().map()
 }
 
-/// Goes on with the same maze on another map.
+/// Switches to the same maze on another map.
 fn change_map(trainer: &mut Trainer, map: &Arc<Grid>) -> Result<train::WorldChange, train::TrainError> {
     let maze = PointMaze::of(trainer.world()).unwrap().on_map(map.clone());
     trainer.change_world(&maze)
@@ -58,7 +58,7 @@ fn train_to(trainer: &mut Trainer, updates: u64) {
     }
 }
 
-/// All that a run has changed, bit by bit, but for the time that it took.
+/// Returns all state of a run as bits, except for the elapsed time.
 fn everything(trainer: &Trainer) -> Vec<(String, Vec<u64>)> {
     let store = trainer.save().unwrap();
     let bits = |array: &Array| -> Vec<u64> {
@@ -92,7 +92,7 @@ fn assert_same(a: &Trainer, b: &Trainer) {
 }
 
 #[test]
-fn the_same_seed_gives_the_same_run_and_another_seed_another() {
+fn the_same_seed_gives_the_same_run_and_another_seed_a_different_one() {
     let mut runs = [trainer(settings(), 1, 1), trainer(settings(), 1, 1), trainer(settings(), 2, 1)];
     runs.iter_mut().for_each(|run| train_to(run, 450));
     assert_same(&runs[0], &runs[1]);
@@ -100,7 +100,7 @@ fn the_same_seed_gives_the_same_run_and_another_seed_another() {
 }
 
 #[test]
-fn the_number_of_threads_changes_nothing() {
+fn the_number_of_threads_does_not_change_the_run() {
     let mut runs = [trainer(settings(), 3, 1), trainer(settings(), 3, 2), trainer(settings(), 3, 4)];
     runs.iter_mut().for_each(|run| train_to(run, 450));
     assert_same(&runs[0], &runs[1]);
@@ -108,7 +108,7 @@ fn the_number_of_threads_changes_nothing() {
 }
 
 #[test]
-fn evaluation_changes_nothing() {
+fn evaluation_does_not_change_the_run() {
     let (mut watched, mut alone) = (trainer(settings(), 4, 1), trainer(settings(), 4, 1));
     for updates in [150, 300, 450] {
         train_to(&mut watched, updates);
@@ -120,13 +120,13 @@ fn evaluation_changes_nothing() {
 }
 
 #[test]
-fn a_resumed_run_goes_on_as_if_it_had_never_stopped() {
+fn a_resumed_run_continues_bitwise() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new folder/half.safetensors");
     let mut straight = trainer(settings(), 5, 1);
     train_to(&mut straight, 700);
     let mut first = trainer(settings(), 5, 1);
-    // In the middle of things: between an update that was due and the next.
+    // Stop mid-cycle: between one due update and the next.
     train_to(&mut first, 333);
     train::save(&first, &SaveTo::Own(path.clone())).unwrap();
     let mut resumed = train::load(&path, &Registry::builtin(), 2).unwrap().trainer;
@@ -154,7 +154,7 @@ fn a_checkpoint_is_described_without_being_loaded() {
 }
 
 #[test]
-fn a_setting_that_holds_at_once_leaves_all_else_as_it_is() {
+fn a_setting_that_applies_immediately_changes_nothing_else() {
     let mut run = trainer(settings(), 5, 1);
     train_to(&mut run, 300);
     let learned = |run: &Trainer| {
@@ -177,7 +177,7 @@ fn a_setting_that_holds_at_once_leaves_all_else_as_it_is() {
 #[test]
 fn changing_any_setting_keeps_what_is_promised() {
     let mut base = settings();
-    base.learn.replay_capacity = 5_000;
+    base.learn.buffer_size = 5_000;
     for (name, value) in train::list_settings(&base) {
         let other = match (name.as_str(), value.as_str()) {
             ("backend", _) => "tape".to_owned(),
@@ -190,19 +190,19 @@ fn changing_any_setting_keeps_what_is_promised() {
             (_, "true") => "false".to_owned(),
             (_, "false") => "true".to_owned(),
             (_, list) if list.starts_with('[') => "[1.0,3.0]".to_owned(),
-            ("replay_capacity", _) => "6000".to_owned(),
-            ("batch" | "hidden", _) => "8".to_owned(),
+            ("buffer_size", _) => "6000".to_owned(),
+            ("batch_size" | "hidden", _) => "8".to_owned(),
             (_, number) if number.parse::<u64>().is_ok() => (number.parse::<u64>().unwrap() + 1).to_string(),
             (_, number) => (number.parse::<f64>().unwrap() * 0.5 + 0.12).to_string(),
         };
-        // Two of the defaults add up to the most that they may.
+        // Two of the defaults already add up to their joint maximum.
         let Ok(settings) = train::with_setting(&base, &name, &other) else { panic!("{name} can be {other}") };
         assert_ne!(settings, base, "{name}");
         let mut run = trainer(base.clone(), 5, 1);
         train_to(&mut run, 20);
         let stored = run.replay().len();
         let kept = run.change_run(Run { settings, ..run.run().clone() }).unwrap();
-        let effect = train::effect_of(&name);
+        let effect = train::Setting::named(&name).unwrap().effect;
         assert_eq!(kept.networks, effect != Effect::NewNetworks, "{name}");
         assert_eq!(kept.agents, effect != Effect::NewAgents, "{name}");
         assert!(run.replay().len() > stored / 2, "{name} loses the replay");
@@ -211,9 +211,9 @@ fn changing_any_setting_keeps_what_is_promised() {
 }
 
 #[test]
-fn a_full_replay_is_resumed_too() {
+fn a_run_with_a_full_replay_resumes_bitwise() {
     let mut small = settings();
-    small.learn.replay_capacity = 5_000;
+    small.learn.buffer_size = 5_000;
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("full.safetensors");
     let mut straight = trainer(small.clone(), 6, 1);
@@ -229,7 +229,7 @@ fn a_full_replay_is_resumed_too() {
 }
 
 #[test]
-fn files_that_are_no_checkpoints_are_errors() {
+fn files_that_are_not_checkpoints_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let write = |name: &str, bytes: &[u8]| {
         let path = folder.path().join(name);
@@ -248,14 +248,14 @@ fn files_that_are_no_checkpoints_are_errors() {
     assert!(text(&write("cut", &bytes[..bytes.len() / 2])).contains("not a safetensors file"));
     let foreign = safetensors::serialize(Vec::<(String, safetensors::tensor::TensorView)>::new(), None).unwrap();
     assert!(text(&write("foreign", &foreign)).contains("not a checkpoint"));
-    // A header that names other sizes than these settings have.
+    // A header with other network sizes than those saved.
     let mut changed = bytes.clone();
     let at = bytes.windows(12).position(|w| w == b"\\\"hidden\\\":6").unwrap();
     changed[at + 11] = b'3';
     assert!(text(&write("changed", &changed)).contains("checksum"));
 }
 
-/// Planned and greedy success after `updates`.
+/// Trains for `updates` and returns planned and greedy success.
 fn success(settings: Settings, updates: u64) -> (f64, f64) {
     let mut run = trainer(settings, 11, 2);
     train_to(&mut run, updates);
@@ -274,9 +274,9 @@ fn two_rooms_are_learned() {
     assert!(greedy >= 0.6, "greedy {greedy}");
 }
 
-/// The test above tells learning from its absence: networks that hardly change stay far below its marks.
+/// Shows that the test above detects learning: networks that hardly change stay far below its thresholds.
 #[test]
-fn two_rooms_are_not_learned_without_learning() {
+fn two_rooms_are_not_learned_by_frozen_networks() {
     let mut idle = settings();
     idle.learn.learning_rate = 1e-8;
     idle.learn.grid_learning_rate = 1e-8;
@@ -285,42 +285,42 @@ fn two_rooms_are_not_learned_without_learning() {
 }
 
 #[test]
-fn distances_of_a_trained_run_bend_round_the_wall() {
+fn learned_distances_bend_around_the_wall() {
     let mut run = trainer(settings(), 12, 2);
     train_to(&mut run, 4_000);
     let policy = run.policy().unwrap();
     let distance = |from: [f32; 2], to: [f32; 2]| policy.distance(&from, &to, &mut Scratch::default());
-    // Side by side, with the wall between: 2 steps through it, 17 round it.
+    // Close to each other, with the wall between: 2 steps through it, 17 around it.
     let (through, round) = (distance([9.5, 0.5], [11.5, 0.5]), distance([9.5, 0.5], [7.5, 0.5]));
     assert!(through > 8.0, "across the wall D is {through}");
     assert!(round < 5.0, "along the wall D is {round}");
 }
 
 #[test]
-fn an_update_follows_every_so_many_steps_after_the_warm_up() {
+fn updates_follow_steps_at_the_set_ratio_after_the_warm_up() {
     let mut run = trainer(settings(), 13, 1);
     let mut updates = 0;
     while updates < 100 {
         updates += u64::from(run.tick().unwrap() == Tick::Update);
     }
     let settings = &run.run().settings.train;
-    let due = (run.counters().env_steps - settings.warmup_env_steps) / settings.env_steps_per_update;
+    let due = (run.counters().env_steps - settings.learning_starts) / settings.env_steps_per_update;
     assert!(due - updates <= 2, "{due} due, {updates} done");
 }
 
 #[test]
 fn without_a_warm_up_the_first_update_waits_for_a_transition() {
     let mut eager = settings();
-    eager.train.warmup_env_steps = 0;
+    eager.train.learning_starts = 0;
     let mut run = trainer(eager, 14, 1);
     assert_eq!([run.tick().unwrap(), run.tick().unwrap(), run.tick().unwrap()], [Tick::Step, Tick::Step, Tick::Update]);
 }
 
 #[test]
-fn the_paper_preset_updates_as_often_as_it_stepped_after_each_episode() {
+fn the_paper_preset_makes_one_update_per_step_after_each_episode() {
     let map = parse_map("two-rooms", TWO_ROOMS.as_bytes()).unwrap();
     let mut settings = Preset::Paper.settings();
-    settings.train.warmup_env_steps = 0;
+    settings.train.learning_starts = 0;
     let run = Run { method: Method::default(), preset: Preset::Paper, seed: 1, settings };
     let mut run = Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 1).unwrap();
     let episode = u64::from(run.run().settings.train.episode_steps);
@@ -331,7 +331,7 @@ fn the_paper_preset_updates_as_often_as_it_stepped_after_each_episode() {
     assert_eq!((run.counters().updates, run.counters().episodes), (episode, 1));
 }
 
-/// The two rooms with the door in the first row instead.
+/// Returns the two rooms with the door in the first row instead.
 fn door_above() -> Arc<Grid> {
     let row = |(i, line): (usize, &str)| {
         let (left, right) = (&line[..10], &line[11..]);
@@ -342,7 +342,7 @@ fn door_above() -> Arc<Grid> {
 }
 
 #[test]
-fn a_door_that_moves_is_learned_by_the_same_networks() {
+fn the_same_networks_learn_a_moved_door() {
     let mut run = trainer(settings(), 13, 2);
     train_to(&mut run, 3_000);
     let other_size = parse_map("small", b"...\n...\n").unwrap();
@@ -356,7 +356,7 @@ fn a_door_that_moves_is_learned_by_the_same_networks() {
     let again = change_map(&mut run, &map).unwrap();
     assert_eq!((&again.facts["walled"], again.transitions_removed), (&0.into(), 0));
     assert_eq!(map_of(&run), &map);
-    // Nothing that is left leads through the wall, and nobody stands in it.
+    // No remaining transition crosses the wall, and no agent is inside it.
     let mut before: Option<Vec<f32>> = None;
     run.replay().retell(|_, state| {
         if let (Some(a), Some(b)) = (&before, state) {
@@ -374,7 +374,7 @@ fn a_door_that_moves_is_learned_by_the_same_networks() {
 }
 
 #[test]
-fn distances_that_new_walls_made_longer_are_learned_soon() {
+fn distances_lengthened_by_new_walls_are_relearned_quickly() {
     let through_the_door = |run: &Trainer| {
         let policy = run.policy().unwrap();
         policy.distance(&[8.5, 7.9], &[12.5, 7.9], &mut Scratch::default())
@@ -391,12 +391,12 @@ fn distances_that_new_walls_made_longer_are_learned_soon() {
         through_the_door(&run)
     };
     let (soon, late) = (after(true, 0.5), after(false, 0.95));
-    // By the new door it is 18 steps.
+    // Through the new door it takes 18 steps.
     assert!(soon > 9.0 && soon > 1.3 * late, "{soon} after a thousand updates, {late} by behaviour and an expectile");
 }
 
 #[test]
-fn a_run_on_an_edited_map_is_resumed_on_it() {
+fn a_run_on_an_edited_map_resumes_on_that_map() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("edited.safetensors");
     let map = door_above();

@@ -1,4 +1,4 @@
-//! Any bytes as a recording, played to its end.
+//! Plays arbitrary bytes as a recording, to its end.
 #![no_main]
 
 use std::path::PathBuf;
@@ -7,7 +7,7 @@ use std::sync::LazyLock;
 use gdg_tui::frames::play;
 use libfuzzer_sys::fuzz_target;
 
-/// One file for each process, in memory where there is such a place.
+/// One file per process, in memory if possible.
 static FILE: LazyLock<PathBuf> = LazyLock::new(|| {
     let memory = PathBuf::from("/dev/shm");
     let folder = if memory.is_dir() { memory } else { std::env::temp_dir() };

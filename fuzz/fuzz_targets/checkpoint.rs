@@ -1,4 +1,5 @@
-//! Any bytes as a checkpoint, its checksum made right first, as somebody would who means harm; what is taken trains on.
+//! Loads arbitrary bytes as a checkpoint, with the checksum corrected first as an attacker would, and trains what
+//! loads.
 #![no_main]
 
 use gdg_tui::train::{Registry, from_bytes, resealed};

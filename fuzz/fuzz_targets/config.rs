@@ -1,4 +1,4 @@
-//! Any text as a settings file, and as the interface's configuration.
+//! Parses arbitrary text as a settings file and as the interface's configuration.
 #![no_main]
 
 use gdg_tui::train::{Preset, settings_from_text};

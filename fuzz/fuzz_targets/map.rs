@@ -1,4 +1,4 @@
-//! Any bytes as a map: a grid that prints as itself, or an error.
+//! Parses arbitrary bytes as a map: a grid that survives printing and parsing, or an error.
 #![no_main]
 
 use gdg_tui::map::{parse_map, print_ascii};

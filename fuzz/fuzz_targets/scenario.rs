@@ -1,4 +1,4 @@
-//! Any bytes as a scenario of the trap.
+//! Parses arbitrary bytes as a scenario of the trap.
 #![no_main]
 
 use std::sync::LazyLock;

@@ -1,4 +1,4 @@
-//! What is measured.
+//! The benchmark cases.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
@@ -15,13 +15,13 @@ use crate::map::{Grid, builtin};
 use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 use crate::tui::Watched;
 
-/// Updates in one turn.
+/// Updates per turn.
 const UPDATES: usize = 20;
 
-/// Side of the open map that fields and plans are measured on, in cells.
+/// Side length of the open map for fields and plans, in cells.
 const OPEN: usize = 256;
 
-/// Columns and rows of the screen that the interface is measured on.
+/// Columns and rows of the screen for the interface.
 const SCREEN: (u16, u16) = (200, 60);
 
 fn rng() -> ChaCha8Rng {
@@ -32,7 +32,7 @@ fn open_map() -> Arc<Grid> {
     Arc::new(Grid::new("open", OPEN, vec![true; OPEN * OPEN], Vec::new(), Vec::new()))
 }
 
-/// Random pairs and transitions on a map of 100 by 100 cells.
+/// Returns random pairs and transitions on a 100 x 100 map.
 fn batch(rows: usize) -> Batch {
     let mut rng = rng();
     let mut numbers = |from: f32, to: f32| -> Vec<f32> { (0..2 * rows).map(|_| rng.random_range(from..to)).collect() };
@@ -53,25 +53,26 @@ fn batch(rows: usize) -> Batch {
     }
 }
 
-/// Multiply-adds of the matrix products of one update, in operations (two each).
+/// Returns the operations in the matrix products of one update (two per multiply-add).
 fn operations(rows: usize, hidden: usize) -> f64 {
     let (b, h) = (rows as f64, hidden as f64);
     let network = |outputs: f64| 4.0 * h + h * h + h * outputs;
     let (critic, two) = (network(1.0), network(2.0));
     let backward = |weights: f64| weights + h * h;
-    // Target forward; critic, model and actor forward and backward; through the model and the critic, inputs only.
+    // Target forward; critic, model and actor forward and backward; for the actor, model and critic again, backward to
+    // their inputs only.
     let passes = critic + (critic + backward(critic)) + 2.0 * (two + backward(two)) + (two + h * h) + (critic + h * h);
     2.0 * b * passes
 }
 
-/// One update, plain and fused, on one thread and on all, in turns.
+/// Measures one update, plain and fused, on one thread and on all, in turns.
 pub fn updates(
     rows: usize,
     width: usize,
     (threads, runs): (usize, usize),
     peak_gflops: f64,
 ) -> Result<UpdateTimes, TrainError> {
-    let settings = LearnSettings { batch: rows, hidden: width, ..LearnSettings::paper() };
+    let settings = LearnSettings { batch_size: rows, hidden: width, ..LearnSettings::paper() };
     let world = PointMaze::new(Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())), 1);
     let mut fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
     let mut together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
@@ -79,7 +80,7 @@ pub fn updates(
     let batch = batch(rows);
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
     let (mut failure, mut profile) = (Ok(()), Profile::default());
-    // The first turn warms up.
+    // The first turn is a warm-up.
     for turn in 0..=runs {
         let mut repeat = |update: &mut dyn FnMut() -> candle_core::Result<()>| {
             let took = time_us(|| (0..UPDATES).for_each(|_| failure = update()));
@@ -113,7 +114,7 @@ pub fn updates(
     })
 }
 
-/// Training on the four rooms with the default preset.
+/// Measures training on the four rooms with the default preset.
 pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, TrainError> {
     const UPDATES_A_TURN: u64 = 500;
     let Some(map) = builtin("fourrooms").map(Arc::new) else { unreachable!("it is built in") };
@@ -142,7 +143,7 @@ pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, T
     Ok(DefaultTimes { runs, one_thread: one, all_threads: all, phases: phases.collect() })
 }
 
-/// Training on a large map with the interface open and without, in turns.
+/// Measures training on a large map with and without the interface, in turns.
 pub fn interface((threads, runs): (usize, usize)) -> Result<InterfaceTimes, TrainError> {
     const TURN: Duration = Duration::from_secs(1);
     let map = rooms();
@@ -169,14 +170,14 @@ pub fn interface((threads, runs): (usize, usize)) -> Result<InterfaceTimes, Trai
     Ok(InterfaceTimes { runs, alone: median(rates), ratio: median(ratios), frame_us: median(frames) })
 }
 
-/// Rooms of thirty-one by thirty-one cells with doors, as large as the open map.
+/// Returns a map as large as the open one, of 31 x 31 rooms with doors.
 fn rooms() -> Arc<Grid> {
     let wall = |x: usize, y: usize| x % 32 == 31 && y % 32 != 15 || y % 32 == 31 && x % 32 != 15;
     let free = (0..OPEN * OPEN).map(|i| !wall(i % OPEN, i / OPEN)).collect();
     Arc::new(Grid::new("rooms", OPEN, free, Vec::new(), Vec::new()))
 }
 
-/// Acting, the field of a whole map, planning, environment steps.
+/// Measures acting, the field of a whole map, planning, and environment steps.
 pub fn other() -> Result<Vec<Timed>, TrainError> {
     let map = open_map();
     let mut world = PointMaze::new(map.clone(), 32);
@@ -209,7 +210,7 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
             walker.step(&[200.5, 40.5], &graph, &*policy, &mut scratch);
         }));
     }
-    // So many are wanted that on this map there are three times as many.
+    // Asking for 500 candidates yields three times as many on this map.
     let (candidates, _) = explored(&map, 500);
     all.push(timed("holding training up for a graph of 1500 candidates", 20, &mut || {
         std::hint::black_box((learner.policy(true).is_ok(), candidates.frozen()));
@@ -218,7 +219,7 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
     Ok(all)
 }
 
-/// About `candidates` candidates from random walks on the open map.
+/// Collects about `candidates` candidates from random walks on the open map.
 fn explored(map: &Arc<Grid>, candidates: usize) -> (Candidates, BridgeSettings) {
     let mut rng = rng();
     let mut world = PointMaze::new(map.clone(), 32);

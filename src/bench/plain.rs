@@ -1,4 +1,4 @@
-//! The same update in plain candle-nn: what the fused one is held against.
+//! The same update in plain candle-nn: the baseline for the fused one.
 
 use candle_core::{D, DType, Device, Result, Tensor, Var};
 use candle_nn::{AdamW, Linear, Module, Optimizer, ParamsAdamW, VarBuilder, VarMap, linear};
@@ -30,7 +30,7 @@ impl Network {
         self.layers[2].forward(&self.layers[1].forward(&h)?.relu()?)
     }
 
-    /// Variables in an order that two networks share.
+    /// Returns the variables sorted by name, so that those of two networks correspond.
     fn sorted(&self) -> Vec<Var> {
         let names = self.vars.data().lock().map(|data| {
             let mut named: Vec<_> = data.iter().map(|(name, var)| (name.clone(), var.clone())).collect();
@@ -51,7 +51,7 @@ pub struct Plain {
 }
 
 impl Plain {
-    /// Networks for states, goals and actions of two numbers.
+    /// Creates networks for two-dimensional states, goals and actions.
     pub fn new(settings: &LearnSettings) -> Result<Self> {
         let rate = f64::from(settings.learning_rate);
         let network = |outputs| Network::new(4, settings.hidden, outputs, rate);
@@ -61,11 +61,11 @@ impl Plain {
 
     fn distance(network: &Network, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let z = network.forward(&Tensor::cat(&[states, goals], 1)?)?.squeeze(1)?;
-        // softplus, as the fused critic has it
+        // Softplus, as in the fused critic.
         (z.relu()? + (z.abs()?.neg()?.exp()? + 1.0)?.log()?)? * 40.0
     }
 
-    /// One update.
+    /// Performs one update.
     pub fn update(&mut self, batch: &Batch) -> Result<()> {
         let tensor = |numbers: &[f32]| Tensor::from_slice(numbers, (numbers.len() / 2, 2), &Device::Cpu);
         let column = |numbers: &[f32]| Tensor::from_slice(numbers, numbers.len(), &Device::Cpu);

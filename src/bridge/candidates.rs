@@ -1,4 +1,4 @@
-//! Bridge candidates, and what trajectories show about the ways between them.
+//! Bridge candidates, and the step counts that trajectories show between them.
 
 mod state;
 
@@ -9,30 +9,30 @@ use super::settings::BridgeSettings;
 use crate::env::Spec;
 pub use state::CandidatesState;
 
-/// Steps between candidates of which no trajectory went from one to the other in time.
+/// Step count between two candidates that no trajectory connected within the time window.
 pub const NEVER: u16 = u16::MAX;
 
-/// Candidates farther apart than this share of the edge cut-off could hardly be joined by edges. (The fastest agents
-/// move a goal radius a step.)
+/// Useful spacing as a share of the edge cut-off: edges could hardly connect candidates farther apart. (The fastest
+/// agents move one goal radius per step.)
 const WIDEST_SPACING: f32 = 0.45;
 
-/// Candidates spread over all states seen, and the fewest steps in which a trajectory went from near one to near
+/// Candidates spread over all visited states, and the fewest steps in which a trajectory went from near one to near
 /// another.
 ///
-/// Candidates persist: a state farther than the spacing from all of them becomes one; when there would be too many (or
-/// on large maps: many too many), the spacing grows and those that are now too close retire (farthest-point sampling on
-/// a stream). *Near* a candidate is within a quarter of the spacing, but never more than the goal radius (what the
-/// environment itself calls being there) nor less than half of it: straight-line nearness reaches across thin walls and
-/// touching corners.
+/// Candidates persist. A state farther than the spacing from all of them becomes a new one; when there would be more
+/// than wanted (on large maps, more than the hard limit), the spacing grows and candidates that are now too close
+/// retire (streaming farthest-point sampling). *Near* a candidate means within a quarter of the spacing, but at most
+/// the goal radius (the environment's own criterion for having arrived) and at least half of it. The radius is this
+/// small because straight-line distance ignores thin walls and touching corners.
 ///
-/// A candidate is known by its index, which changes when others retire, and by its id, which never does.
+/// A candidate has an index, which changes when others retire, and an id, which never changes.
 #[derive(Clone, Debug)]
 pub struct Candidates {
     spec: Spec,
-    /// Candidates wanted, and the most there may be.
+    /// Target number of candidates, and the hard limit.
     wanted: usize,
     most: usize,
-    /// Spacing beyond which there are rather more candidates than wanted.
+    /// Once the spacing exceeds this, the number of candidates may exceed the target.
     widest: f32,
     window: usize,
     spacing: f32,
@@ -44,25 +44,25 @@ pub struct Candidates {
     ids: Vec<u32>,
     /// The next candidate's id.
     next_id: u32,
-    /// What is known of the ways from each candidate. Frozen copies share the rows that have not changed since.
+    /// What is known about the paths from each candidate. Frozen copies share the rows that have not changed since.
     ways: Vec<Arc<Ways>>,
     /// Each agent's recent visits: step within the episode, candidate.
     visits: Vec<VecDeque<(u32, u32)>>,
-    /// Steps of each agent's episode so far.
+    /// Steps in each agent's episode so far.
     clocks: Vec<u32>,
 }
 
-/// What is known of the ways from one candidate to others: few of all, as ways are short.
+/// What is known about the paths from one candidate to others. Sparse, as recorded paths are short.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Ways {
-    /// Index of another candidate and the fewest steps to it, by index.
+    /// Index of another candidate and the fewest steps to it, sorted by index.
     observed: Vec<(u32, u16)>,
-    /// What became of walks there, by the other's id.
+    /// Outcomes of walks to another candidate, by its id.
     practice: BTreeMap<u32, Practice>,
 }
 
 impl Ways {
-    /// Notes that a trajectory went to candidate `to` in `steps`.
+    /// Records that a trajectory reached candidate `to` in `steps`.
     fn observe(this: &mut Arc<Self>, to: u32, steps: u16) {
         match this.observed.binary_search_by_key(&to, |(to, _)| *to) {
             Ok(at) if this.observed[at].1 <= steps => {}
@@ -72,17 +72,17 @@ impl Ways {
     }
 }
 
-/// What became of walks from one candidate to another.
+/// Outcomes of walks from one candidate to another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Practice {
-    /// Walks that arrived in time.
+    /// Number of walks that arrived in time.
     pub arrived: u16,
-    /// Walks in a row that did not.
+    /// Number of consecutive failures since the last arrival.
     pub failed: u16,
 }
 
 impl Candidates {
-    /// No candidates yet, for `agents` agents.
+    /// Creates an empty set of candidates for `agents` agents.
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
         Self {
             spec: spec.clone(),
@@ -101,7 +101,7 @@ impl Candidates {
         }
     }
 
-    /// A frozen copy without the agents' visits: what graphs are built of and share.
+    /// Returns a frozen copy without the agents' visits, for graphs to build on and share.
     #[must_use]
     pub fn frozen(&self) -> Arc<Self> {
         Arc::new(Self {
@@ -116,32 +116,33 @@ impl Candidates {
         })
     }
 
-    /// Goes on as `fresh`, but with ids that have not been used yet: practice is not taken for that of new candidates.
+    /// Replaces the candidates with `fresh` but continues the ids, so that outcomes of earlier walks are never
+    /// attributed to new candidates.
     pub fn begin_again(&mut self, fresh: Self) {
         *self = Self { next_id: self.next_id, ..fresh };
     }
 
-    /// How many candidates there are.
+    /// Returns the number of candidates.
     pub fn len(&self) -> usize {
         self.ids.len()
     }
 
-    /// Whether there is no candidate.
+    /// Returns whether there are no candidates.
     pub fn is_empty(&self) -> bool {
         self.ids.is_empty()
     }
 
-    /// The candidates' states, `(candidates, state_dim)`.
+    /// Returns the candidates' states, `(candidates, state_dim)`.
     pub fn states(&self) -> &[f32] {
         &self.states
     }
 
-    /// The candidates as goals, `(candidates, goal_dim)`.
+    /// Returns the candidates as goals, `(candidates, goal_dim)`.
     pub fn points(&self) -> &[f32] {
         &self.points
     }
 
-    /// Fewest steps in which a trajectory went from near `from` to near `to`, [`NEVER`] if none did.
+    /// Returns the fewest steps in which a trajectory went from near `from` to near `to`, or [`NEVER`] if none did.
     pub fn observed(&self, from: usize, to: usize) -> u16 {
         if from == to {
             return 0;
@@ -150,27 +151,27 @@ impl Candidates {
         row.binary_search_by_key(&(to as u32), |(to, _)| *to).map_or(NEVER, |at| row[at].1)
     }
 
-    /// The candidates that a trajectory went to from near `from`, in ascending order.
+    /// Returns the candidates that some trajectory reached from near `from`, in ascending order.
     pub fn observed_from(&self, from: usize) -> impl Iterator<Item = usize> {
         self.ways[from].observed.iter().map(|(to, _)| *to as usize)
     }
 
-    /// The id of candidate `i`: it stays the same while others retire.
+    /// Returns the id of candidate `i`, which stays the same when others retire.
     pub fn id(&self, i: usize) -> u32 {
         self.ids[i]
     }
 
-    /// The index of the candidate called `id`, unless it has retired.
+    /// Returns the index of the candidate with this id, unless it has retired.
     fn index_of(&self, id: u32) -> Option<usize> {
         self.ids.binary_search(&id).ok()
     }
 
-    /// What became of walks from candidate `from` to candidate `to`.
+    /// Returns the outcomes of walks from candidate `from` to candidate `to`.
     pub fn practice(&self, from: usize, to: usize) -> Practice {
         self.ways[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
     }
 
-    /// Counts a walk from one candidate to another, given by their ids, that arrived or did not.
+    /// Records the outcome of a walk between two candidates, given by their ids.
     pub fn practise(&mut self, (from, to): (u32, u32), arrived: bool) {
         let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to)) else { return };
         let practice = Arc::make_mut(&mut self.ways[row]).practice.entry(to).or_default();
@@ -181,12 +182,12 @@ impl Candidates {
         }
     }
 
-    /// Least distance between candidates, in the environment's unit of length.
+    /// Returns the minimum distance between candidates, in the environment's unit of length.
     pub fn spacing(&self) -> f32 {
         self.spacing
     }
 
-    /// Within this distance of a candidate an agent is said to be there.
+    /// Returns the distance within which an agent counts as being at a candidate.
     fn near_radius(&self) -> f32 {
         (self.spacing / 4.0).clamp(0.5 * self.spec.goal_radius, self.spec.goal_radius)
     }
@@ -211,13 +212,13 @@ impl Candidates {
         visits.push_back((clock, to as u32));
     }
 
-    /// Ends `agent`'s episode: what comes next did not follow from what was before.
+    /// Ends `agent`'s episode: its next state does not follow from the previous one.
     pub fn end_episode(&mut self, agent: usize) {
         self.visits[agent].clear();
         self.clocks[agent] = 0;
     }
 
-    /// The candidate nearest to `state` and its distance; infinite without candidates.
+    /// Returns the candidate nearest to `state` and its distance, which is infinite without candidates.
     fn nearest(&self, state: &[f32]) -> (usize, f32) {
         let mut best = (0, f32::INFINITY);
         for (i, point) in self.points.chunks_exact(self.spec.goal_dim()).enumerate() {
@@ -229,7 +230,8 @@ impl Candidates {
         (best.0, best.1.sqrt())
     }
 
-    /// Makes `state` a candidate, thinning the others where there is no room; `None` where it then came too close.
+    /// Makes `state` a candidate, thinning the others if there is no room, and returns its index; `None` if it is too
+    /// close to another at the new spacing.
     fn add(&mut self, state: &[f32]) -> Option<usize> {
         while self.len() >= self.wanted && (self.spacing < self.widest || self.len() >= self.most) {
             self.spacing *= 1.1;
@@ -281,7 +283,7 @@ impl Candidates {
 pub(super) mod tests {
     use super::*;
 
-    /// Points on a line of a hundred goal radii, and settings for so many candidates.
+    /// Returns the spec of a line of a hundred goal radii, and settings for `candidates` candidates.
     pub fn line(candidates: usize) -> (Spec, BridgeSettings) {
         let spec = Spec {
             state_centre: vec![50.0, 0.5],
@@ -295,7 +297,7 @@ pub(super) mod tests {
         (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
     }
 
-    /// Walks one agent along the line from 0 to `end`, half a length a step.
+    /// Walks one agent along the line from 0 to `end`, half a goal radius per step.
     fn walk(candidates: &mut Candidates, end: f32) {
         let mut at = 0.0;
         while at <= end {
@@ -306,7 +308,7 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn practice_counts_failures_in_a_row_and_arrivals_forgive_them() {
+    fn practice_counts_consecutive_failures_until_an_arrival() {
         let (spec, settings) = line(10);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 12.0);
@@ -319,7 +321,7 @@ pub(super) mod tests {
         assert_eq!(candidates.practice(0, 1), Practice { arrived: 1, failed: 0 });
         candidates.practise((hop.0, 12_345), true);
         candidates.practise((hop.0, hop.0), true);
-        assert_eq!(candidates.state().practice.len(), 4, "of candidates that are gone nothing is kept");
+        assert_eq!(candidates.state().practice.len(), 4, "self-loops and unknown candidates are ignored");
     }
 
     #[test]
@@ -332,7 +334,7 @@ pub(super) mod tests {
         for (a, _) in &before {
             before.iter().for_each(|(b, _)| candidates.practise((*a, *b), true));
         }
-        // So far out that the line holds more candidates than wanted, and some have to go.
+        // Far enough for more candidates than wanted, so that some have to retire.
         walk(&mut candidates, 60.0);
         let place = |name: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == name);
         let (kept, gone): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| place(*name, &candidates).is_some());

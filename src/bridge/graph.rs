@@ -1,4 +1,4 @@
-//! The bridge graph: candidates joined by short ways that the agent can walk.
+//! The bridge graph: candidates connected by short paths that the agent can walk.
 
 mod routes;
 
@@ -15,30 +15,30 @@ use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
 use crate::store::{Store, StoreError};
 
-/// A way from one candidate to another.
+/// A directed edge between two candidates.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Edge {
-    /// Candidate it leaves.
+    /// Source candidate.
     pub from: usize,
-    /// Candidate it leads to.
+    /// Target candidate.
     pub to: usize,
     /// D(from, to) by the most pessimistic critic when the graph was built, in steps.
     pub distance: f32,
-    /// What planning counts for it, in steps: D and what lies between arriving and leaving, or more where experience
-    /// alone speaks for the edge or practice against it.
+    /// Planning cost in steps: D plus the overhead of passing a waypoint; higher if only observed trajectories support
+    /// the edge or walks along it failed.
     pub cost: f32,
-    /// What practice says of it.
+    /// Its record in practice.
     pub standing: Standing,
 }
 
-/// What practice says of an edge.
+/// An edge's record in practice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Standing {
-    /// Nothing yet.
+    /// Not walked yet, or failed once since the latest arrival.
     Untried,
     /// The latest walk along it arrived in time.
     Confirmed,
-    /// Walks along it failed more than once in a row.
+    /// The latest two or more walks along it failed.
     Demoted,
 }
 
@@ -52,29 +52,29 @@ impl From<Practice> for Standing {
     }
 }
 
-/// Everything that a [`BridgeGraph`] was built to, as plain numbers, for checkpoints.
+/// A [`BridgeGraph`] as plain numbers, for checkpoints.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GraphState {
-    /// The candidates and what was known of them.
+    /// The candidates and what was known about them.
     pub candidates: CandidatesState,
-    /// From and to of each edge.
+    /// Source and target of each edge.
     pub ends: Vec<u32>,
     /// D and cost of each edge.
     pub lengths: Vec<f32>,
 }
 
 impl GraphState {
-    /// Writes the state to `store`, its names beginning with `prefix`.
+    /// Writes the state to `store` under names that start with `prefix`.
     pub fn write(self, store: &mut Store, prefix: &str) {
         self.candidates.write(store, prefix);
         store.put(format!("{prefix}.ends"), self.ends);
         store.put(format!("{prefix}.lengths"), self.lengths);
     }
 
-    /// Reads what [`Self::write`] wrote.
+    /// Reads the state that [`Self::write`] wrote.
     ///
     /// # Errors
-    /// That a part is missing or of another type.
+    /// Returns an error if a part is missing or has the wrong type.
     pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
         Ok(Self {
             candidates: CandidatesState::read(store, prefix)?,
@@ -84,30 +84,30 @@ impl GraphState {
     }
 }
 
-/// No edge is as long, in steps.
+/// Exclusive upper bound on the lengths in a stored graph, in steps.
 const LONGEST_STEPS: f32 = 1e4;
 
-/// A demoted edge counts as so many times as long.
+/// Cost multiplier of a demoted edge.
 const DEMOTED_FACTOR: f32 = 3.0;
 
-/// Candidates among which the one at the frontier is chosen.
+/// Random candidates from which the frontier candidate is chosen.
 const FRONTIER_DRAWS: usize = 12;
 
-/// Candidates and edges at one moment of training.
+/// Snapshot of candidates and edges at one point in training.
 #[derive(Clone, Debug)]
 pub struct BridgeGraph {
     spec: Spec,
     settings: BridgeSettings,
     candidates: Arc<Candidates>,
     edges: Vec<Edge>,
-    /// `incoming[first[j]..first[j + 1]]`: index of each edge that leads to j.
+    /// `incoming[first[j]..first[j + 1]]`: indices of the edges that lead to j.
     incoming: Vec<u32>,
     first: Vec<u32>,
 }
 
 impl BridgeGraph {
-    /// Builds the graph from what is known now: an edge i -> j where D(i,j) is below the cut-off and, unless edges
-    /// need not be verified, some trajectory went that way in about D steps.
+    /// Builds the graph from the current candidates and critics: an edge i -> j where D(i,j) is below the cut-off and,
+    /// if edges need verification, some trajectory went from i to j in about D steps.
     pub fn build(
         spec: &Spec,
         settings: &BridgeSettings,
@@ -146,7 +146,7 @@ impl BridgeGraph {
         Self::of(spec, settings, candidates.clone(), edges)
     }
 
-    /// The graph of these edges, sorted by the candidate that they leave.
+    /// Builds the graph from `edges`, which are sorted by source.
     fn of(spec: &Spec, settings: &BridgeSettings, candidates: Arc<Candidates>, edges: Vec<Edge>) -> Self {
         let mut first = vec![0u32; candidates.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
@@ -156,7 +156,7 @@ impl BridgeGraph {
         Self { spec: spec.clone(), settings: settings.clone(), candidates, edges, incoming, first }
     }
 
-    /// What it was built to, for a checkpoint.
+    /// Returns the graph as plain numbers, for a checkpoint.
     pub fn state(&self) -> GraphState {
         GraphState {
             candidates: self.candidates.state(),
@@ -165,10 +165,10 @@ impl BridgeGraph {
         }
     }
 
-    /// The graph that gave `state`.
+    /// Restores the graph from the `state` that [`Self::state`] returned.
     ///
     /// # Errors
-    /// Where the state was not saved from such a graph.
+    /// Returns an error if `state` is not that of a graph with these settings.
     pub fn from_state(spec: &Spec, settings: &BridgeSettings, state: &GraphState) -> Result<Self, StoreError> {
         let mut candidates = Candidates::new(spec, 0, settings);
         candidates.restore(&state.candidates)?;
@@ -189,23 +189,23 @@ impl BridgeGraph {
         Ok(Self::of(spec, settings, Arc::new(candidates), edges))
     }
 
-    /// All edges, by the candidate that they leave.
+    /// Returns all edges, sorted by source.
     pub fn edges(&self) -> &[Edge] {
         &self.edges
     }
 
-    /// The candidates, and what was observed between them, when the graph was built.
+    /// Returns the candidates, and the observations between them, as of when the graph was built.
     pub fn candidates(&self) -> &Candidates {
         &self.candidates
     }
 
-    /// Candidate `i` as a goal, `(goal_dim)`.
+    /// Returns candidate `i` as a goal, `(goal_dim)`.
     pub fn point(&self, i: usize) -> &[f32] {
         let g = self.spec.goal_dim();
         &self.candidates.points()[i * g..(i + 1) * g]
     }
 
-    /// Candidate `i` as a state, `(state_dim)`.
+    /// Returns candidate `i` as a state, `(state_dim)`.
     pub fn candidate(&self, i: usize) -> &[f32] {
         let s = self.spec.state_dim();
         &self.candidates.states()[i * s..(i + 1) * s]
@@ -219,14 +219,14 @@ impl BridgeGraph {
         &self.spec
     }
 
-    /// What a link of length D between a state near candidate `from` and a goal near `to` costs, in steps; `None`
-    /// where it may not be used. Links are verified as edges are, by the candidates nearest to their ends.
+    /// Returns the cost in steps of a link of length `distance` from a state near candidate `from` to a goal near `to`;
+    /// `None` if it may not be used. Links are verified like edges, by the candidates nearest to their ends.
     pub(super) fn link(&self, from: Option<usize>, to: Option<usize>, distance: f32) -> Option<f32> {
         let (Some(from), Some(to)) = (from, to) else { return None };
         link_cost(&self.settings, distance, self.candidates.observed(from, to))
     }
 
-    /// A candidate at the frontier: of some drawn at random, the one that the fewest edges leave.
+    /// Draws a frontier candidate: of a few random ones, the one with the fewest outgoing edges.
     pub fn frontier(&self, rng: &mut ChaCha8Rng) -> Option<usize> {
         if self.candidates.is_empty() {
             return None;
@@ -239,7 +239,7 @@ impl BridgeGraph {
     }
 }
 
-/// The `count` candidates nearest to `state` by straight line, nearest first.
+/// Returns the `count` candidates nearest to `state` by straight-line distance, nearest first.
 fn nearest(spec: &Spec, candidates: &Candidates, state: &[f32], count: usize) -> Vec<usize> {
     let points = candidates.points().chunks_exact(spec.goal_dim());
     let mut all: Vec<(usize, f32)> = points.enumerate().map(|(i, p)| (i, spec.goal_distance(state, p))).collect();
@@ -251,16 +251,17 @@ fn nearest(spec: &Spec, candidates: &Candidates, state: &[f32], count: usize) ->
     all.into_iter().map(|(i, _)| i).collect()
 }
 
-/// Observed steps end within a goal radius of each end, and exploration wanders.
+/// Slack on observed steps: trajectories start and end up to a goal radius off, and exploration wanders.
 const OBSERVED_SLACK_STEPS: f32 = 2.0;
 
-/// By how much more than D a trajectory may have taken to verify it.
+/// A trajectory verifies D if it took at most this multiple of D, plus the slack.
 const OBSERVED_FACTOR: f32 = 1.5;
 
-/// What a pair known to experience but not to D costs beyond the steps observed.
+/// Extra cost, beyond the observed steps, of a pair that trajectories connect although D is above the cut-off.
 const OBSERVED_PENALTY_STEPS: f32 = 4.0;
 
-/// Cost of a way of length `distance` (by D) for which the fewest steps seen are `observed`; `None` for no way.
+/// Returns the cost of a path of length `distance` (by D) whose fewest observed steps are `observed`; `None` if it may
+/// not be used.
 fn link_cost(settings: &BridgeSettings, distance: f32, observed: u16) -> Option<f32> {
     let seen = observed != NEVER;
     let observed = f32::from(observed);
@@ -279,7 +280,7 @@ mod tests {
     use super::*;
     use crate::bridge::candidates::tests::line;
 
-    /// Candidates in a row, each joined to the next; nothing leaves the last one.
+    /// Returns candidates in a row, each with an edge to the next; the last has no outgoing edge.
     fn row() -> BridgeGraph {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
@@ -290,7 +291,7 @@ mod tests {
     }
 
     #[test]
-    fn a_graph_comes_back_from_its_state_and_no_other_is_taken() {
+    fn a_graph_round_trips_through_its_state_and_invalid_states_are_rejected() {
         let graph = row();
         let state = graph.state();
         let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &state).expect("its own state");
@@ -304,23 +305,23 @@ mod tests {
     }
 
     #[test]
-    fn routes_add_up_edges_and_know_where_there_is_no_way() {
+    fn routes_sum_edge_costs_and_mark_unreachable_candidates() {
         let graph = row();
         let last = graph.candidates().len() - 1;
         let route = graph.route_to_candidate(last);
         assert!((0..=last).all(|i| route.steps[i] == 3.0 * (last - i) as f32), "{:?}", route.steps);
         assert!((0..last).all(|i| route.next[i] as usize == i + 1));
         let route = graph.route_to_candidate(0);
-        assert!(route.steps[1..].iter().all(|s| s.is_infinite()), "edges lead one way");
+        assert!(route.steps[1..].iter().all(|s| s.is_infinite()), "edges are directed");
     }
 
     #[test]
-    fn the_frontier_is_where_few_edges_leave() {
+    fn the_frontier_has_few_outgoing_edges() {
         let graph = row();
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let last = graph.candidates().len() - 1;
         let at_the_end = (0..200).filter(|_| graph.frontier(&mut rng) == Some(last)).count();
-        assert!(at_the_end > 80, "the only candidate without a way on was chosen {at_the_end} times of 200");
+        assert!(at_the_end > 80, "the only candidate without outgoing edges was chosen {at_the_end} of 200 times");
     }
 
     #[test]

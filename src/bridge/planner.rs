@@ -6,7 +6,7 @@ use super::graph::{BridgeGraph, LINKS, Route};
 use crate::learn::{Policy, Scratch};
 use crate::store::StoreError;
 
-/// So many late targets in a row mean that an agent is stuck.
+/// Number of consecutive late targets after which an agent counts as stuck.
 const STUCK: u32 = 2;
 
 /// What a walker heads for.
@@ -18,36 +18,36 @@ pub enum Target {
     Candidate(usize),
 }
 
-/// One agent's way to its goal: it commits to a waypoint until that is reached or late, then chooses anew.
+/// One agent's walk to its goal: it commits to a waypoint until that is reached or late, then chooses the next one.
 #[derive(Clone, Debug)]
 pub struct Walker {
     route: Route,
     target: Option<Target>,
     /// Steps since the walk began.
     clock: u32,
-    /// Step at which the target is late.
+    /// Step at which the target becomes late.
     deadline: u32,
-    /// Steps from the last waypoint reached to the goal: the next one must be nearer, or the walk could go to and fro
-    /// between two waypoints for ever. Infinite at the start and after a target was late.
+    /// Steps from the last waypoint reached to the goal. The next waypoint must be closer, or the walk could oscillate
+    /// between two waypoints forever. Infinite at the start and after a late target.
     remaining: f32,
-    /// Targets in a row that were late.
+    /// Number of consecutive late targets.
     strikes: u32,
-    /// Targets that were late, and until when they are banned.
+    /// Late targets, and the step until which each is banned.
     banned: Vec<(Target, u32)>,
-    /// The candidate reached last, where nothing came between.
+    /// The last candidate reached; `None` at the start and after a late target.
     at: Option<usize>,
     /// The hop between two candidates that ended with the latest step.
     hop: Option<Hop>,
 }
 
-/// A walk from one candidate to the next that has ended.
+/// A finished walk from one candidate to the next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Hop {
-    /// Where it began.
+    /// Candidate it started from.
     pub from: usize,
-    /// Where it was to end.
+    /// Candidate it was headed for.
     pub to: usize,
-    /// Whether it did, in time.
+    /// Whether it arrived in time.
     pub arrived: bool,
 }
 
@@ -83,7 +83,7 @@ impl From<Option<usize>> for Target {
 }
 
 impl Walker {
-    /// A walk along `route`.
+    /// Starts a walk along `route`.
     pub fn new(route: Route) -> Self {
         Self {
             route,
@@ -98,7 +98,7 @@ impl Walker {
         }
     }
 
-    /// Everything that its next steps depend on besides the graph, for a checkpoint.
+    /// Returns everything that its next steps depend on besides the graph, for a checkpoint.
     pub fn state(&self) -> WalkerState {
         WalkerState {
             goal: self.route.goal.clone(),
@@ -114,10 +114,10 @@ impl Walker {
         }
     }
 
-    /// The walker that gave `state`, on the same graph.
+    /// Restores the walker whose [`Self::state`] on the same graph was `state`.
     ///
     /// # Errors
-    /// Where the state was saved on another graph.
+    /// Returns an error if `state` was saved on another graph.
     pub fn from_state(graph: &BridgeGraph, state: WalkerState) -> Result<Self, StoreError> {
         let mut named = state.links.iter().map(|(i, _)| *i as usize).chain(state.nearest).chain(state.at);
         let mut targets = state.target.iter().chain(state.banned.iter().map(|(target, _)| target));
@@ -142,22 +142,22 @@ impl Walker {
         })
     }
 
-    /// The hop between two candidates that ended with the latest step, if one did.
+    /// Returns the hop between two candidates that ended with the latest step, if any.
     pub fn ended_hop(&self) -> Option<Hop> {
         self.hop
     }
 
-    /// The ways that it walks by.
+    /// Returns the route that it follows.
     pub fn route(&self) -> &Route {
         &self.route
     }
 
-    /// What it heads for, once it has taken a step.
+    /// Returns its current target, once it has taken a step.
     pub fn target(&self) -> Option<Target> {
         self.target
     }
 
-    /// Where it heads for, `(goal_dim)`.
+    /// Returns the position of `target`, `(goal_dim)`.
     fn aim<'a>(&'a self, graph: &'a BridgeGraph, target: Target) -> &'a [f32] {
         match target {
             Target::Goal => &self.route.goal,
@@ -165,7 +165,7 @@ impl Walker {
         }
     }
 
-    /// The goal to give the actor in `state` for the next step, `(goal_dim)`.
+    /// Advances the walk and returns the goal to give the actor in `state` for the next step, `(goal_dim)`.
     pub fn step<'a>(
         &'a mut self,
         state: &[f32],
@@ -205,7 +205,7 @@ impl Walker {
         let clock = self.clock;
         self.banned.retain(|(_, until)| *until > clock);
         let planned = || match (settings.open_loop, self.at) {
-            // The one plan goes on from the waypoint reached.
+            // Continue the single plan from the waypoint reached.
             (true, Some(at)) => Some(Target::from(Some(self.route.next[at] as usize).filter(|next| *next != at))),
             _ => None,
         };
@@ -219,11 +219,11 @@ impl Walker {
         self.aim(graph, target)
     }
 
-    /// The best next target and D to it.
+    /// Returns the best next target and D to it.
     ///
-    /// Among the candidates around, the one that minimises D(s,w) + steps(w,g); the goal itself where D(s,g) is
-    /// below the cut-off and not longer than the way round. Where no verified link leads anywhere, unverified ones
-    /// count; where the graph knows no way at all, the goal is approached directly.
+    /// This is the nearby candidate w that minimises D(s,w) + steps(w,g), or the goal itself if D(s,g) is below the
+    /// cut-off and no longer than the detour. If no verified link is usable, unverified ones count; if the graph has no
+    /// path at all, the target is the goal.
     fn choose(&self, state: &[f32], graph: &BridgeGraph, policy: &dyn Policy, scratch: &mut Scratch) -> (Target, f32) {
         let options = &graph.options(&[state], &self.route, LINKS, policy, scratch)[0];
         let allowed = |target: Target| self.banned.iter().all(|(b, _)| *b != target);
@@ -237,7 +237,7 @@ impl Walker {
                     && !graph.spec().reached(state, graph.point(i));
                 usable.then_some((i, hop.distance, cost + ahead))
             });
-            // An agent that got nowhere twice stands where the actor does not move: the shortest hop away from there.
+            // A stuck agent stands where the actor makes no progress: take the shortest hop away from there.
             let key = |option: &(usize, f32, f32)| if self.strikes >= STUCK { option.1 } else { option.2 };
             usable.min_by(|a, b| key(a).total_cmp(&key(b)))
         };
@@ -250,7 +250,7 @@ impl Walker {
         }
     }
 
-    /// The waypoints still ahead, as candidates, in the order in which they would be walked.
+    /// Returns the waypoints still ahead, as candidates, in walking order.
     pub fn ahead(&self) -> Vec<usize> {
         let Some(Target::Candidate(mut at)) = self.target else { return Vec::new() };
         let mut ahead = vec![at];

@@ -5,18 +5,18 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::learn::{Policy, Scratch};
 
-/// What one search did.
+/// Outcome of one search.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SearchOutcome {
-    /// The state s that it searched from, `(state_dim)`.
+    /// The state s searched from, `(state_dim)`.
     pub state: Vec<f32>,
-    /// The goal g that it searched for, `(goal_dim)`.
+    /// The goal g searched for, `(goal_dim)`.
     pub goal: Vec<f32>,
-    /// Candidates that it tried and rejected, in order, `(rejected, goal_dim)`.
+    /// Candidates tried and rejected, in order, `(rejected, goal_dim)`.
     pub rejected: Vec<f32>,
     /// The bridge point found.
     pub found: Option<BridgePoint>,
-    /// Candidates that it might have tried.
+    /// Maximum number of candidates to try.
     pub budget: usize,
 }
 
@@ -30,7 +30,7 @@ pub struct BridgePoint {
 }
 
 impl SearchOutcome {
-    /// Candidates tried.
+    /// Returns the number of candidates tried.
     pub fn tried(&self) -> usize {
         self.rejected.len() / self.goal.len().max(1) + usize::from(self.found.is_some())
     }
@@ -54,7 +54,7 @@ pub fn search(
         return outcome;
     }
     let drawn: Vec<usize> = (0..budget).map(|_| rng.random_range(0..candidates)).collect();
-    // All at once through the networks, then judged in the order drawn: the result is that of trying one by one.
+    // Evaluate all candidates in one batch, then judge them in the order drawn: the result is the same as one by one.
     let mut from: Vec<f32> = state.repeat(budget);
     from.extend(drawn.iter().flat_map(|i| &states[i * s..(i + 1) * s]));
     let mut to: Vec<f32> = drawn.iter().flat_map(|i| &points[i * g..(i + 1) * g]).copied().collect();

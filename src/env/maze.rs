@@ -18,7 +18,7 @@ use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, prin
 use crate::store::{Store, StoreError};
 use crate::text::file_name;
 
-/// The maze as it is registered.
+/// Registry entry of the maze.
 pub const KIND: WorldKind = WorldKind {
     name: NAME,
     about: "a point on a grid map, that slides along walls",
@@ -28,16 +28,16 @@ pub const KIND: WorldKind = WorldKind {
 
 const NAME: &str = "maze";
 
-/// Sub-steps of a step; in each, the axes move one after the other.
+/// Sub-steps per step; each moves one axis after the other.
 const SUBSTEPS: usize = 10;
 
-/// Goal reached below this Euclidean distance, in cells.
+/// A goal is reached below this Euclidean distance, in cells.
 const GOAL_RADIUS_CELLS: f32 = 1.0;
 
-/// Places nearer than this are the same, in cells.
+/// Positions closer than this, in cells, count as the same.
 const SAME_PLACE_CELLS: f32 = 1e-3;
 
-/// Memory for each cell: searches, visits, components, the picture.
+/// Memory per cell: searches, visits, components, rendering.
 const BYTES_PER_CELL: u64 = 120;
 
 /// Agents as points on a map; state and goal are the position (x, y) in cells, y down.
@@ -52,19 +52,19 @@ pub struct PointMaze {
     components: Arc<Vec<Vec<Cell>>>,
     component_of: Arc<Vec<Option<u32>>>,
     largest: u32,
-    /// How often an agent was in each cell, row-major.
+    /// Visit count of each cell, row-major.
     visits: Arc<Vec<u32>>,
-    /// The farthest distance, once somebody has asked: on large maps it takes seconds.
+    /// Cached diameter; computing it takes seconds on large maps.
     diameter: Arc<OnceLock<Diameter>>,
     /// Tasks to evaluate on instead of random ones.
     scenario: Arc<[ScenarioTask]>,
 }
 
 impl PointMaze {
-    /// A maze of `agents` agents, all at the first free cell of the largest component.
+    /// Creates a maze with `agents` agents, all at the first free cell of the largest component.
     ///
     /// # Panics
-    /// If the map has no free cell: parsers refuse such maps.
+    /// Panics if the map has no free cell; parsers reject such maps.
     pub fn new(map: Arc<Grid>, agents: usize) -> Self {
         let components = StepSearch::new(&map).components(&map);
         let mut cells = vec![Vec::new(); components.sizes.len()];
@@ -75,7 +75,7 @@ impl PointMaze {
         }
         let largest = components.largest();
         let first = cells[largest as usize][0].centre();
-        // One scale for both axes: a step is as long to the right as it is down.
+        // One scale for both axes, so that a step has the same length along both.
         let half = map.width().max(map.height()) as f32 / 2.0;
         let spec = Spec {
             state_centre: vec![map.width() as f32 / 2.0, map.height() as f32 / 2.0],
@@ -100,50 +100,50 @@ impl PointMaze {
         }
     }
 
-    /// `world`, where it is a maze.
+    /// Downcasts `world`; returns `None` if it is not a maze.
     pub fn of(world: &dyn Environment) -> Option<&Self> {
         (world as &dyn Any).downcast_ref()
     }
 
-    /// The same maze under other settings.
+    /// Returns the maze with other settings.
     #[must_use]
     pub fn with_settings(self, settings: EnvSettings) -> Self {
         Self { settings, ..self }
     }
 
-    /// The same as [`Self::of`], to be changed.
+    /// Downcasts `world` mutably, like [`Self::of`].
     pub fn of_mut(world: &mut dyn Environment) -> Option<&mut Self> {
         (world as &mut dyn Any).downcast_mut()
     }
 
-    /// Evaluates on the tasks of a scenario from now on.
+    /// Sets the scenario whose tasks replace random ones in evaluation.
     pub fn set_scenario(&mut self, tasks: Vec<ScenarioTask>) {
         self.scenario = tasks.into();
     }
 
-    /// A maze on another map that is to take this one's place: with the same settings and scenario, without agents.
+    /// Returns a replacement for this maze on another map, with the same settings and scenario and without agents.
     #[must_use]
     pub fn on_map(&self, map: Arc<Grid>) -> Self {
         Self { scenario: self.scenario.clone(), settings: self.settings, ..Self::new(map, 0) }
     }
 
-    /// The map that the agents move on.
+    /// Returns the map that the agents move on.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
     }
 
-    /// How often an agent was in each cell, row-major.
+    /// Returns the visit count of each cell, row-major.
     pub fn visits(&self) -> &[u32] {
         &self.visits
     }
 
-    /// The farthest distance on the map; takes seconds on large maps, the first time.
+    /// Returns the map's diameter; the first call takes seconds on large maps.
     pub fn diameter(&self) -> Diameter {
         *self.diameter.get_or_init(|| Diameter::of(&self.map))
     }
 
     fn load(store: &Store) -> Result<Self, StoreError> {
-        // A name that comes from a file must not lead anywhere when it becomes part of another file's name.
+        // The name comes from a file and becomes part of other file names, so it must not contain a path.
         let name = file_name(store.text("map_name")?);
         let map = parse_map(&name, store.text("map")?.as_bytes());
         let map = map.map_err(|e| StoreError::misfit(e.to_string()))?.named(&name);
@@ -156,13 +156,13 @@ impl PointMaze {
 
     fn random_position_in(cells: &[Cell], rng: &mut ChaCha8Rng) -> [f32; 2] {
         let cell = cells[rng.random_range(0..cells.len())];
-        // Below 1 even after rounding to the precision of a coordinate of some thousands.
+        // Stays inside the cell even after rounding at coordinates of a few thousand.
         let mut inside = || rng.random::<f32>() * 0.998 + 0.001;
         [cell.x as f32 + inside(), cell.y as f32 + inside()]
     }
 }
 
-/// Where a point at (`x`, `y`) comes to within one step of action (`ax`, `ay`): it slides along walls.
+/// Returns where one step of action (`ax`, `ay`) takes a point at (`x`, `y`); it slides along walls.
 fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
     let (dx, dy) = (ax / SUBSTEPS as f32, ay / SUBSTEPS as f32);
     for _ in 0..SUBSTEPS {
@@ -176,7 +176,7 @@ fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
     [x, y]
 }
 
-/// A position as a whole state.
+/// Converts a position to a whole state.
 pub fn whole_of([x, y]: [f32; 2]) -> [f64; 2] {
     [f64::from(x), f64::from(y)]
 }
@@ -245,7 +245,7 @@ impl Environment for PointMaze {
         }
     }
 
-    /// All at the first free cell.
+    /// Places all agents at the first free cell of the largest component.
     fn fork(&self, agents: usize) -> Box<dyn Environment> {
         let first = self.components[self.largest as usize][0].centre();
         let visits = Arc::new(vec![0; self.map.free().len()]);
@@ -279,7 +279,7 @@ impl Environment for PointMaze {
         }
     }
 
-    /// The share of the largest component's cells.
+    /// Returns the visited share of the largest component's cells.
     fn coverage(&self) -> Option<f64> {
         let cells = &self.components[self.largest as usize];
         let seen = cells.iter().filter(|cell| self.visits[self.map.index(**cell)] > 0).count();
@@ -294,14 +294,14 @@ impl Environment for PointMaze {
             "height": map.height(),
             "free_cells": map.free_count(),
             "diameter_steps": diameter.steps,
-            // Whether no two cells are farther apart, or that is only the farthest pair found.
+            // Whether the diameter is exact, or only the farthest pair found.
             "diameter_exact": diameter.exact,
         });
         Map::from_iter([("map".to_owned(), facts)])
     }
 
-    /// Of the scenario, where there is one: six times `per_group`, evenly spaced through it. Else random ones at six
-    /// distances, the farthest at 0.9 of the map's diameter.
+    /// Returns tasks of the scenario if there is one: six times `per_group`, evenly spaced through it. Otherwise draws
+    /// random tasks at six distances, the farthest at 0.9 of the map's diameter.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         if self.scenario.is_empty() {
             tasks::at_distances(&self.map, self.diameter().steps, per_group, rng)
@@ -310,7 +310,7 @@ impl Environment for PointMaze {
         }
     }
 
-    /// From the map's first start to its first goal.
+    /// Returns the task from the map's first start to its first goal.
     fn own_task(&self) -> Option<Task> {
         tasks::marked(&self.map)
     }
@@ -319,7 +319,7 @@ impl Environment for PointMaze {
         Some(Box::new(truth::StepTruth::new(&self.map, &self.components[self.largest as usize])))
     }
 
-    /// With noise of the environment's own: whether both are free places.
+    /// Checks that the step reproduces `next`; with action noise, only that both positions are free.
     fn is_possible(&self, state: &[f32], action: &[f32], next: &[f32]) -> bool {
         let free = |at: &[f32]| self.map.is_free_at(at[0], at[1]);
         if !free(state) || !free(next) {
@@ -343,7 +343,7 @@ impl Environment for PointMaze {
         Ok(Change {
             may_lengthen: walled > 0,
             what: format!("{walled} cells walled, {opened} opened"),
-            warning: (pieces > 1).then(|| format!("{pieces} pieces that do not reach each other")),
+            warning: (pieces > 1).then(|| format!("{pieces} disconnected components")),
             facts: Map::from_iter([
                 ("map".to_owned(), json!(self.map.name())),
                 ("walled".to_owned(), json!(walled)),

@@ -1,18 +1,18 @@
-//! Reading: regular files of a bounded size.
+//! Reads regular files of bounded size.
 
 use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
-/// Opens a regular file for reading. A FIFO without a writer would block for ever, a device may have no end.
+/// Opens a regular file for reading: a FIFO without a writer would block forever, and a device may have no end.
 ///
 /// # Errors
-/// What the system reports, and what is not a regular file.
+/// Returns the system's error, or an error if the path is not a regular file.
 pub fn open(path: &Path) -> Result<File> {
     check_kind(std::fs::metadata(path)?.file_type())?;
     let mut options = OpenOptions::new();
     options.read(true);
-    // Should a FIFO have taken the file's place meanwhile, opening it does not block.
+    // Do not block if a FIFO has replaced the file since the check.
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, nix::fcntl::OFlag::O_NONBLOCK.bits());
     let file = options.open(path)?;
@@ -20,10 +20,10 @@ pub fn open(path: &Path) -> Result<File> {
     Ok(file)
 }
 
-/// All of a regular file of at most `most` bytes.
+/// Reads all of a regular file of at most `most` bytes.
 ///
 /// # Errors
-/// What the system reports, what is not a regular file, and files that are larger.
+/// Fails like [`open`], and if the file is larger than `most`.
 pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     let file = open(path)?;
     let size = file.metadata()?.len();
@@ -36,15 +36,15 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     }
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(size as usize).map_err(|_| Error::from(ErrorKind::OutOfMemory))?;
-    // It may grow while it is read, and files of /proc have no size.
+    // The file may grow while it is read, and files in /proc report no size.
     let found = file.take(most + 1).read_to_end(&mut bytes)? as u64;
     if found > most { Err(too_large(found)) } else { Ok(bytes) }
 }
 
-/// The same as text.
+/// Like [`read`], but returns text.
 ///
 /// # Errors
-/// See [`read`]; also bytes that are not UTF-8.
+/// Fails like [`read`], and on bytes that are not UTF-8.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
     String::from_utf8(read(path, most)?).map_err(|e| {
         let text = format!("byte {} is not UTF-8 text", e.utf8_error().valid_up_to());
@@ -52,7 +52,7 @@ pub fn read_text(path: &Path, most: u64) -> Result<String> {
     })
 }
 
-/// Refuses what is not a regular file.
+/// Returns an error unless `kind` is a regular file.
 pub(super) fn check_kind(kind: FileType) -> Result<()> {
     if kind.is_file() {
         return Ok(());
@@ -79,7 +79,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn files_are_read_up_to_a_size() {
+    fn files_are_read_up_to_the_size_limit() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("five");
         std::fs::write(&path, b"12345").expect("written");
@@ -92,7 +92,7 @@ mod tests {
 
     #[cfg(unix)]
     #[test]
-    fn what_never_ends_is_refused_at_once() {
+    fn fifos_and_devices_are_refused_without_blocking() {
         let folder = tempfile::tempdir().expect("a folder");
         let fifo = folder.path().join("fifo");
         nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");

@@ -1,4 +1,4 @@
-//! Replacing a file that must not be lost: the previous one is kept until the new one has been read back.
+//! Replaces files that must not be lost: the previous version is kept until the new one has been read back.
 
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
@@ -6,23 +6,23 @@ use std::path::{Path, PathBuf};
 use super::read::read;
 use super::write::{Target, sync_folder};
 
-/// Where the previous file at `path` is kept for as long as the new one has not been read back.
+/// Returns where the previous version of `path` is kept until the new one has been read back.
 pub fn backup_of(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".bak");
     path.with_file_name(name)
 }
 
-/// Writes a file as [`super::write_whole`] does, and reads it back: `whole` says whether bytes are those of a good file.
-/// Until then the previous one stays beside it as [`backup_of`]; it takes its place again if the new one is not good.
+/// Writes a file like [`super::write_whole`], reads it back and checks the bytes with `whole`. Until then the previous
+/// version is kept at [`backup_of`] the path; it is restored if the check fails.
 ///
 /// # Errors
-/// What the system reports, or that what was read back is not good.
+/// Returns the system's error, or an error if the check fails.
 pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) -> Result<()> {
     let target = Target::of(path)?;
     let backup = backup_of(&target.path);
     let good = |path: &Path| read(path, u64::MAX - 1).is_ok_and(|bytes| whole(&bytes));
-    // The backup is made once the new file is written beside the target: if there is no room for it, nothing changes.
+    // Make the backup only after the new file has been written next to the target, so that a full disk changes nothing.
     target.write(bytes, |file, path| {
         keep(path, &backup, target.exists(), good)?;
         file.persist(path).map_err(|e| e.error)
@@ -41,9 +41,9 @@ pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) 
     Err(Error::new(ErrorKind::InvalidData, "what was written could not be read back; the file before is kept"))
 }
 
-/// Keeps what is at `path` as `backup`.
+/// Keeps the file at `path` as `backup`.
 fn keep(path: &Path, backup: &Path, exists: bool, good: impl Fn(&Path) -> bool) -> Result<()> {
-    // A backup that is there already was left by a program that was killed: it goes only if the file itself is good.
+    // A program that was killed left an existing backup: replace it only if the file itself is good.
     let left_behind = backup.symlink_metadata().is_ok();
     if !exists || left_behind && !good(path) {
         return Ok(());
@@ -51,7 +51,7 @@ fn keep(path: &Path, backup: &Path, exists: bool, good: impl Fn(&Path) -> bool) 
     if left_behind {
         std::fs::remove_file(backup)?;
     }
-    // A second name for the same file, so that there is one at any moment; where that cannot be, a copy.
+    // A hard link, so that the file exists under some name at every moment; a copy where links are not possible.
     if std::fs::hard_link(path, backup).is_err() {
         std::fs::copy(path, backup)?;
     }
@@ -76,7 +76,7 @@ mod tests {
     }
 
     #[test]
-    fn a_backup_left_by_a_killed_program_goes_only_for_a_good_file() {
+    fn a_leftover_backup_is_replaced_only_by_a_good_file() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("file");
         let whole = |bytes: &[u8]| bytes.starts_with(b"good");

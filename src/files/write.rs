@@ -1,4 +1,4 @@
-//! Writing: a file is there as a whole or not at all, and nothing that is not ours to replace is replaced.
+//! Writes files atomically, and replaces nothing but regular files that are not write-protected.
 
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Result, Write};
@@ -9,41 +9,41 @@ use tempfile::NamedTempFile;
 
 use super::read::check_kind;
 
-/// What the names of files that are being written begin and end with.
+/// Prefix and suffix of temporary files.
 const TEMPORARY: (&str, &str) = (".gdg-", ".tmp");
 
-/// A temporary file that nobody has locked for so long belongs to a program that was killed.
+/// An unlocked temporary file older than this was left by a killed program.
 const STALE: Duration = Duration::from_secs(5);
 
-/// The most symbolic links that are followed one after the other, as on Linux.
+/// Maximum length of a chain of symbolic links, as on Linux.
 const MOST_LINKS: usize = 40;
 
-/// Writes a file as a whole or not at all, in a folder that is made if need be. A symbolic link stays one, and an
-/// existing file keeps its permissions.
+/// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an existing file's
+/// permissions.
 ///
 /// # Errors
-/// What the system reports; a target that is not a regular file, or write-protected.
+/// Returns the system's error, or an error if the target is write-protected or not a regular file.
 pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
     Target::of(path)?.write(bytes, |file, path| file.persist(path).map_err(|e| e.error))
 }
 
-/// Writes a file at `path`, or at the first of `path-2`, `path-3` ... that is not there yet; where it did.
+/// Writes a file at `path`, or at the first unused of `path-2`, `path-3` ..., and returns the path it took.
 ///
 /// # Errors
-/// What the system reports.
+/// Returns the system's error.
 pub fn write_fresh(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     loop {
         let free = unused(path);
         let written = Target::of(&free)?.write(bytes, |file, path| file.persist_noclobber(path).map_err(|e| e.error));
         match written {
-            // Another program was quicker.
+            // Another program took this name first.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             written => return written.map(|()| free),
         }
     }
 }
 
-/// `path`, or the first of `path-2`, `path-3` ... at which there is nothing, not even a backup.
+/// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is neither a file nor a backup.
 pub fn unused(path: &Path) -> PathBuf {
     let taken = |path: &Path| path.symlink_metadata().is_ok() || super::backup_of(path).symlink_metadata().is_ok();
     if !taken(path) {
@@ -55,15 +55,15 @@ pub fn unused(path: &Path) -> PathBuf {
     numbered.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
 }
 
-/// Checks that a file could be written at `path` as things are now, which changes nothing but that its folder is made.
+/// Checks that a file can be written at `path` right now; changes nothing except that it creates the folder.
 ///
 /// # Errors
-/// Why it could not.
+/// Returns the reason why it cannot.
 pub fn check_target(path: &Path) -> Result<()> {
     Target::of(path)?.temporary().map(|_| ())
 }
 
-/// A file to be written: its path with links resolved, and what is there now.
+/// A file to be written: its path with links resolved, and the metadata of the existing file.
 pub(super) struct Target {
     pub path: PathBuf,
     folder: PathBuf,
@@ -91,12 +91,12 @@ impl Target {
         Ok(Self { path, folder, there })
     }
 
-    /// Whether a file is there already.
+    /// Returns whether the file already exists.
     pub fn exists(&self) -> bool {
         self.there.is_some()
     }
 
-    /// Writes `bytes` beside the target and makes them the target by `persist`.
+    /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into place.
     pub fn write<T>(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<T>) -> Result<()> {
         let mut file = self.temporary()?;
         file.write_all(bytes)?;
@@ -105,21 +105,21 @@ impl Target {
         sync_folder(&self.folder)
     }
 
-    /// A temporary file in the target's folder, with the permissions that the target is to have.
+    /// Creates a temporary file in the target's folder, with the permissions intended for the target.
     fn temporary(&self) -> Result<NamedTempFile> {
         std::fs::create_dir_all(&self.folder)?;
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
         builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
-        // Temporary files are private by default; a new file is as readable as any that the user creates.
+        // Temporary files are private by default; give a new file the user's usual permissions.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let file = builder.tempfile_in(&self.folder)?;
-        // Others see by the lock that it is still being written. Where there are no locks, they judge by its age.
+        // The lock tells other processes that the file is being written; without lock support they go by its age.
         let _ = file.as_file().try_lock();
         if let Some(there) = &self.there {
             file.as_file().set_permissions(there.permissions())?;
-            // Only root can write for somebody else.
+            // Keep the owner; only root can write a file for another user, so failure is ignored.
             #[cfg(unix)]
             {
                 use std::os::unix::fs::MetadataExt;
@@ -130,7 +130,7 @@ impl Target {
     }
 }
 
-/// Where the links at `path` lead, also where there is nothing yet.
+/// Resolves the symbolic links at `path`; their target need not exist.
 fn followed(path: &Path) -> Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MOST_LINKS {
@@ -145,11 +145,11 @@ fn followed(path: &Path) -> Result<PathBuf> {
     Err(Error::new(ErrorKind::InvalidInput, "is one of too many links that lead to each other"))
 }
 
-/// Makes the names in a folder survive a loss of power.
+/// Syncs a folder, so that its entries survive a power failure.
 pub(super) fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(unix)]
     match File::open(folder).and_then(|folder| folder.sync_all()) {
-        // Some file systems (of networks, mostly) cannot.
+        // Some file systems (mostly network ones) do not support this.
         Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {}
         synced => return synced,
     }
@@ -157,7 +157,7 @@ pub(super) fn sync_folder(folder: &Path) -> Result<()> {
     Ok(())
 }
 
-/// Removes what programs that were killed while they wrote have left in `folder`.
+/// Removes the temporary files in `folder` of programs that were killed while writing.
 fn remove_stale(folder: &Path) {
     let ours = |name: &str| name.starts_with(TEMPORARY.0) && name.ends_with(TEMPORARY.1);
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
@@ -188,7 +188,7 @@ mod tests {
     }
 
     #[test]
-    fn permissions_and_links_stay_and_nothing_is_left_behind() {
+    fn writing_keeps_permissions_and_links_and_leaves_no_temporary_file() {
         let folder = folder();
         let (real, link) = (folder.path().join("real"), folder.path().join("link"));
         std::fs::write(&real, b"old").expect("written");
@@ -205,7 +205,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_regular_file_or_write_protected_is_left_as_it_is() {
+    fn special_and_write_protected_files_are_left_untouched() {
         let folder = folder();
         let fifo = folder.path().join("fifo");
         nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");
@@ -222,7 +222,7 @@ mod tests {
     }
 
     #[test]
-    fn a_fresh_file_gets_a_name_that_nothing_has() {
+    fn a_fresh_file_gets_an_unused_name() {
         let folder = folder();
         let path = folder.path().join("run.v2.safetensors");
         let names: Vec<PathBuf> = (0..3).map(|_| write_fresh(&path, b"x").expect("written")).collect();
@@ -231,7 +231,7 @@ mod tests {
     }
 
     #[test]
-    fn what_a_killed_program_left_is_removed_and_what_one_writes_is_not() {
+    fn stale_temporary_files_are_removed_and_active_ones_kept() {
         let folder = folder();
         let old = |name: &str| {
             let file = File::create(folder.path().join(name)).expect("a file");

@@ -1,4 +1,4 @@
-//! Numbers of candle variables read and changed in place; Adam, with moments that a checkpoint can hold.
+//! In-place access to candle variables, and Adam with moments that can be checkpointed.
 
 use std::cell::RefCell;
 
@@ -16,30 +16,30 @@ pub struct Moments {
 }
 
 impl Moments {
-    /// Moments of `length` numbers, all zero.
+    /// Creates zero moments for `length` numbers.
     pub fn new(length: usize) -> Self {
         Self { m: vec![0.0; length], v: vec![0.0; length] }
     }
 }
 
-/// Step size at update number `step` (from 1).
+/// Returns Adam's bias-corrected step size at update number `step` (from 1).
 pub fn adam_rate(learning_rate: f32, step: u64) -> AdamRate {
     let step = step.min(1 << 30) as i32;
     let (c1, c2) = (1.0 - f64::from(BETA.0).powi(step), (1.0 - f64::from(BETA.1).powi(step)).sqrt());
     AdamRate { rate: (f64::from(learning_rate) * c2 / c1) as f32, epsilon: (EPSILON * c2) as f32 }
 }
 
-/// Changes a variable's numbers in place.
+/// Modifies a variable's data in place.
 pub fn modify(var: &Var, change: impl FnOnce(&mut [f32])) -> Result<()> {
     var.inplace_op1(&Modify(RefCell::new(Some(change))))
 }
 
-/// One dense Adam step.
+/// Takes one dense Adam step.
 pub fn adam_step(var: &Var, moments: &mut Moments, gradient: &[f32], rate: AdamRate) -> Result<()> {
     modify(var, |w| kernel::adam(w, &mut moments.m, &mut moments.v, gradient, rate))
 }
 
-/// A change as a candle operation; it runs once.
+/// An in-place change as a candle operation; it runs once.
 struct Modify<F>(RefCell<Option<F>>);
 
 impl<F: FnOnce(&mut [f32])> InplaceOp1 for Modify<F> {
@@ -51,20 +51,20 @@ impl<F: FnOnce(&mut [f32])> InplaceOp1 for Modify<F> {
         let (CpuStorage::F32(data), Some((from, to)), Some(change)) =
             (storage, layout.contiguous_offsets(), self.0.borrow_mut().take())
         else {
-            bail!("parameters are contiguous f32, changed once at a time")
+            bail!("in-place changes need contiguous f32 parameters and run once")
         };
         change(&mut data[from..to]);
         Ok(())
     }
 }
 
-/// A variable's numbers.
+/// Returns a variable's data.
 ///
 /// # Errors
-/// Where they are no f32 on the CPU.
+/// Returns an error unless the data is f32 on the CPU.
 pub fn slice(storage: &Storage) -> Result<&[f32]> {
     match storage {
         Storage::Cpu(CpuStorage::F32(data)) => Ok(data),
-        _ => bail!("the fused kernels read f32 on the CPU"),
+        _ => bail!("the fused kernels need f32 on the CPU"),
     }
 }

@@ -1,4 +1,4 @@
-//! Batches drawn from the replay: which pairs, with which goals, and what their distance is bounded by.
+//! Training batches drawn from the replay: pairs, their goals, and bounds on their distances.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -7,8 +7,8 @@ use super::replay::{Moment, Replay};
 use super::settings::LearnSettings;
 use crate::env::Spec;
 
-/// Steps after which targets bootstrap while distances are learned that have grown: with each update they grow by as much
-/// at most.
+/// Minimum n-step horizon of targets while relearning distances that have grown: each update raises them by at most
+/// this much.
 const GROWN_N_STEP: usize = 20;
 
 /// Training data of one update.
@@ -24,30 +24,30 @@ pub struct Batch {
     pub steps: Vec<f32>,
     /// 1 where the target adds D'(ahead, g), 0 where the goal was reached, `(batch)`.
     pub bootstrap: Vec<f32>,
-    /// What the target may not exceed, `(batch)`; infinite where nothing is known.
+    /// Upper bound of the target, `(batch)`; infinite if unknown.
     pub bound: Vec<f32>,
-    /// Whether targets are no longer than a step of the actor and what follows.
+    /// Whether targets are capped at the actor's one-step lookahead (see [`LearnSettings::greedy_targets`]).
     pub greedy_targets: bool,
-    /// Transitions for the dynamics model: states `(batch, state_dim)`,
+    /// States of the dynamics model's transitions, `(batch, state_dim)`.
     pub from: Vec<f32>,
-    /// actions `(batch, action_dim)`,
+    /// Actions of these transitions, `(batch, action_dim)`.
     pub actions: Vec<f32>,
-    /// and next states `(batch, state_dim)`.
+    /// Next states of these transitions, `(batch, state_dim)`.
     pub next: Vec<f32>,
 }
 
 impl Batch {
-    /// Pairs in the batch.
+    /// Returns the number of pairs.
     pub fn len(&self) -> usize {
         self.steps.len()
     }
 
-    /// Whether there is no pair.
+    /// Returns whether there are no pairs.
     pub fn is_empty(&self) -> bool {
         self.steps.is_empty()
     }
 
-    /// Replaces pair `i` by one whose distance is known from elsewhere (distillation).
+    /// Replaces pair `i` with one of known distance (distillation).
     pub fn set_known(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
         self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.ahead[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
@@ -67,7 +67,7 @@ impl Batch {
     }
 }
 
-/// Draws batches as the settings say.
+/// Draws batches according to the settings.
 #[derive(Clone, Debug)]
 pub struct BatchSampler {
     spec: Spec,
@@ -75,17 +75,18 @@ pub struct BatchSampler {
 }
 
 impl BatchSampler {
-    /// A sampler for an environment of `spec`.
+    /// Creates a sampler for an environment of `spec`.
     pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
         Self { spec: spec.clone(), settings: settings.clone() }
     }
 
-    /// Fills `batch` anew; while distances are learned that have `grown`, targets go by behaviour, many steps at a time.
+    /// Refills `batch`. While relearning distances that have `grown`, targets follow the behaviour alone, over many
+    /// steps.
     pub fn sample(&self, replay: &Replay, grown: bool, rng: &mut ChaCha8Rng, batch: &mut Batch) {
         batch.clear();
         batch.greedy_targets = self.settings.greedy_targets && !grown;
         let n_step = if grown { GROWN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
-        for _ in 0..self.settings.batch {
+        for _ in 0..self.settings.batch_size {
             let (moment, left) = replay.sample(rng);
             let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
             let state = replay.state(moment);
@@ -102,7 +103,7 @@ impl BatchSampler {
         }
     }
 
-    /// Chooses a goal for `moment`; returns in how many steps it was reached, infinite if that is not known.
+    /// Chooses a goal for `moment`; returns the number of steps in which it was reached, infinite if unknown.
     fn push_goal(
         &self,
         replay: &Replay,
@@ -125,7 +126,7 @@ impl BatchSampler {
         f32::INFINITY
     }
 
-    /// How many steps ahead a hindsight goal lies, from 1 to `left`.
+    /// Draws how many steps ahead a hindsight goal lies, from 1 to `left`.
     fn hindsight_steps(&self, left: usize, rng: &mut ChaCha8Rng) -> usize {
         let geometric = rng.random::<f32>() < self.settings.goal_geometric;
         let mean = self.settings.goal_geometric_mean_steps;
@@ -136,8 +137,9 @@ impl BatchSampler {
         if geometric { 1 } else { rng.random_range(1..=left) }
     }
 
-    /// Steps from `moment` to the state ahead, `last` at most, and whether the goal is reached there: the n-step return is
-    /// cut at the goal and at the episode's end. d = 0 where the state is at the goal already (Algorithm 1).
+    /// Returns the number of steps from `moment` to the state ahead, at most `last`, and whether the goal is reached
+    /// there: the n-step return is truncated at the goal and at the end of the episode. d = 0 if the state is already
+    /// at the goal (Algorithm 1).
     fn look_ahead(&self, replay: &Replay, moment: Moment, last: usize, goal: &[f32]) -> (usize, bool) {
         let reached = (0..=last).find(|k| self.spec.reached(replay.state(later(moment, *k)), goal));
         reached.map_or((last, false), |steps| (steps, true))

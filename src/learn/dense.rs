@@ -1,4 +1,4 @@
-//! A perceptron's flat parameters with all that their training keeps.
+//! An MLP's flat parameters with their training state.
 
 use candle_core::{Device, Result, Storage, Tensor, Var};
 use parking_lot::{RwLock, RwLockReadGuard};
@@ -9,7 +9,7 @@ use super::kernel;
 use super::mlp::{Mlp, Packed};
 use super::state::{Fill, NetworkState};
 
-/// Flat parameters as a candle variable, and what goes with them.
+/// Flat parameters as a candle variable, with their training state.
 #[derive(Debug)]
 pub struct Dense {
     mlp: Mlp,
@@ -17,14 +17,14 @@ pub struct Dense {
     kept: RwLock<Kept>,
 }
 
-/// What is kept in step with the parameters.
+/// State kept in sync with the parameters.
 #[derive(Debug)]
 struct Kept {
     steps: u64,
     /// Hidden weights packed for products.
     packed: Packed,
     moments: Moments,
-    /// The running average, as it is and packed.
+    /// The running average, flat and packed.
     average: Option<(Vec<f32>, Packed)>,
 }
 
@@ -35,11 +35,11 @@ pub struct DenseGuard<'a> {
 }
 
 impl DenseGuard<'_> {
-    /// The parameters, or their average where there is one and it is asked for; as they are and packed (an average
-    /// for the way forward alone).
+    /// Returns the parameters, or their running average if `averaged` and there is one, flat and packed (averages for
+    /// the forward pass only).
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn numbers(&self, averaged: bool) -> Result<(&[f32], &Packed)> {
         match self.kept.average.as_ref().filter(|_| averaged) {
             Some((average, packed)) => Ok((average, packed)),
@@ -49,10 +49,10 @@ impl DenseGuard<'_> {
 }
 
 impl Dense {
-    /// Fresh parameters, with a running average if that is wanted.
+    /// Creates the variable from initial `parameters`, with a running average if `averaged`.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn new(mlp: Mlp, parameters: &[f32], averaged: bool) -> Result<Self> {
         let (mut packed, mut packed_average) = (Packed::default(), Packed::default());
         mlp.pack(parameters, true, &mut packed);
@@ -63,12 +63,12 @@ impl Dense {
         Ok(Self { mlp, var, kept: RwLock::new(kept) })
     }
 
-    /// The parameters as a candle variable, see [`Mlp`] for their order.
+    /// Returns the parameters as a candle variable; see [`Mlp`] for their order.
     pub fn var(&self) -> &Var {
         &self.var
     }
 
-    /// Updates done.
+    /// Returns the number of updates done.
     pub fn steps(&self) -> u64 {
         self.kept.read().steps
     }
@@ -78,10 +78,11 @@ impl Dense {
         DenseGuard { numbers: self.var.storage_and_layout().0, kept: self.kept.read() }
     }
 
-    /// One Adam step along the sum of `parts` (in their order; the first holds it afterwards), then one of the average.
+    /// Takes one Adam step on the sum of the gradients `parts` (summed in order into the first), then updates the
+    /// average.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn step(&self, parts: &mut [Vec<f32>], rates: StepRates) -> Result<()> {
         let Kept { steps, packed, moments, average } = &mut *self.kept.write();
         let Some((gradient, rest)) = parts.split_first_mut() else { return Ok(()) };
@@ -100,10 +101,10 @@ impl Dense {
         Ok(())
     }
 
-    /// Everything that training changed, for a checkpoint.
+    /// Returns the full training state, for a checkpoint.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn state(&self) -> Result<NetworkState> {
         let parameters = self.lock().numbers(false)?.0.to_vec();
         let Kept { moments, average, .. } = &*self.kept.read();
@@ -112,10 +113,10 @@ impl Dense {
         Ok(state)
     }
 
-    /// Takes up what [`Self::state`] gave after `done` updates, filled in by `fill`.
+    /// Restores the state that [`Self::state`] returned after `done` updates, read through `fill`.
     ///
     /// # Errors
-    /// What `fill` reports.
+    /// Returns the error of `fill`, or candle's error if a tensor operation fails.
     pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
         let Kept { steps, packed, moments, average } = &mut *self.kept.write();
         let mut result = Ok(());

@@ -1,4 +1,4 @@
-//! From raw states and goals to the numbers that the networks read.
+//! Turns raw states and goals into network inputs.
 
 use std::f32::consts::PI;
 
@@ -8,10 +8,10 @@ use crate::env::Spec;
 
 /// Input features of states and of (state, goal) pairs.
 ///
-/// A *plain* state row is `[u | sin, cos(pi 2^l u_a)]` with `u` the state scaled to [-1, 1] and `u_a` its achieved
-/// goal. A plain pair row is that, the same of the goal, and `tanh((g - s_a) / c)` for each relative scale. They
-/// depend on no parameter, so that all networks share them. A network with a grid encoding reads the encoded
-/// position(s) behind them.
+/// A *plain* state row is `[u | sin, cos(pi 2^l u_a)]` where `u` is the state scaled to [-1, 1] and `u_a` its achieved
+/// goal. A plain pair row is that, the same for the goal, and `tanh((g - s_a) / c)` for each relative scale c. Plain
+/// rows depend on no parameters, so all networks share them. A network with a grid encoding appends the encoded
+/// position(s).
 #[derive(Clone, Debug)]
 pub struct Encoder {
     spec: Spec,
@@ -22,7 +22,7 @@ pub struct Encoder {
 }
 
 impl Encoder {
-    /// The features that `settings` ask for in an environment of `spec`.
+    /// Creates the features that `settings` specify for an environment of `spec`.
     pub fn new(spec: &Spec, settings: &LearnSettings) -> Self {
         let dims = spec.goal_dim();
         let grid =
@@ -38,27 +38,27 @@ impl Encoder {
         }
     }
 
-    /// The environment's sizes and scales.
+    /// Returns the environment's sizes and scales.
     pub fn spec(&self) -> &Spec {
         &self.spec
     }
 
-    /// Geometry of the grid encoding, if there is one.
+    /// Returns the geometry of the grid encoding, if there is one.
     pub fn grid(&self) -> Option<&GridShape> {
         self.grid.as_ref()
     }
 
-    /// Fourier octaves of each position.
+    /// Returns the number of Fourier octaves per coordinate.
     pub fn octaves(&self) -> usize {
         self.octaves
     }
 
-    /// 1 / c of each relative scale.
+    /// Returns 1 / c for each relative scale.
     pub fn relative(&self) -> &[f32] {
         &self.relative
     }
 
-    /// Width of the grid encoding of one position; 0 without one.
+    /// Returns the width of one position's grid encoding; 0 if there is none.
     pub fn grid_width(&self) -> usize {
         self.grid.as_ref().map_or(0, GridShape::width)
     }
@@ -67,23 +67,23 @@ impl Encoder {
         self.spec.goal_dim() * 2 * self.octaves
     }
 
-    /// Width of a plain state row.
+    /// Returns the width of a plain state row.
     pub fn plain_state_width(&self) -> usize {
         self.spec.state_dim() + self.goal_features()
     }
 
-    /// Width of a plain pair row.
+    /// Returns the width of a plain pair row.
     pub fn plain_pair_width(&self) -> usize {
         let goal = self.spec.goal_dim();
         self.plain_state_width() + goal + self.goal_features() + goal * self.relative.len()
     }
 
-    /// Width of a pair row with the grid encodings of state and goal.
+    /// Returns the width of a pair row with the grid encodings of state and goal.
     pub fn pair_width(&self) -> usize {
         self.plain_pair_width() + 2 * self.grid_width()
     }
 
-    /// Width of a state row with its grid encoding.
+    /// Returns the width of a state row with its grid encoding.
     pub fn state_width(&self) -> usize {
         self.plain_state_width() + self.grid_width()
     }
@@ -124,21 +124,21 @@ impl Encoder {
         }
     }
 
-    /// The goal scaled to [-1, 1].
+    /// Writes the goal scaled to [-1, 1].
     pub fn scaled_goal(&self, goal: &[f32], out: &mut [f32]) {
         for ((out, g), i) in out.iter_mut().zip(goal).zip(&self.spec.achieved) {
             *out = self.spec.scaled(*i, *g);
         }
     }
 
-    /// The achieved goal of `state` scaled to [-1, 1]: where its grid encoding is read.
+    /// Writes the achieved goal of `state` scaled to [-1, 1]: the position that its grid encoding reads.
     pub fn scaled_achieved(&self, state: &[f32], out: &mut [f32]) {
         for (out, i) in out.iter_mut().zip(&self.spec.achieved) {
             *out = self.spec.scaled(*i, state[*i]);
         }
     }
 
-    /// Adds where the grid encoding of `state`'s achieved goal is read.
+    /// Adds the grid reads of `state`'s achieved goal to `places`.
     pub fn locate_state(&self, state: &[f32], places: &mut Places) {
         if let Some(grid) = &self.grid {
             let mut u = [0.0; 3];
@@ -147,7 +147,7 @@ impl Encoder {
         }
     }
 
-    /// Adds where the grid encoding of `goal` is read.
+    /// Adds the grid reads of `goal` to `places`.
     pub fn locate_goal(&self, goal: &[f32], places: &mut Places) {
         if let Some(grid) = &self.grid {
             let mut u = [0.0; 3];
@@ -156,7 +156,7 @@ impl Encoder {
         }
     }
 
-    /// Writes the encodings of the positions at row `i` of each of `places`, one behind the other.
+    /// Writes the encodings of the positions at row `i` of each of `places`, one after the other.
     pub fn encode(&self, table: Option<TableView>, places: &[&Places], i: usize, out: &mut [f32]) {
         if let (Some(grid), Some(table)) = (&self.grid, table) {
             for (places, out) in places.iter().zip(out.chunks_exact_mut(grid.width())) {
@@ -165,7 +165,7 @@ impl Encoder {
         }
     }
 
-    /// Gradient with respect to `state` of a function of the pair row `row`, whose gradient is `d_row`; written to
+    /// Backpropagates `d_row`, the gradient with respect to the pair row `row`, to `state`; writes the result to
     /// `d_state`.
     pub fn pair_state_gradient(
         &self,
@@ -176,7 +176,7 @@ impl Encoder {
         d_state: &mut [f32],
     ) {
         let (state_dim, goal_dim) = (self.spec.state_dim(), self.spec.goal_dim());
-        // With respect to the scaled state first.
+        // First with respect to the scaled state.
         d_state.copy_from_slice(&d_row[..state_dim]);
         if self.octaves > 0 {
             let width = 2 * self.octaves;
@@ -212,7 +212,7 @@ impl Encoder {
     }
 }
 
-/// `sin(pi 2^l u), cos(pi 2^l u)` for l = 0, 1, ..., each from the one before by the double-angle formulas.
+/// Writes `sin(pi 2^l u), cos(pi 2^l u)` for l = 0, 1, ..., each from the previous one by the double-angle formulas.
 fn octaves(u: f32, out: &mut [f32]) {
     let (mut sin, mut cos) = (PI * u).sin_cos();
     for pair in out.chunks_exact_mut(2) {
@@ -222,7 +222,7 @@ fn octaves(u: f32, out: &mut [f32]) {
     }
 }
 
-/// Gradient of the octaves with respect to u, from their values and gradients.
+/// Returns the gradient with respect to u, from the octaves' values and gradients.
 fn octaves_gradient(values: &[f32], gradients: &[f32]) -> f32 {
     let mut rate = PI;
     let mut sum = 0.0;

@@ -1,4 +1,4 @@
-//! A whole perceptron as one candle operation, for losses that are composed on candle's tape.
+//! A whole MLP as one candle operation, for losses on candle's tape.
 
 use candle_core::{CpuStorage, CustomOp2, DType, Layout, Result, Shape, Tensor, bail};
 use parking_lot::Mutex;
@@ -6,11 +6,11 @@ use parking_lot::Mutex;
 use super::adam::slice;
 use super::mlp::{Activations, Mlp, Packed, Wanted};
 
-/// `mlp(x)` with `x` `(rows, inputs)` and flat `parameters` (see `mlp::Mlp` for their order), both f32 on the CPU:
-/// `(rows, outputs)`. The same kernels as in [`super::Gdg::update_on`], which calls them without a tape.
+/// Returns `mlp(x)`, `(rows, outputs)`, for `x` `(rows, inputs)` and flat `parameters` (see `mlp::Mlp` for their
+/// order), both f32 on the CPU. Uses the same kernels as [`super::Gdg::update_on`], which calls them without a tape.
 ///
 /// # Errors
-/// Tensors of other sizes, or on another device.
+/// Returns an error if the tensors have the wrong sizes or are on another device.
 pub fn fused_mlp(mlp: &Mlp, x: &Tensor, parameters: &Tensor) -> Result<Tensor> {
     if x.dims().len() != 2 || x.dim(1)? != mlp.inputs || parameters.dims() != [mlp.parameters()] {
         bail!("{:?} inputs and {:?} parameters for {mlp:?}", x.dims(), parameters.dims());
@@ -21,14 +21,14 @@ pub fn fused_mlp(mlp: &Mlp, x: &Tensor, parameters: &Tensor) -> Result<Tensor> {
 
 struct FusedMlp {
     mlp: Mlp,
-    /// What the way back needs of the way forward.
+    /// What the backward pass needs from the forward pass.
     kept: Mutex<(Activations, Packed)>,
 }
 
 fn numbers<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result<&'a [f32]> {
     match (storage, layout.contiguous_offsets()) {
         (CpuStorage::F32(data), Some((from, to))) => Ok(&data[from..to]),
-        _ => bail!("the fused perceptron reads contiguous f32"),
+        _ => bail!("the fused MLP needs contiguous f32"),
     }
 }
 

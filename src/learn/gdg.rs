@@ -1,5 +1,5 @@
-//! Goal-distance gradient: distance critics, dynamics model and actor (Algorithm 1), updated by our own kernels with the
-//! work split over threads.
+//! Goal-distance gradient: distance critics, dynamics model and actor (Algorithm 1), updated by hand-written kernels on
+//! several threads.
 
 mod part;
 
@@ -34,7 +34,7 @@ use part::{Part, Rows, part_rows};
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
 pub type WholeGradient = (Vec<f32>, Vec<f32>);
 
-/// The learner as it is registered.
+/// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
     about: "goal-distance gradient: learns D and a dynamics model, and an actor through both",
@@ -49,16 +49,16 @@ pub struct Gdg {
     sampler: BatchSampler,
     /// The latest batch.
     batch: Batch,
-    /// Share of a batch whose distances come from elsewhere.
+    /// Share of a batch that is replaced with pairs of known distance.
     distillation: f32,
     shared: Arc<Shared>,
     team: Team,
     backend: Backend,
-    /// The networks on a backend other than the own kernels; what is shared follows it.
+    /// The networks on a tape backend, if one is selected; each update is written back to `shared`.
     tape: Option<Tape>,
 }
 
-/// What the threads of an update work on together.
+/// Data shared by the threads of an update.
 struct Shared {
     shapes: Arc<Shapes>,
     rates: RwLock<StepRates>,
@@ -67,7 +67,7 @@ struct Shared {
     actor: Network,
     parts: Vec<Mutex<Part>>,
     batch: RwLock<Batch>,
-    /// Corners of grid tables that the batch touches: in pairs, and in transitions.
+    /// Grid table corners that the batch touches, in its pairs and in its transitions.
     pairs: RwLock<Touched>,
     transitions: RwLock<Touched>,
     /// The first failure of the current update.
@@ -75,11 +75,11 @@ struct Shared {
 }
 
 impl Gdg {
-    /// Fresh networks for an environment of `spec`; `threads` share the work of each update, without changing its
-    /// result.
+    /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does not change their
+    /// results.
     ///
     /// # Errors
-    /// What candle reports, or that a thread cannot be started.
+    /// Returns an error if states are too large, a tensor operation fails or a thread cannot be started.
     pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
         if spec.state_dim() > MOST_STATE_NUMBERS {
             candle_core::bail!("states of more than {MOST_STATE_NUMBERS} numbers are not supported");
@@ -91,7 +91,8 @@ impl Gdg {
         let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
         let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
         let part = || Part::new(settings.critics);
-        let parts = (0..settings.batch.div_ceil(part_rows(settings.batch))).map(|_| Mutex::new(part())).collect();
+        let parts =
+            (0..settings.batch_size.div_ceil(part_rows(settings.batch_size))).map(|_| Mutex::new(part())).collect();
         let rates = RwLock::new(StepRates::of(settings));
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
         let failure = Mutex::default();
@@ -108,7 +109,7 @@ impl Gdg {
         })
     }
 
-    /// Numbers that training changes in all networks that `settings` ask for.
+    /// Returns the number of trainable parameters in all networks that `settings` specify.
     pub fn parameters(spec: &Spec, settings: &LearnSettings) -> u64 {
         let shapes = Shapes::new(Encoder::new(spec, settings), settings);
         let table = shapes.encoder.grid().map_or(0, |grid| grid.corners() * grid.channels);
@@ -116,41 +117,41 @@ impl Gdg {
         settings.critics as u64 * of(&shapes.critic) + of(&shapes.model) + of(&shapes.actor)
     }
 
-    /// Networks' shapes and input features.
+    /// Returns the networks' shapes and input features.
     pub fn shapes(&self) -> &Shapes {
         &self.shared.shapes
     }
 
-    /// Critic `k`; the actor follows the first.
+    /// Returns critic `k`; the actor is trained through the first.
     pub fn critic(&self, k: usize) -> &Network {
         &self.shared.critics[k]
     }
 
-    /// The dynamics model.
+    /// Returns the dynamics model.
     pub fn model(&self) -> &Network {
         &self.shared.model
     }
 
-    /// The actor.
+    /// Returns the actor.
     pub fn actor(&self) -> &Network {
         &self.shared.actor
     }
 
-    /// All networks: critics, model, actor.
+    /// Returns all networks: critics, model, actor.
     pub fn networks(&self) -> impl Iterator<Item = &Network> {
         self.shared.networks()
     }
 
-    /// Updates done.
+    /// Returns the number of updates done.
     pub fn updates(&self) -> u64 {
         self.shared.actor.steps()
     }
 
-    /// One update of critics, model, actor and averages on `batch` (Algorithm 1's inner loop); its time is booked on
+    /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop) and adds the time to
     /// `profile`.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn update_on(&mut self, batch: &Batch, profile: &mut Profile) -> Result<Losses> {
         let began = Instant::now();
         if let Some(tape) = &mut self.tape {
@@ -174,7 +175,7 @@ impl Gdg {
         Ok(self.losses())
     }
 
-    /// Does `work` for each number below `tasks`, on all threads.
+    /// Calls `work` with each index below `tasks`, on all threads; returns the first error.
     fn together(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
         let shared = self.shared.clone();
         self.team.run(tasks, move |i| {
@@ -185,11 +186,11 @@ impl Gdg {
         self.shared.failure.lock().take().map_or(Ok(()), Err)
     }
 
-    /// Losses and gradients on `batch` of the first critic, the model and the actor, all at the current weights and
-    /// without a step: flat parameters and table of each. For checks against other ways to compute them.
+    /// Returns the losses and the gradients (flat parameters and table) of the first critic, the model and the actor on
+    /// `batch`, all at the current weights and without a step. For checks against other implementations.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [WholeGradient; 3])> {
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
@@ -224,18 +225,18 @@ impl Gdg {
         })
     }
 
-    /// The losses at the current weights by candle's operations.
+    /// Returns the losses at the current weights in candle operations.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn reference(&self, layers: Layers) -> Result<Reference<'_>> {
         Reference::new(self.shapes(), self.networks(), layers)
     }
 
-    /// Uses the networks as they are, or their averages, while no update runs.
+    /// Calls `use_nets` with the current networks or their running averages; no update can run meanwhile.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
         let critics: Vec<_> = self.shared.critics.iter().map(Network::lock).collect();
         let actor = self.shared.actor.lock();
@@ -246,7 +247,7 @@ impl Gdg {
         }))
     }
 
-    /// Replaces a share of the batch by pairs whose distance is known from elsewhere (distillation).
+    /// Replaces a share of the batch with pairs of known distance (distillation).
     fn distil(&mut self, known: Option<&KnownDistances>, rng: &mut ChaCha8Rng) {
         let Some(known) = known.filter(|known| self.distillation > 0.0 && !known.pairs.is_empty()) else { return };
         let spec = self.shared.shapes.encoder.spec();
@@ -260,16 +261,16 @@ impl Gdg {
         }
     }
 
-    /// State of each network, by name.
+    /// Returns the state of each network, by name.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn networks_state(&self) -> Result<Vec<(String, NetworkState)>> {
         self.shared.named().map(|(name, network)| Ok((name, network.state()?))).collect()
     }
 }
 
-/// When an average of a table's corner was stored is a count, kept as the bits of a float.
+/// State part that holds update counts, stored as the bits of floats.
 const COUNTS: &str = "table_last";
 
 impl Learner for Gdg {
@@ -304,7 +305,7 @@ impl Learner for Gdg {
         Ok(self.with_nets(averaged, |nets| use_policy(&nets))?)
     }
 
-    /// Whether the averaged critics give finite distances on the latest batch.
+    /// Returns whether the averaged critics give finite distances on the latest batch.
     fn is_sound(&self) -> std::result::Result<bool, LearnError> {
         let (states, goals) = (&self.batch.states, &self.batch.goals);
         let mut distances = vec![0.0; self.batch.len()];
@@ -344,22 +345,22 @@ impl Learner for Gdg {
 }
 
 impl Shared {
-    /// Tasks of the first phase that look which corners of tables the batch touches.
+    /// Number of tasks in the first phase that find the table corners touched by the batch.
     const LOOKS: usize = 2;
 
-    /// Critics, model, actor.
+    /// Returns critics, model, actor.
     fn networks(&self) -> impl Iterator<Item = &Network> {
         self.critics.iter().chain([&self.model, &self.actor])
     }
 
-    /// All networks with their names.
+    /// Returns all networks with their names.
     fn named(&self) -> impl Iterator<Item = (String, &Network)> {
         let critics = self.critics.iter().enumerate().map(|(k, critic)| (critic_name(k), critic));
         critics.chain([("model".to_owned(), &self.model), ("actor".to_owned(), &self.actor)])
     }
 
-    /// The first phase of an update: its first tasks look which corners the steps will touch, each other one computes
-    /// gradients of critics and model from its part of the batch.
+    /// Runs one task of an update's first phase: the first tasks find the corners that the steps will touch, each other
+    /// one computes the gradients of critics and model on its part of the batch.
     fn look_or_critic_and_model_gradients(&self, task: usize) -> Result<()> {
         if let Some(part) = task.checked_sub(Self::LOOKS) {
             return self.critic_and_model_gradients(part);
@@ -375,7 +376,7 @@ impl Shared {
         let encoder = &self.shapes.encoder;
         let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
         let parts = (0..self.parts.len()).map(|i| Rows::new(&self.shapes, &batch, i));
-        // In the order in which the parts' gradients come.
+        // In the order of the parts' gradients.
         if pairs {
             self.pairs.write().find(grid, |places| {
                 for rows in parts {
@@ -392,7 +393,7 @@ impl Shared {
         }
     }
 
-    /// Gradients of the critics and the model from part `i` of the batch.
+    /// Computes the gradients of the critics and the model on part `i` of the batch.
     fn critic_and_model_gradients(&self, i: usize) -> Result<()> {
         let critics: Vec<_> = self.critics.iter().map(Network::lock).collect();
         let current = critics.iter().map(|l| l.weights(false)).collect::<Result<Vec<_>>>()?;
@@ -409,7 +410,7 @@ impl Shared {
         Ok(())
     }
 
-    /// The actor's gradient from part `i` of the batch.
+    /// Computes the actor's gradient on part `i` of the batch.
     fn actor_gradients(&self, i: usize) -> Result<()> {
         let (actor, model, critic) = (self.actor.lock(), self.model.lock(), self.critics[0].lock());
         let path =
@@ -423,7 +424,7 @@ impl Shared {
         Ok(())
     }
 
-    /// Steps of the critics and the model, which are independent of each other, each in two tasks.
+    /// Steps the critics and the model, which are independent of each other, in two tasks per network.
     fn step_critics_and_model(&self, task: usize) -> Result<()> {
         let (i, half) = (task / 2, Half::of(task));
         match self.critics.get(i) {
@@ -432,13 +433,13 @@ impl Shared {
         }
     }
 
-    /// The actor's step, in two tasks.
+    /// Steps the actor, in two tasks.
     fn step_actor(&self, task: usize) -> Result<()> {
         self.step(&self.actor, Half::of(task), &self.pairs, |part| &mut part.actor)
     }
 
-    /// The step of half a network along the sum of all parts' gradients. These are taken out of the parts meanwhile,
-    /// as another thread may need theirs for another step.
+    /// Steps one half of a network with the sum of all parts' gradients. Moves these out of the parts meanwhile, so
+    /// that other threads can lock the parts for their own steps.
     fn step(
         &self,
         network: &Network,
@@ -470,7 +471,7 @@ enum Half {
 }
 
 impl Half {
-    /// Which half the `task`th of a phase of steps is about.
+    /// Returns the half that task number `task` of a phase of steps handles.
     fn of(task: usize) -> Self {
         if task.is_multiple_of(2) { Self::Table } else { Self::Dense }
     }

@@ -7,18 +7,18 @@ use super::settings::LearnSettings;
 pub struct Gradient {
     /// Of the flat parameters.
     pub dense: Vec<f32>,
-    /// Of the grid encodings of the positions read, in the order of their rows: `(positions, levels, channels)`.
+    /// Of the grid encodings of the positions read, in row order: `(positions, levels, channels)`.
     pub encoded: Vec<f32>,
 }
 
 impl Gradient {
-    /// Prepares for a network of `parameters` flat parameters, which a backward pass will overwrite.
+    /// Resizes for a network of `parameters` flat parameters, whose gradient a backward pass will overwrite.
     pub fn prepare(&mut self, parameters: usize) {
         self.dense.resize(parameters, 0.0);
         self.encoded.clear();
     }
 
-    /// Adds the gradient of encodings, of which `d` holds one a row from column `from` on, `(positions, stride)`.
+    /// Appends the gradients of encodings: columns `from..from + width` of `d` `(positions, stride)`.
     pub fn add_encoded(&mut self, d: &[f32], (from, width, stride): (usize, usize, usize)) {
         self.encoded.extend(d.chunks_exact(stride).flat_map(|row| &row[from..from + width]));
     }
@@ -36,7 +36,7 @@ pub struct StepRates {
 }
 
 impl StepRates {
-    /// What `settings` say.
+    /// Returns the step sizes in `settings`.
     pub fn of(settings: &LearnSettings) -> Self {
         Self { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau }
     }

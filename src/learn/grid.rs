@@ -1,4 +1,4 @@
-//! Trainable grid encoding: tables of channels at the corners of grids of several resolutions, read by multilinear
+//! Trainable multi-resolution grid encoding: feature channels stored at grid corners and read by multilinear
 //! interpolation at a position (the dense levels of Müller et al. 2022, "Instant neural graphics primitives").
 
 use rand::RngExt;
@@ -7,18 +7,18 @@ use rand_chacha::ChaCha8Rng;
 /// A level whose table would have more corners than this gets larger cells instead.
 const MOST_CORNERS: usize = 1 << 19;
 
-/// Geometry of the tables; positions come scaled to [-1, 1] along every axis.
+/// Geometry of the tables; positions are scaled to [-1, 1] along every axis.
 #[derive(Clone, Debug, PartialEq)]
 pub struct GridShape {
     /// Axes of a position.
     pub dims: usize,
     /// Trainable numbers at each corner.
     pub channels: usize,
-    /// Corners along each axis, and the index of the first one in the table, for each level.
+    /// The resolutions.
     pub levels: Vec<Level>,
 }
 
-/// One resolution.
+/// One resolution of the grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Level {
     /// Corners along each axis.
@@ -30,21 +30,21 @@ pub struct Level {
 /// Read access to a table: its values, or their running average.
 #[derive(Clone, Copy)]
 pub struct TableView<'a> {
-    /// A line for each corner: its value `(channels)`; behind it, where there is an average, what is stored of that.
+    /// One line per corner: its value `(channels)`, followed by its stored average if there is one.
     pub lines: &'a [f32],
     /// Numbers in a line.
     pub stride: usize,
-    /// For reading the average: what it was when its corner last changed, and how much of that remains.
+    /// For reading the average: the update as of which each corner's average is stored, and its decay since.
     pub average: Option<LazyView<'a>>,
 }
 
-/// The running average of a table of which each update changes few corners.
+/// The lazy running average of a table of which each update changes only a few corners.
 ///
-/// While a corner stays as it is, its average approaches it by the same factor at every update, so that the
-/// average at any later time follows from the one at its last change: only changed corners cost work.
+/// While a corner's value is unchanged, its average approaches it by the same factor at every update, so the average at
+/// any later time follows from the one at the last change. Only changed corners cost work.
 #[derive(Clone, Copy)]
 pub struct LazyView<'a> {
-    /// Update up to which each corner's average is stored, `(corners)`.
+    /// Update as of which each corner's average is stored, `(corners)`.
     pub stored: &'a [u32],
     /// Updates done so far.
     pub now: u32,
@@ -53,14 +53,15 @@ pub struct LazyView<'a> {
 }
 
 impl LazyView<'_> {
-    /// By how much corner `corner` still differs from its current value, as a share of the stored difference.
+    /// Returns the remaining difference between the average and the value of `corner`, as a share of the stored
+    /// difference.
     #[inline]
     pub fn remaining(&self, corner: usize) -> f32 {
         self.decay.get((self.now - self.stored[corner]) as usize).copied().unwrap_or(0.0)
     }
 }
 
-/// Where a position falls in one level: the lower corner and the share of the upper one along each axis.
+/// Location of a position in one level: the lower corner, and the weight of the upper corner along each axis.
 #[derive(Clone, Copy)]
 struct Place {
     corner: usize,
@@ -68,7 +69,7 @@ struct Place {
 }
 
 impl Level {
-    /// Where `position` falls.
+    /// Locates `position` in this level.
     fn place(self, position: &[f32]) -> Place {
         let mut place = Place { corner: self.first, share: [0.0; 3] };
         let mut stride = 1;
@@ -83,7 +84,7 @@ impl Level {
     }
 }
 
-/// Where tables are read for each of many positions: the corners around it in every level, and their weights.
+/// Table reads of many positions: the corners around each position in every level, and their weights.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
     /// `(positions, levels, 2^dims)`.
@@ -93,7 +94,7 @@ pub struct Places {
 }
 
 impl Places {
-    /// Forgets all positions.
+    /// Removes all positions.
     pub fn clear(&mut self) {
         self.corners.clear();
         self.weights.clear();
@@ -106,12 +107,13 @@ impl Places {
 }
 
 impl GridShape {
-    /// Tables for positions of `dims` axes; `cell_sizes` in units of which the range [-1, 1] holds `units`.
+    /// Creates tables for positions with `dims` axes; `cell_sizes` are in units of which the range [-1, 1] spans
+    /// `units`.
     ///
     /// # Panics
-    /// If `dims` is not 1, 2 or 3.
+    /// Panics if `dims` is not 1, 2 or 3.
     pub fn new(dims: usize, channels: usize, cell_sizes: &[f32], units: f32) -> Self {
-        assert!((1..=3).contains(&dims), "grid encoding is for positions of one to three axes");
+        assert!((1..=3).contains(&dims), "the grid encoding supports positions of one to three axes");
         let mut levels: Vec<Level> = Vec::new();
         let mut first = 0;
         for size in cell_sizes {
@@ -129,22 +131,23 @@ impl GridShape {
         Self { dims, channels, levels }
     }
 
-    /// Corners of all levels.
+    /// Returns the number of corners in all levels.
     pub fn corners(&self) -> usize {
         self.levels.last().map_or(0, |l| l.first + l.corners.pow(self.dims as u32))
     }
 
-    /// Numbers that a position is encoded in.
+    /// Returns the width of an encoded position.
     pub fn width(&self) -> usize {
         self.levels.len() * self.channels
     }
 
-    /// A fresh table: small numbers, as a start at zero would never leave the products of layers.
+    /// Draws an initial table of small random values.
     pub fn initial(&self, rng: &mut ChaCha8Rng) -> Vec<f32> {
         (0..self.corners() * self.channels).map(|_| rng.random_range(-0.01..0.01)).collect()
     }
 
-    /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` says upper along axis k.
+    /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` is set if it is the upper one along
+    /// axis k.
     #[inline]
     fn around(&self, level: Level, place: &Place, mut visit: impl FnMut(usize, usize)) {
         for bits in 0..1usize << self.dims {
@@ -160,12 +163,12 @@ impl GridShape {
         }
     }
 
-    /// Corners that a position reads in each level.
+    /// Returns the number of corners that a position reads per level.
     pub fn corners_around(&self) -> usize {
         1 << self.dims
     }
 
-    /// Adds the place of `position` (`dims`, scaled) to `places`: where all tables of this shape are read for it.
+    /// Adds the reads of `position` (`dims`, scaled) to `places`; they are the same for all tables of this shape.
     pub fn locate(&self, position: &[f32], places: &mut Places) {
         for level in &self.levels {
             let place = level.place(position);
@@ -176,7 +179,7 @@ impl GridShape {
         }
     }
 
-    /// Corners that one position is read at, in all levels.
+    /// Returns the number of corners that a position reads in all levels.
     fn reads(&self) -> usize {
         self.levels.len() * self.corners_around()
     }
@@ -184,7 +187,7 @@ impl GridShape {
     /// Encodes the position at `row` of `places` into `out` (`width`).
     pub fn encode(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
         match (self.channels, table.stride) {
-            // The default, in vectors of four: from a table in training, and from a copy.
+            // The default of four channels, vectorised: for a table in training, and for a copy.
             (4, 16) => self.encode_fixed::<4, 16>(table, places, row, out),
             (4, 4) => self.encode_fixed::<4, 4>(table, places, row, out),
             _ => self.encode_any(table, places, row, out),
@@ -211,7 +214,7 @@ impl GridShape {
                     None => (0..C).for_each(|c| sum[c] += weight * line[c]),
                     Some(lazy) => {
                         let remaining = lazy.remaining(*corner as usize);
-                        // A copy has no average of its own, and no line so long.
+                        // A copy has no average, and shorter lines.
                         let stored = |c: usize| if STRIDE > C { line[(C + c) % STRIDE] } else { line[c] };
                         (0..C).for_each(|c| sum[c] += weight * (line[c] + (stored(c) - line[c]) * remaining));
                     }
@@ -256,7 +259,7 @@ impl GridShape {
                     let others: f32 =
                         (0..self.dims).filter(|a| *a != axis).map(|a| axis_weight(&place, bits, a)).product();
                     let sign = if bits >> axis & 1 == 1 { per_unit } else { -per_unit };
-                    // Outside the range the place no longer moves.
+                    // Positions are clamped to the range, so the gradient is zero outside it.
                     if position[axis].abs() <= 1.0 {
                         *d += sign * others * along;
                     }

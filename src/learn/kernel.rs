@@ -1,21 +1,21 @@
-//! Dense kernels on row-major slices. The one place with unsafe code: loads and stores of vectors where a block is
-//! transposed in registers.
+//! Dense kernels on row-major slices. The only place with unsafe code: vector loads and stores for transposing blocks
+//! in registers.
 //!
-//! Element-wise loops are compiled for several generations of vectors and chosen at run time, so that a portable build
-//! uses those that the CPU has.
+//! Element-wise loops are compiled for several SIMD instruction sets and selected at run time, so that a portable build
+//! uses what the CPU supports.
 #![allow(unsafe_code)]
 
 use multiversion::multiversion;
 use pulp::Arch;
 
-/// Side of the blocks that [`transpose`] turns in registers.
+/// Side of the blocks that [`transpose`] handles in registers.
 #[cfg(target_arch = "x86_64")]
 const SIDE: usize = 8;
 
-/// `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride` numbers.
+/// Computes `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride` numbers.
 ///
 /// # Panics
-/// If a slice is shorter than that.
+/// Panics if a slice is shorter than that, or if `rows` exceeds `stride`.
 pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) {
     let (x, out) = (&x[..rows * cols], &mut out[..cols * stride]);
     assert!(rows <= stride, "{rows} numbers in rows of {stride}");
@@ -26,25 +26,25 @@ pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], strid
     }
 }
 
-/// What of [`transpose`] the processor can do in registers; how many rows and columns that was.
+/// Does the part of [`transpose`] that the processor can do in registers; returns its number of rows and columns.
 #[cfg(target_arch = "x86_64")]
 fn transpose_in_registers(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) -> (usize, usize) {
     if !std::is_x86_feature_detected!("avx") {
         return (0, 0);
     }
     let turned = (rows / SIDE * SIDE, cols / SIDE * SIDE);
-    // SAFETY: the processor has what the function is compiled for.
+    // SAFETY: the processor supports AVX, for which the function is compiled.
     unsafe { transpose_blocks(x, cols, turned, out, stride) };
     turned
 }
 
-/// Other processors' compilers vectorise the plain loop well enough.
+/// Does nothing: for other processors, the compiler vectorises the plain loop well enough.
 #[cfg(not(target_arch = "x86_64"))]
 fn transpose_in_registers(_: &[f32], _: (usize, usize), _: &mut [f32], _: usize) -> (usize, usize) {
     (0, 0)
 }
 
-/// The blocks of [`transpose`] among the first `turned` rows and columns.
+/// Does the part of [`transpose`] within the first `turned` rows and columns, block by block.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx")]
 fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f32], stride: usize) {
@@ -52,15 +52,15 @@ fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f
     use std::arch::x86_64::{_mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps};
     for r in (0..turned.0).step_by(SIDE) {
         for c in (0..turned.1).step_by(SIDE) {
-            // Plain loops: closures would be calls here, as they cannot be told which vectors they may use.
+            // Plain loops: closures would become calls here, as they cannot be given the target feature.
             let (mut x8, mut twos, mut fours) =
                 ([_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8]);
             for i in 0..SIDE {
                 let row = &x[(r + i) * cols + c..][..SIDE];
-                // SAFETY: eight numbers are there.
+                // SAFETY: `row` holds eight numbers.
                 x8[i] = unsafe { _mm256_loadu_ps(row.as_ptr()) };
             }
-            // Pairs of rows interleaved, then pairs of pairs, then halves exchanged.
+            // Interleave pairs of rows, then pairs of pairs, then swap halves.
             for i in 0..4 {
                 twos[2 * i] = _mm256_unpacklo_ps(x8[2 * i], x8[2 * i + 1]);
                 twos[2 * i + 1] = _mm256_unpackhi_ps(x8[2 * i], x8[2 * i + 1]);
@@ -77,23 +77,24 @@ fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f
             }
             for j in 0..SIDE {
                 let column = &mut out[(c + j) * stride + r..][..SIDE];
-                // SAFETY: there is room for eight numbers.
+                // SAFETY: `column` has room for eight numbers.
                 unsafe { _mm256_storeu_ps(column.as_mut_ptr(), x8[j]) };
             }
         }
     }
 }
 
-/// `d[i] = 0` where the unit's output `y[i]` is 0 (the backward pass of ReLU).
+/// Sets `d[i] = 0` where the unit's output `y[i]` is 0 (the backward pass of ReLU).
 #[multiversion(targets = "simd")]
 pub fn relu_backward(d: &mut [f32], y: &[f32]) {
     for (d, y) in d.iter_mut().zip(y) {
-        // As a product: a condition becomes a masked store, which some processors take a cycle a number for.
+        // Multiply instead of branching: a branch becomes a masked store, which takes some processors a cycle per
+        // number.
         *d *= f32::from(*y > 0.0);
     }
 }
 
-/// `sums[c] = sum over rows of x[r][c]`.
+/// Computes `sums[c] = sum over rows of x[r][c]`.
 #[multiversion(targets = "simd")]
 pub fn column_sums(x: &[f32], sums: &mut [f32]) {
     sums.fill(0.0);
@@ -104,7 +105,7 @@ pub fn column_sums(x: &[f32], sums: &mut [f32]) {
     }
 }
 
-/// `sum += part`, element by element.
+/// Computes `sum += part`, element by element.
 #[multiversion(targets = "simd")]
 pub fn add_into(sum: &mut [f32], part: &[f32]) {
     for (s, p) in sum.iter_mut().zip(part) {
@@ -112,8 +113,8 @@ pub fn add_into(sum: &mut [f32], part: &[f32]) {
     }
 }
 
-/// A layer of few outputs: `y[r][o] = bias[o] + sum_h x[r][h] w[o][h]`. `w` is `(outputs, inputs)`; `gemm` runs at
-/// a tenth of its speed on matrices with 1 to 4 columns.
+/// Computes a layer with few outputs: `y[r][o] = bias[o] + sum_h x[r][h] w[o][h]`, with `w` `(outputs, inputs)`. `gemm`
+/// runs at a tenth of its speed on matrices with 1 to 4 columns.
 #[multiversion(targets = "simd")]
 pub fn thin_forward(x: &[f32], w: &[f32], bias: &[f32], y: &mut [f32]) {
     let inputs = w.len() / bias.len();
@@ -124,7 +125,7 @@ pub fn thin_forward(x: &[f32], w: &[f32], bias: &[f32], y: &mut [f32]) {
     }
 }
 
-/// `dx[r][h] = sum_o dy[r][o] w[o][h]`, the thin layer's gradient with respect to its input.
+/// Computes `dx[r][h] = sum_o dy[r][o] w[o][h]`, the thin layer's gradient with respect to its input.
 #[multiversion(targets = "simd")]
 pub fn thin_backward_input(dy: &[f32], w: &[f32], outputs: usize, dx: &mut [f32]) {
     let inputs = w.len() / outputs;
@@ -138,7 +139,7 @@ pub fn thin_backward_input(dy: &[f32], w: &[f32], outputs: usize, dx: &mut [f32]
     }
 }
 
-/// `dw[o][h] = sum_r dy[r][o] x[r][h]` and `db[o] = sum_r dy[r][o]`.
+/// Computes `dw[o][h] = sum_r dy[r][o] x[r][h]` and `db[o] = sum_r dy[r][o]`.
 #[multiversion(targets = "simd")]
 pub fn thin_backward_weights(dy: &[f32], x: &[f32], dw: &mut [f32], db: &mut [f32]) {
     let outputs = db.len();
@@ -155,7 +156,7 @@ pub fn thin_backward_weights(dy: &[f32], x: &[f32], dw: &mut [f32], db: &mut [f3
     }
 }
 
-/// Dot product in sixteen running sums, which vectorises (a single sum may not be reordered).
+/// Returns the dot product, using sixteen partial sums so that it vectorises (a single sum may not be reordered).
 #[inline(always)]
 fn dot(a: &[f32], b: &[f32]) -> f32 {
     let mut sums = [0.0f32; 16];
@@ -169,7 +170,7 @@ fn dot(a: &[f32], b: &[f32]) -> f32 {
     sums.iter().sum::<f32>() + tail
 }
 
-/// What one Adam step needs to know besides gradient and moments.
+/// What one Adam step needs besides gradient and moments.
 #[derive(Clone, Copy, Debug)]
 pub struct AdamRate {
     /// Step size with both bias corrections folded in: lr sqrt(1 - b2^t) / (1 - b1^t).
@@ -181,10 +182,10 @@ pub struct AdamRate {
 /// Decay of Adam's first and second moment.
 pub const BETA: (f32, f32) = (0.9, 0.999);
 
-/// Moments below this are 0: those of dead units would decay into denormals, which are very slow.
+/// Moments below this are set to 0: those of dead units would decay into denormals, which are very slow.
 const TINY: f32 = 1e-20;
 
-/// One Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`.
+/// Takes one Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`.
 #[multiversion(targets = "simd")]
 pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
     for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
@@ -192,13 +193,13 @@ pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate:
     }
 }
 
-/// [`adam`] for a handful of numbers, where a dispatch would cost more than the step.
+/// Does the same as [`adam`] for a handful of numbers, where the run-time dispatch would cost more than the step.
 #[inline(always)]
 pub fn adam_few(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
     let ((w4, w), (m4, m)) = (w.as_chunks_mut::<4>(), m.as_chunks_mut::<4>());
     let ((v4, v), (g4, g)) = (v.as_chunks_mut::<4>(), gradient.as_chunks::<4>());
     for (((w, m), v), g) in w4.iter_mut().zip(m4).zip(v4).zip(g4) {
-        // All loads before all stores: only then does this become one vector.
+        // Load everything before storing anything: only then does this become one vector.
         let (mut w1, mut m1, mut v1) = (*w, *m, *v);
         (0..4).for_each(|c| adam_one(&mut w1[c], &mut m1[c], &mut v1[c], g[c], rate));
         (*w, *m, *v) = (w1, m1, v1);
@@ -217,15 +218,15 @@ fn adam_one(w: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: AdamRate) {
     *w -= rate.rate * *m / (v.sqrt() + rate.epsilon);
 }
 
-/// `average += tau (w - average)` (Polyak averaging).
+/// Computes `average += tau (w - average)` (Polyak averaging).
 pub fn soft_update(average: &mut [f32], w: &[f32], tau: f32) {
     for (a, w) in average.iter_mut().zip(w) {
         *a += tau * (w - *a);
     }
 }
 
-/// Multiply-adds that this core does a second at most, in GFLOP/s (two operations each): many independent chains on
-/// registers alone.
+/// Measures this core's peak multiply-add throughput in GFLOP/s (two operations each), with many independent chains in
+/// registers.
 pub fn multiply_add_gflops() -> f64 {
     Arch::new().dispatch(Peak)
 }
@@ -247,7 +248,7 @@ impl pulp::WithSimd for Peak {
                 *chain = simd.mul_add_f32s(factor, *chain, term);
             }
         }
-        // What is computed has to be read before the clock is, or it may be computed later or not at all.
+        // Use the result before reading the clock, or the compiler may compute it later or not at all.
         std::hint::black_box(chains.map(|chain| simd.reduce_sum_f32s(chain)));
         let seconds = began.elapsed().as_secs_f64();
         (2 * S::F32_LANES * CHAINS * ROUNDS) as f64 / seconds / 1e9
@@ -258,10 +259,10 @@ impl pulp::WithSimd for Peak {
 mod tests {
     use super::*;
 
-    /// More than the registers hold, whatever they are, by more than one of every part of them.
+    /// Beyond a full set of vectors of any SIMD width, with every remainder.
     const LENGTHS: std::ops::RangeInclusive<usize> = 0..=70;
 
-    /// Exact in f32, of both signs, and 0 among them; no other call's for another `seed`.
+    /// Returns numbers of both signs, 0 among them, exact in f32, that differ between seeds.
     fn numbers(length: usize, seed: usize) -> Vec<f32> {
         (0..length).map(|i| ((i * 31 + seed * 13) % 23) as f32 * 0.125 - 1.375).collect()
     }
@@ -274,14 +275,14 @@ mod tests {
     }
 
     #[test]
-    fn a_transpose_has_rows_and_columns_exchanged_whatever_the_size() {
+    fn transpose_is_correct_at_any_size() {
         let odd = (0..=26).flat_map(|rows| (0..=26).map(move |cols| (rows, cols)));
         for (rows, cols) in odd.chain([(40, 7), (8, 70), (70, 8), (54, 128)]) {
             for stride in [rows, rows + 1, rows + 8] {
                 let x: Vec<f32> = (0..rows * cols).map(|i| i as f32).collect();
                 let mut out = vec![-1.0; stride * cols];
                 transpose(&x, (rows, cols), &mut out, stride);
-                // What lies between a row's end and the next one's beginning is nobody's.
+                // The padding between rows must stay untouched.
                 let right = |c, r| if r < rows { x[r * cols + c] } else { -1.0 };
                 let all = (0..cols).all(|c| (0..stride).all(|r| out[c * stride + r] == right(c, r)));
                 assert!(all, "{rows} x {cols} to rows of {stride}");
@@ -291,24 +292,24 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "range end index 64")]
-    fn a_transpose_of_too_few_numbers_is_refused() {
+    fn transpose_panics_on_a_short_input() {
         transpose(&[0.0; 63], (8, 8), &mut [0.0; 64], 8);
     }
 
     #[test]
     #[should_panic(expected = "range end index 64")]
-    fn a_transpose_to_too_little_room_is_refused() {
+    fn transpose_panics_on_a_short_output() {
         transpose(&[0.0; 64], (8, 8), &mut [0.0; 63], 8);
     }
 
     #[test]
     #[should_panic(expected = "9 numbers in rows of 8")]
-    fn a_transpose_to_rows_that_overlap_is_refused() {
+    fn transpose_panics_on_overlapping_rows() {
         transpose(&[0.0; 72], (9, 8), &mut [0.0; 72], 8);
     }
 
     #[test]
-    fn loops_over_elements_reach_every_one_at_any_length() {
+    fn element_wise_loops_are_correct_at_any_length() {
         for n in LENGTHS {
             let (a, b) = (numbers(n, 1), numbers(n, 2));
             let changed = |change: fn(&mut [f32], &[f32])| {
@@ -326,7 +327,7 @@ mod tests {
     }
 
     #[test]
-    fn adam_steps_are_the_papers_at_any_length() {
+    fn adam_matches_the_paper_at_any_length() {
         let rate = AdamRate { rate: 0.01, epsilon: 1e-6 };
         for n in LENGTHS {
             let (w, m, g) = (numbers(n, 1), numbers(n, 2), numbers(n, 3));
@@ -349,14 +350,14 @@ mod tests {
     }
 
     #[test]
-    fn moments_too_small_to_matter_are_0() {
+    fn tiny_moments_become_0() {
         let (mut w, mut m, mut v) = ([1.0], [1e-20], [1e-20]);
         adam(&mut w, &mut m, &mut v, &[0.0], AdamRate { rate: 0.01, epsilon: 1e-6 });
         assert_eq!((w, m, v), ([1.0], [0.0], [0.0]));
     }
 
     #[test]
-    fn sums_and_thin_layers_are_right_for_any_width() {
+    fn sums_and_thin_layers_are_correct_at_any_width() {
         for (inputs, rows) in LENGTHS.skip(1).flat_map(|inputs| [0, 1, 2, 7].map(|rows| (inputs, rows))) {
             let x = numbers(rows * inputs, 1);
             let x_at = |r: usize, h: usize| f64::from(x[r * inputs + h]);
@@ -389,7 +390,7 @@ mod tests {
     }
 
     #[test]
-    fn a_core_multiplies_and_adds() {
+    fn multiply_add_throughput_is_positive() {
         assert!(multiply_add_gflops() > 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Losses and gradients of one part of a batch, by hand (see [`super::Reference`] for the same by autograd).
+//! Hand-written losses and gradients of one part of a batch (see [`super::Reference`] for the autograd version).
 
 use super::encoder::Encoder;
 use super::gradient::Gradient;
@@ -10,15 +10,15 @@ use super::settings::{LearnSettings, LossScale};
 /// Losses of one update, each a mean over the batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Losses {
-    /// Weighted squared error on the chosen scale, mean of the critics.
+    /// Weighted squared error on the chosen scale, averaged over the critics.
     pub critic: f32,
-    /// |f(s, a) - s'|^2, each component on the scale of its changes.
+    /// |f(s, a) - s'|^2, with each component in units of its change scale.
     pub model: f32,
     /// D(f(s, mu(s, g)), g) in steps.
     pub actor: f32,
 }
 
-/// Sizes of the three networks and what their outputs mean.
+/// Sizes of the three networks, and the meaning of their outputs.
 #[derive(Clone, Debug)]
 pub struct Shapes {
     pub encoder: Encoder,
@@ -28,7 +28,7 @@ pub struct Shapes {
     /// D = scale * softplus(z).
     pub distance_scale: f32,
     pub loss: LossScale,
-    /// Weight of errors where the target lies below D; others count 1 minus it.
+    /// Weight of squared errors where the target is below D; others are weighted by 1 minus this.
     pub expectile: f32,
     /// Bound of the actor's outputs before tanh; infinite for none.
     pub actor_bound: f32,
@@ -38,7 +38,7 @@ pub struct Shapes {
 pub const EXCESS_WEIGHT: f32 = 0.1;
 
 impl Shapes {
-    /// The networks that `settings` ask for.
+    /// Returns the shapes of the networks that `settings` specify.
     pub fn new(encoder: Encoder, settings: &LearnSettings) -> Self {
         let spec = encoder.spec();
         let mlp = |inputs, outputs| Mlp { inputs, hidden: settings.hidden, layers: settings.layers, outputs };
@@ -55,21 +55,21 @@ impl Shapes {
     }
 }
 
-/// What does not depend on any network's parameters: computed once for all that read it.
+/// The inputs that depend on no network's parameters, computed once for all networks.
 #[derive(Clone, Debug, Default)]
 pub struct PlainPairs {
     /// `(rows, plain_pair_width)`.
     rows: Vec<f32>,
-    /// Where grid encodings of the states are read.
+    /// Grid reads of the states.
     states: Places,
-    /// Where grid encodings of the goals are read.
+    /// Grid reads of the goals.
     goals: Places,
 }
 
-/// (state, goal) pairs, one a row.
+/// (state, goal) pairs, one per row.
 #[derive(Clone, Copy)]
 pub struct Pairs<'a> {
-    /// What all networks share of their inputs.
+    /// The inputs that all networks share.
     pub plain: &'a PlainPairs,
     /// `(rows, state_dim)`.
     pub states: &'a [f32],
@@ -77,7 +77,7 @@ pub struct Pairs<'a> {
     pub goals: &'a [f32],
 }
 
-/// The networks that an actor's loss goes through.
+/// The networks that the actor's loss goes through.
 pub struct ActorPath<'a> {
     /// Trained.
     pub actor: Weights<'a>,
@@ -105,7 +105,7 @@ fn sized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
 }
 
 impl Shapes {
-    /// Everything of the pairs' inputs that all networks share.
+    /// Computes the inputs of pairs that all networks share.
     pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut PlainPairs) {
         let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
         let width = self.encoder.plain_pair_width();
@@ -119,7 +119,7 @@ impl Shapes {
         }
     }
 
-    /// Full pair rows from plain ones and a network's table, `(rows, pair_width)`.
+    /// Builds full pair rows `(rows, pair_width)` from plain ones and a network's table.
     fn rows(&self, pairs: Pairs, table: Option<TableView>, x: &mut Vec<f32>) {
         let (width, plain_width) = (self.encoder.pair_width(), self.encoder.plain_pair_width());
         let count = pairs.states.len() / self.encoder.spec().state_dim();
@@ -132,7 +132,7 @@ impl Shapes {
         }
     }
 
-    /// D(s, g) of each pair, `(rows)`.
+    /// Computes D(s, g) of each pair, `(rows)`.
     pub fn distances(&self, critic: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         self.rows(pairs, critic.table, &mut ws.x);
         let x = &ws.x[..out.len() * self.critic.inputs];
@@ -142,7 +142,7 @@ impl Shapes {
         }
     }
 
-    /// Actions mu(s, g), `(rows, action_dim)`.
+    /// Computes the actions mu(s, g), `(rows, action_dim)`.
     pub fn actions(&self, actor: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         self.rows(pairs, actor.table, &mut ws.x);
         let rows = out.len() / self.actor.outputs;
@@ -153,8 +153,8 @@ impl Shapes {
         }
     }
 
-    /// Next states f(s, a) = s + scale * network, component by component, `(rows, state_dim)`; keeps the pass for its backward half. `plain`
-    /// are the rows that begin with the states' plain rows, and the length of each.
+    /// Predicts the next states f(s, a) = s + scale * network, component by component, `(rows, state_dim)`; keeps the
+    /// activations for the backward pass. `plain` holds rows of length `stride` that begin with the states' plain rows.
     fn predict(
         &self,
         model: Weights,
@@ -183,7 +183,8 @@ impl Shapes {
         }
     }
 
-    /// D(f(s, mu(s, g)), g) of each pair by the farthest-seeing of `critics`: what remains after a step of the actor.
+    /// Computes D(f(s, mu(s, g)), g) of each pair, the maximum over `critics`: the distance that remains after a step
+    /// of the actor.
     pub fn distances_after_actor(
         &self,
         (actor, model, critics): (Weights, Weights, &[Weights]),
@@ -200,7 +201,7 @@ impl Shapes {
         step.y = next;
     }
 
-    /// D(s, g) of each pair by the critic that thinks it farthest, `(rows)`.
+    /// Computes the maximum of D(s, g) over `critics` for each pair, `(rows)`.
     pub fn farthest(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         let mut own = std::mem::take(&mut ws.y);
         for (k, critic) in critics.iter().enumerate() {
@@ -211,7 +212,8 @@ impl Shapes {
         ws.y = own;
     }
 
-    /// s' = f(s, mu(s, g)) of each pair, `(rows, state_dim)`, in `next`; keeps the passes for their backward halves.
+    /// Computes s' = f(s, mu(s, g)) of each pair into `next`, `(rows, state_dim)`; keeps the activations for the
+    /// backward passes.
     fn step_of_actor<'a>(
         &self,
         (actor, model): (Weights, Weights),
@@ -230,7 +232,8 @@ impl Shapes {
         next
     }
 
-    /// Adds a critic's gradient towards `targets` to `gradient`; `share` is 1 / batch. Returns the part's loss.
+    /// Computes a critic's gradient towards `targets` into `gradient`; `share` is 1 / batch size. Returns the part's
+    /// loss.
     pub fn critic_gradient(
         &self,
         critic: Weights,
@@ -261,7 +264,7 @@ impl Shapes {
         loss
     }
 
-    /// Adds the table gradient of the encodings of states and goals; `dx` is `(rows, 2 * grid_width)`.
+    /// Adds the gradients of the states' and goals' grid encodings; `dx` is `(rows, 2 * grid_width)`.
     fn add_pair_corners(&self, pairs: Pairs, dx: &[f32], gradient: &mut Gradient) {
         let width = self.encoder.grid_width();
         if width > 0 {
@@ -271,8 +274,8 @@ impl Shapes {
         }
     }
 
-    /// Adds the dynamics model's gradient of mean |f(s, a) - s'|^2 (each component on the scale of its changes) to `gradient`. Returns the
-    /// part's loss.
+    /// Computes the dynamics model's gradient of mean |f(s, a) - s'|^2 (with each component in units of its change
+    /// scale) into `gradient`. Returns the part's loss.
     pub fn model_gradient(
         &self,
         model: Weights,
@@ -316,9 +319,9 @@ impl Shapes {
         loss
     }
 
-    /// Adds the actor's goal-distance gradient (Algorithm 1): that of mean D(f(s, mu(s, g)), g), which flows through
-    /// critic and model into the actor alone; and of the excess of its outputs over their bound. Returns the part's
-    /// mean D.
+    /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean D(f(s, mu(s, g)), g),
+    /// which flows through the frozen critic and model into the actor, plus that of the excess of the actor's outputs
+    /// over their bound. Returns the part's contribution to mean D.
     pub fn actor_gradient(
         &self,
         path: &ActorPath,
@@ -344,7 +347,7 @@ impl Shapes {
         let x = &judge.x[..rows * width];
         let z = sized(&mut judge.y, rows);
         self.critic.forward((critic.dense, critic.packed), x, z, &mut judge.acts);
-        // Backward, in the opposite order.
+        // Backward, in reverse order.
         let mut loss = 0.0;
         for z in z.iter_mut() {
             loss += share * self.distance_scale * softplus(*z);
@@ -383,11 +386,11 @@ impl Shapes {
     }
 }
 
-/// States of environments are short vectors; their gradients live on the stack.
+/// Maximum size of a state: states are short vectors, so their gradients live on the stack.
 pub const MOST_STATE_NUMBERS: usize = 64;
 
 impl LossScale {
-    /// Error of `distance` against `target` on this scale, and the scale's slope at `distance`.
+    /// Returns the error of `distance` against `target` on this scale, and the scale's slope at `distance`.
     fn error(self, distance: f32, target: f32) -> (f32, f32) {
         match self {
             Self::Squared => (distance - target, 1.0),
@@ -400,12 +403,12 @@ impl LossScale {
     }
 }
 
-/// ln(1 + e^z), without overflow.
+/// Returns ln(1 + e^z) without overflow.
 fn softplus(z: f32) -> f32 {
     z.max(0.0) + (-z.abs()).exp().ln_1p()
 }
 
-/// Slope of [`softplus`].
+/// Returns the slope of [`softplus`].
 fn sigmoid(z: f32) -> f32 {
     1.0 / (1.0 + (-z).exp())
 }

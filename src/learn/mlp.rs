@@ -1,4 +1,4 @@
-//! A multilayer perceptron on flat parameters, forward and backward by hand.
+//! A multilayer perceptron on flat parameters, with hand-written forward and backward passes.
 
 use std::ops::Range;
 
@@ -8,7 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use super::kernel;
 use super::product::{Left, Panels};
 
-/// Sizes of a perceptron: ReLU hidden layers of equal width and a linear output layer.
+/// Sizes of an MLP: ReLU hidden layers of equal width and a linear output layer.
 ///
 /// Its parameters are one flat vector: for each hidden layer the weights `(inputs, hidden)` row-major and the
 /// biases, then the output weights `(outputs, hidden)` and the output biases.
@@ -20,26 +20,26 @@ pub struct Mlp {
     pub outputs: usize,
 }
 
-/// Hidden outputs of one forward pass and room for its backward pass; grows to the largest batch seen.
+/// Hidden activations of one forward pass and buffers for its backward pass; grows to the largest batch seen.
 #[derive(Clone, Debug, Default)]
 pub struct Activations {
     /// One `(rows, hidden)` block per layer.
     hidden: Vec<Vec<f32>>,
     d_hidden: [Vec<f32>; 2],
-    /// The gradient behind a layer as the right-hand side of its weights' gradient.
+    /// A layer's output gradient, packed as the right-hand side of the product for its weight gradient.
     packed: Panels,
 }
 
-/// A perceptron's hidden weights in the forms that products want them in; to be packed anew after each change.
+/// An MLP's hidden weights, packed for matrix products; must be repacked after each change.
 #[derive(Clone, Debug, Default)]
 pub struct Packed {
-    /// Of each hidden layer `(inputs of the layer, hidden)`, for the way forward.
+    /// Weights of each hidden layer `(inputs of the layer, hidden)`, for the forward pass.
     forward: Vec<Panels>,
-    /// Their transposes, for the way back; empty where no gradient flows.
+    /// Their transposes, for the backward pass; empty if no gradients are needed.
     backward: Vec<Panels>,
 }
 
-/// Which gradients a backward pass computes: what nobody reads costs nothing.
+/// Which gradients a backward pass computes; the others are skipped.
 pub struct Wanted<'a> {
     /// Gradient of the flat parameters, overwritten.
     pub parameters: Option<&'a mut [f32]>,
@@ -48,42 +48,42 @@ pub struct Wanted<'a> {
 }
 
 impl Mlp {
-    /// Length of the flat parameter vector.
+    /// Returns the length of the flat parameter vector.
     pub fn parameters(&self) -> usize {
         self.output_bias().end
     }
 
-    /// Weights of hidden layer `layer`, `(inputs of the layer, hidden)`.
+    /// Returns the range of hidden layer `layer`'s weights, `(inputs of the layer, hidden)`.
     pub fn weights(&self, layer: usize) -> Range<usize> {
         let first = (self.inputs + 1) * self.hidden;
         let start = if layer == 0 { 0 } else { first + (layer - 1) * (self.hidden + 1) * self.hidden };
         start..start + self.layer_inputs(layer) * self.hidden
     }
 
-    /// Biases of hidden layer `layer`.
+    /// Returns the range of hidden layer `layer`'s biases.
     pub fn bias(&self, layer: usize) -> Range<usize> {
         let end = self.weights(layer).end;
         end..end + self.hidden
     }
 
-    /// Weights of the output layer, `(outputs, hidden)`.
+    /// Returns the range of the output layer's weights, `(outputs, hidden)`.
     pub fn output_weights(&self) -> Range<usize> {
         let start = self.bias(self.layers - 1).end;
         start..start + self.outputs * self.hidden
     }
 
-    /// Biases of the output layer.
+    /// Returns the range of the output layer's biases.
     pub fn output_bias(&self) -> Range<usize> {
         let end = self.output_weights().end;
         end..end + self.outputs
     }
 
-    /// Inputs of hidden layer `layer`.
+    /// Returns the number of inputs of hidden layer `layer`.
     pub fn layer_inputs(&self, layer: usize) -> usize {
         if layer == 0 { self.inputs } else { self.hidden }
     }
 
-    /// Fresh parameters, uniform in +-1/sqrt(inputs of the layer).
+    /// Draws initial parameters, uniform in +-1/sqrt(inputs of the layer).
     pub fn initial(&self, rng: &mut ChaCha8Rng) -> Vec<f32> {
         let mut parameters = vec![0.0; self.parameters()];
         let mut fill = |range: Range<usize>, inputs: usize| {
@@ -99,7 +99,7 @@ impl Mlp {
         parameters
     }
 
-    /// Packs the hidden weights of `parameters`, for the way back too if `gradients` are wanted.
+    /// Packs the hidden weights of `parameters`, also for the backward pass if `gradients`.
     pub fn pack(&self, parameters: &[f32], gradients: bool, packed: &mut Packed) {
         packed.forward.resize_with(self.layers, Panels::default);
         packed.backward.resize_with(if gradients { self.layers } else { 0 }, Panels::default);
@@ -111,7 +111,7 @@ impl Mlp {
         }
     }
 
-    /// `y = mlp(x)` with `x` `(rows, inputs)` and `y` `(rows, outputs)`; `parameters` as they are and packed.
+    /// Computes `y = mlp(x)` with `x` `(rows, inputs)` and `y` `(rows, outputs)`; takes the parameters flat and packed.
     pub fn forward(&self, (parameters, packed): (&[f32], &Packed), x: &[f32], y: &mut [f32], acts: &mut Activations) {
         let rows = x.len() / self.inputs;
         acts.hidden.resize_with(self.layers, Vec::new);
@@ -128,7 +128,7 @@ impl Mlp {
         kernel::thin_forward(last, w, b, &mut y[..rows * self.outputs]);
     }
 
-    /// Gradients of the pass that `acts` holds, from `dy` `(rows, outputs)`.
+    /// Computes the gradients of the forward pass held in `acts`, from `dy` `(rows, outputs)`.
     pub fn backward(
         &self,
         (parameters, packed): (&[f32], &Packed),
@@ -180,12 +180,12 @@ impl Mlp {
 mod tests {
     use super::*;
 
-    /// Exact in f32, of both signs; no other call's for another `seed`.
+    /// Returns numbers of both signs, exact in f32, that differ between seeds.
     fn numbers(length: usize, seed: usize) -> Vec<f32> {
         (0..length).map(|i| ((i * 31 + seed * 13) % 23) as f32 * 0.0625 - 0.65625).collect()
     }
 
-    /// The same by plain loops, in f64.
+    /// The same MLP by plain loops, in f64.
     struct Plain<'a> {
         mlp: &'a Mlp,
         parameters: &'a [f32],
@@ -204,7 +204,7 @@ mod tests {
             self.at(self.mlp.output_weights(), to * self.mlp.hidden + from)
         }
 
-        /// Inputs, outputs of each layer, and outputs, of one row.
+        /// Returns one row's inputs, the outputs of each hidden layer, and the outputs.
         fn forward(&self, x: &[f32]) -> Vec<Vec<f64>> {
             let mut values = vec![x.iter().map(|x| f64::from(*x)).collect::<Vec<_>>()];
             for layer in 0..self.mlp.layers {
@@ -221,7 +221,7 @@ mod tests {
             values
         }
 
-        /// Adds one row's gradient to `gradient`; the inputs' gradient.
+        /// Adds one row's gradient to `gradient`; returns the gradient of its inputs.
         fn backward(&self, values: &[Vec<f64>], dy: &[f32], gradient: &mut [f64]) -> Vec<f64> {
             let Mlp { hidden, layers, .. } = *self.mlp;
             let mut d = vec![0.0; hidden];
@@ -254,7 +254,7 @@ mod tests {
         }
     }
 
-    /// A perceptron on `rows` rows, forward and backward, with the inputs' gradient from column `from` on.
+    /// Checks an MLP on `rows` rows, forward and backward, with the inputs' gradient from column `from` on.
     fn check(mlp: &Mlp, rows: usize, from: usize, (acts, packed): (&mut Activations, &mut Packed)) {
         let what = |part: &str| format!("{part} of {mlp:?}, {rows} rows");
         let (parameters, x, dy) =
@@ -279,8 +279,8 @@ mod tests {
     }
 
     #[test]
-    fn a_perceptron_and_its_gradients_are_those_of_plain_loops_at_odd_sizes() {
-        // What is kept between passes grows and is used again by smaller ones.
+    fn an_mlp_and_its_gradients_match_plain_loops_at_odd_sizes() {
+        // Buffers kept between passes grow, and smaller passes reuse them.
         let mut kept = (Activations::default(), Packed::default());
         for (hidden, layers) in [1, 2, 7, 8, 15, 16, 17, 31, 33, 64, 70].into_iter().zip([1, 2, 3].into_iter().cycle())
         {

@@ -1,4 +1,4 @@
-//! One network: a perceptron's flat parameters and a grid table.
+//! One network: an MLP's flat parameters and a grid table.
 
 use candle_core::{Result, Var, bail};
 use rand_chacha::ChaCha8Rng;
@@ -9,28 +9,28 @@ use super::mlp::{Mlp, Packed};
 use super::state::NetworkState;
 use super::table::{Table, TableGuard};
 
-/// A network's weights as slices: what the kernels read.
+/// A network's weights as slices, for the kernels.
 #[derive(Clone, Copy)]
 pub struct Weights<'a> {
-    /// Flat parameters of the perceptron.
+    /// Flat parameters of the MLP.
     pub dense: &'a [f32],
-    /// Its hidden weights packed for products; those of averages for the way forward alone.
+    /// Its hidden weights packed for matrix products; averages are packed for the forward pass only.
     pub packed: &'a Packed,
     /// The grid encoding's table.
     pub table: Option<TableView<'a>>,
 }
 
-/// A network's weights, held for reading.
+/// A network's weights, locked for reading.
 pub struct Locked<'a> {
     dense: DenseGuard<'a>,
     table: Option<TableGuard<'a>>,
 }
 
 impl Locked<'_> {
-    /// The current weights, or their average where there is one and it is asked for.
+    /// Returns the current weights, or their running average if `averaged` and there is one.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn weights(&self, averaged: bool) -> Result<Weights<'_>> {
         let (dense, packed) = self.dense.numbers(averaged)?;
         let table = self.table.as_ref().map(|t| t.view(averaged)).transpose()?;
@@ -38,7 +38,7 @@ impl Locked<'_> {
     }
 }
 
-/// A network with everything that training changes. Its two halves are stepped apart, perhaps by two threads.
+/// A network with its training state. Its two halves are stepped separately, possibly by two threads.
 #[derive(Debug)]
 pub struct Network {
     dense: Dense,
@@ -46,27 +46,27 @@ pub struct Network {
 }
 
 impl Network {
-    /// A fresh network; `tau` for a running average, none without it.
+    /// Creates a network with random parameters, and a running average if `tau` is given.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn new(mlp: Mlp, grid: Option<&GridShape>, tau: Option<f32>, rng: &mut ChaCha8Rng) -> Result<Self> {
         let dense = Dense::new(mlp, &mlp.initial(rng), tau.is_some())?;
         let table = grid.map(|grid| Table::new(&grid.initial(rng), grid.channels, tau)).transpose()?;
         Ok(Self { dense, table })
     }
 
-    /// The flat parameters as a candle variable, see `mlp::Mlp` for their order.
+    /// Returns the flat parameters as a candle variable; see `mlp::Mlp` for their order.
     pub fn dense(&self) -> &Var {
         self.dense.var()
     }
 
-    /// The grid table as a candle variable `(corners, 4, channels)`, of whose rows the first is the value.
+    /// Returns the grid table as a candle variable `(corners, 4, channels)`; the first of the four rows is the value.
     pub fn table(&self) -> Option<&Var> {
         self.table.as_ref().map(Table::lines)
     }
 
-    /// The two halves, to be stepped.
+    /// Returns the two halves, for stepping.
     pub(super) fn halves(&self) -> (&Dense, Option<&Table>) {
         (&self.dense, self.table.as_ref())
     }
@@ -76,20 +76,20 @@ impl Network {
         Locked { dense: self.dense.lock(), table: self.table.as_ref().map(Table::lock) }
     }
 
-    /// Weights as owned numbers (parameters, table), averages written out.
+    /// Copies the weights (parameters, table), or their averages, evaluating lazy ones.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn copy(&self, averaged: bool) -> Result<(Vec<f32>, Vec<f32>)> {
         let dense = self.dense.lock().numbers(averaged)?.0.to_vec();
         let table = self.table.as_ref().map(|t| t.copy(averaged)).transpose()?;
         Ok((dense, table.unwrap_or_default()))
     }
 
-    /// Everything that training changed, for a checkpoint.
+    /// Returns the full training state, for a checkpoint.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn state(&self) -> Result<NetworkState> {
         let mut state = self.dense.state()?;
         if let Some(table) = &self.table {
@@ -98,10 +98,10 @@ impl Network {
         Ok(state)
     }
 
-    /// Takes up a state after `steps` updates; `find` gives the numbers saved under a name.
+    /// Restores a state saved after `steps` updates; `find` returns the numbers saved under a name.
     ///
     /// # Errors
-    /// A part that is missing or of another size.
+    /// Returns an error if a part is missing or has the wrong size.
     pub fn restore(&self, steps: u64, mut find: impl FnMut(&str) -> Option<Vec<f32>>) -> Result<()> {
         let mut fill = |name: &str, into: &mut [f32]| match find(name) {
             Some(values) if values.len() == into.len() => {
@@ -115,7 +115,7 @@ impl Network {
         self.table.as_ref().map_or(Ok(()), |table| table.restore(steps, &mut fill))
     }
 
-    /// Updates done.
+    /// Returns the number of updates done.
     pub fn steps(&self) -> u64 {
         self.dense.steps()
     }

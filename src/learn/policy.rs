@@ -1,4 +1,4 @@
-//! D and mu, ready to use: borrowed from the learner, or frozen for planning, evaluation and display.
+//! D and mu for inference: borrowed from the learner, or frozen for planning, evaluation and display.
 
 use std::sync::Arc;
 
@@ -7,26 +7,26 @@ use super::losses::{Pairs, PlainPairs, Shapes, Workspace};
 use super::mlp::{Mlp, Packed};
 use super::network::Weights;
 
-/// Rows that go through a network at once: their activations stay in the cache.
+/// Rows per forward pass, few enough for their activations to stay in the cache.
 const ROWS: usize = 128;
 
-/// Buffers for using networks, one for each thread.
+/// Inference buffers, one per thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
     plain: PlainPairs,
     ws: Workspace,
 }
 
-/// What has been learned, ready to use.
+/// The learned D and mu, for inference.
 pub trait Policy: Send + Sync {
-    /// D(s, g) of each pair in steps, finite and at least 0. `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`,
-    /// `out` `(rows)`.
+    /// Computes D(s, g) of each pair in steps, finite and at least 0. `states` `(rows, state_dim)`, `goals`
+    /// `(rows, goal_dim)`, `out` `(rows)`.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
-    /// Actions mu(s, g), `out` `(rows, action_dim)`.
+    /// Computes the actions mu(s, g), `out` `(rows, action_dim)`.
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
-    /// D of a single pair, in steps.
+    /// Returns D of a single pair, in steps.
     fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
         let mut out = [0.0];
         self.distances(state, goal, &mut out, scratch);
@@ -43,7 +43,7 @@ pub struct Nets<'a> {
 }
 
 impl Policy for Nets<'_> {
-    /// By the most pessimistic critic.
+    /// Computes D by the most pessimistic critic.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let spec = self.shapes.encoder.spec();
         let (s, g) = (spec.state_dim(), spec.goal_dim());
@@ -75,7 +75,7 @@ pub struct FrozenNets {
     actor: Owned,
 }
 
-/// One network's copied weights: flat parameters, as they are and packed, and grid table.
+/// One network's copied weights: parameters, flat and packed, and grid table.
 #[derive(Debug)]
 struct Owned {
     dense: Vec<f32>,

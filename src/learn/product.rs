@@ -1,10 +1,10 @@
-//! Matrix products whose right-hand side is packed once and used often: a layer's weights serve every part of a
-//! batch, and the passes of several networks, between two steps.
+//! Matrix products whose right-hand side is packed once and reused: between two optimiser steps, a layer's weights
+//! serve every part of a batch and the passes of several networks.
 //!
-//! The kernel holds a tile of the result in registers: some rows by two vectors of columns (Goto and van de Geijn
+//! The kernel keeps a tile of the result in registers: a few rows by two vectors of columns (Goto and van de Geijn
 //! 2008, "Anatomy of high-performance matrix multiplication", section 4). Each number of the result is one chain of
-//! multiply-adds in the order of the inner index, whatever tile it falls into, so that results do not depend on how
-//! rows are split over parts.
+//! multiply-adds in the order of the inner index, whichever tile it is in, so results do not depend on how rows are
+//! split over parts.
 
 use std::ops::Range;
 
@@ -15,12 +15,12 @@ use super::kernel;
 /// Vectors of columns in a tile.
 const VECTORS: usize = 2;
 
-/// Most rows of a tile, with 32 registers and with fewer: enough chains of multiply-adds to keep a core busy, and few
-/// enough that the whole tile stays in registers.
+/// Maximum rows of a tile, with 32 registers and with fewer: enough chains of multiply-adds to keep a core busy, few
+/// enough to keep the whole tile in registers.
 const MOST_ROWS: (usize, usize) = (8, 6);
 
-/// The right-hand side of products, `(depth, columns)`, cut into panels of as many columns as a tile has; the last
-/// one is filled up with zeros.
+/// The right-hand side of products, `(depth, columns)`, cut into panels as wide as a tile; the last panel is padded
+/// with zeros.
 #[derive(Clone, Debug, Default)]
 pub struct Panels {
     data: Vec<f32>,
@@ -30,7 +30,7 @@ pub struct Panels {
     width: usize,
 }
 
-/// The left-hand side of a product of `rows` rows.
+/// The left-hand side of a product with `rows` rows.
 #[derive(Clone, Copy)]
 pub enum Left<'a> {
     /// `(rows, depth)`, row-major.
@@ -40,10 +40,10 @@ pub enum Left<'a> {
 }
 
 impl Panels {
-    /// Takes up `b`, `(depth, columns)` row-major.
+    /// Packs `b`, `(depth, columns)` row-major.
     ///
     /// # Panics
-    /// If `b` is shorter than that.
+    /// Panics if `b` is shorter than that.
     pub fn pack(&mut self, b: &[f32], depth: usize, columns: usize) {
         self.prepare(depth, columns);
         for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
@@ -54,10 +54,10 @@ impl Panels {
         }
     }
 
-    /// Takes up the transpose of `b`, which is `(columns, depth)` row-major.
+    /// Packs the transpose of `b`, which is `(columns, depth)` row-major.
     ///
     /// # Panics
-    /// If `b` is shorter than that.
+    /// Panics if `b` is shorter than that.
     pub fn pack_transposed(&mut self, b: &[f32], depth: usize, columns: usize) {
         self.prepare(depth, columns);
         for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
@@ -70,25 +70,25 @@ impl Panels {
         let width = Arch::new().dispatch(PanelWidth);
         let length = columns.div_ceil(width) * width * depth;
         if (self.depth, self.columns) != (depth, columns) || self.data.len() != length {
-            // What lies beyond the last column stays zero from now on.
+            // The padding beyond the last column stays zero from here on.
             self.data.clear();
             self.data.resize(length, 0.0);
         }
         (self.depth, self.columns, self.width) = (depth, columns, width);
     }
 
-    /// `out = left * self`, its columns from `from` on: `(rows, columns - from)` row-major.
+    /// Computes the columns of `out = left * self` from `from` on, `(rows, columns - from)` row-major.
     ///
     /// # Panics
-    /// If a size does not fit.
+    /// Panics if the sizes do not match.
     pub fn product(&self, left: Left, rows: usize, from: usize, out: &mut [f32]) {
         self.run(left, rows, from, None, out);
     }
 
-    /// `out = max(0, left * self + bias)`, `(rows, columns)`: a layer of ReLU units.
+    /// Computes a ReLU layer, `out = max(0, left * self + bias)`, `(rows, columns)`.
     ///
     /// # Panics
-    /// If a size does not fit.
+    /// Panics if the sizes do not match.
     pub fn relu_layer(&self, left: Left, rows: usize, bias: &[f32], out: &mut [f32]) {
         self.run(left, rows, 0, Some(bias), out);
     }
@@ -134,7 +134,7 @@ impl WithSimd for Product<'_> {
         let Self { left, panels, rows, from, bias, out } = self;
         let Panels { ref data, depth, columns, width } = *panels;
         let most = if S::REGISTER_COUNT >= 32 { MOST_ROWS.0 } else { MOST_ROWS.1 };
-        // Tiles of nearly equal height: a last one of a row or two would take almost as long as a whole one.
+        // Tiles of nearly equal height: a last tile of one or two rows would take almost as long as a full one.
         let tiles = rows.div_ceil(most);
         for panel in from / width..columns.div_ceil(width) {
             let (b, _) = S::as_simd_f32s(&data[panel * depth * width..][..depth * width]);
@@ -168,12 +168,12 @@ impl WithSimd for Product<'_> {
     }
 }
 
-/// Rows of a result in registers.
+/// Rows of the result in registers.
 type Tile<S, const R: usize> = [[<S as Simd>::f32s; VECTORS]; R];
 
-/// Which columns of a panel belong to the result, and where they go.
+/// Which columns of a panel belong to the result, and where to store them.
 struct Window {
-    /// Among all columns.
+    /// The panel's part of the result, as a range of all columns.
     columns: Range<usize>,
     /// The panel's first column.
     first: usize,
@@ -183,7 +183,7 @@ struct Window {
     stride: usize,
 }
 
-/// A tile from the rows `a` `(R, depth)`.
+/// Computes a tile from the rows `a` `(R, depth)`.
 #[inline(always)]
 fn rows_tile<S: Simd, const R: usize>(simd: S, a: &[f32], b: &[S::f32s]) -> Tile<S, R> {
     let depth = a.len() / R;
@@ -200,7 +200,7 @@ fn rows_tile<S: Simd, const R: usize>(simd: S, a: &[f32], b: &[S::f32s]) -> Tile
     sums
 }
 
-/// A tile from `R` columns, beginning at `r`, of `a` `(depth, rows)`.
+/// Computes a tile from `R` columns of `a` `(depth, rows)`, starting at `r`.
 #[inline(always)]
 fn columns_tile<S: Simd, const R: usize>(simd: S, a: &[f32], (r, rows): (usize, usize), b: &[S::f32s]) -> Tile<S, R> {
     let mut sums = [[simd.splat_f32s(0.0); VECTORS]; R];
@@ -216,7 +216,7 @@ fn columns_tile<S: Simd, const R: usize>(simd: S, a: &[f32], (r, rows): (usize, 
     sums
 }
 
-/// Writes a tile to the rows `out`, through bias and ReLU if there is one.
+/// Writes a tile to the rows `out`, applying bias and ReLU if there is a bias.
 #[inline(always)]
 fn store<S: Simd, const R: usize>(simd: S, tile: &Tile<S, R>, to: &Window, bias: Option<&[f32]>, out: &mut [f32]) {
     let (skip, count) = (to.columns.start - to.first, to.columns.len());
@@ -246,7 +246,7 @@ fn store<S: Simd, const R: usize>(simd: S, tile: &Tile<S, R>, to: &Window, bias:
 mod tests {
     use super::*;
 
-    /// The same by three loops, in f64.
+    /// Returns one number of the product by a plain loop, in f64.
     fn plain(
         a: impl Fn(usize, usize) -> f32,
         b: impl Fn(usize, usize) -> f32,
@@ -257,9 +257,9 @@ mod tests {
     }
 
     #[test]
-    fn products_of_all_forms_and_odd_sizes_are_right() {
+    fn products_are_correct_in_all_forms_at_odd_sizes() {
         let number = |i: usize| ((i * 7919) % 23) as f32 * 0.25 - 2.5;
-        // Tiles of every height, panels that are full, begun and none, and what the networks have.
+        // Tiles of every height; full, partial and no panels; and sizes of the networks.
         let odd = (0..=17).flat_map(|rows| (0..=70).map(move |columns| (rows, 1 + (rows + columns) % 5, columns)));
         for (rows, depth, columns) in odd.chain([(12, 16, 32), (13, 9, 65), (29, 40, 72), (64, 31, 128)]) {
             let a: Vec<f32> = (0..rows * depth).map(number).collect();
@@ -278,12 +278,12 @@ mod tests {
             let relu = |r, c| (right(r, c) + f64::from(bias[c])).max(0.0);
             assert!((0..rows * columns).all(|i| close(out[i], relu(i / columns, i % columns))), "a ReLU layer");
 
-            // The left-hand side given by its transpose.
+            // The left-hand side given as its transpose.
             panels.product(Left::Columns(&a), rows, 0, &mut out);
             let right = |r: usize, c: usize| plain(|r, k| a[k * rows + r], |k, c| b[k * columns + c], (r, c), depth);
             assert!((0..rows * columns).all(|i| close(out[i], right(i / columns, i % columns))), "columns, packed");
 
-            // The right-hand side given by its transpose, and only its last columns wanted.
+            // The right-hand side given as its transpose, computing only the last columns.
             panels.pack_transposed(&b, depth, columns);
             let from = columns / 2;
             let mut cut = vec![f32::NAN; rows * (columns - from)];
@@ -295,7 +295,7 @@ mod tests {
     }
 
     #[test]
-    fn a_row_comes_out_the_same_bits_in_every_company() {
+    fn a_row_is_bit_identical_alone_and_among_others() {
         let (depth, columns) = (50, 70);
         let numbers = |n: usize| -> Vec<f32> { (0..n).map(|i| ((i * 31) % 101) as f32 * 0.017 - 0.8).collect() };
         let (a, b) = (numbers(20 * depth), numbers(depth * columns));
@@ -310,7 +310,7 @@ mod tests {
     }
 
     #[test]
-    fn columns_beyond_the_last_stay_zero_when_a_panel_is_used_again() {
+    fn padding_stays_zero_when_panels_are_reused() {
         let (depth, columns) = (3, 5);
         let mut panels = Panels::default();
         for size in [columns, 2 * columns, columns] {
@@ -322,7 +322,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "11 numbers for 4 x 3")]
-    fn a_left_hand_side_that_is_too_short_is_refused() {
+    fn a_short_left_hand_side_panics() {
         let mut panels = Panels::default();
         panels.pack(&[1.0; 6], 3, 2);
         panels.product(Left::Columns(&[1.0; 11]), 4, 0, &mut [0.0; 8]);
@@ -330,7 +330,7 @@ mod tests {
 
     #[test]
     #[should_panic(expected = "7 numbers for 4 x 2")]
-    fn a_result_that_is_too_short_is_refused() {
+    fn a_short_result_panics() {
         let mut panels = Panels::default();
         panels.pack(&[1.0; 6], 3, 2);
         panels.product(Left::Rows(&[1.0; 12]), 4, 0, &mut [0.0; 7]);

@@ -1,8 +1,8 @@
-//! Where an update's time goes.
+//! Time spent in each phase of training.
 
 use std::time::{Duration, Instant};
 
-/// What a run spends its time on.
+/// A phase of training that is timed on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Phase {
     /// Acting, the environment, candidates and bridge searches.
@@ -11,20 +11,20 @@ pub enum Phase {
     Sample,
     /// Losses and gradients of critics and model.
     CriticModelGradients,
-    /// Their optimiser steps and averages.
+    /// Optimiser steps and averages of critics and model.
     CriticModelSteps,
     /// The actor's loss and gradient, through model and critic.
     ActorGradient,
-    /// Its optimiser step and average.
+    /// The actor's optimiser step and average.
     ActorStep,
-    /// A whole update on candle's tape, instead of the four before.
+    /// A whole update on candle's tape, in place of the four phases above.
     Tape,
     /// Building the bridge graph and its distances for distillation.
     Graph,
 }
 
 impl Phase {
-    /// All phases, in the order in which they come.
+    /// All phases, in order.
     pub const ALL: [Self; 8] = [
         Self::Explore,
         Self::Sample,
@@ -36,7 +36,7 @@ impl Phase {
         Self::Graph,
     ];
 
-    /// Its name in reports.
+    /// Returns its name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Explore => "explore: act, step, remember",
@@ -56,14 +56,14 @@ impl Phase {
 pub struct Profile([Duration; Phase::ALL.len()]);
 
 impl Profile {
-    /// Books the time since `began` on `phase`; returns the moment until which it was.
+    /// Adds the time since `began` to `phase`; returns the current time.
     pub fn lap(&mut self, phase: Phase, began: Instant) -> Instant {
         let now = Instant::now();
         self.0[phase as usize] += now - began;
         now
     }
 
-    /// Time spent in `phase`.
+    /// Returns the time spent in `phase`.
     pub fn spent(&self, phase: Phase) -> Duration {
         self.0[phase as usize]
     }

@@ -1,4 +1,4 @@
-//! Random actions, nothing learned: the floor that learners are held against.
+//! Random actions without learning: the baseline for learners.
 
 use std::sync::Arc;
 
@@ -9,7 +9,7 @@ use super::policy::Policy;
 use super::profile::Profile;
 use crate::store::Store;
 
-/// The learner as it is registered.
+/// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
     about: "random actions, nothing is learned",
@@ -19,7 +19,7 @@ pub const KIND: LearnerKind = LearnerKind {
 
 const NAME: &str = "random";
 
-/// Acts at random. It keeps the networks that a run had learned before, untouched, so that the run can go on with them.
+/// Acts at random. Keeps the networks that a run trained before untouched, so that the run can continue with them.
 struct Random(Gdg);
 
 impl Learner for Random {

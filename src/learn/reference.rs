@@ -1,5 +1,5 @@
-//! The same losses by candle operations and autograd: the oracle for the learner's own gradients, and what updates
-//! on other devices are made of.
+//! The learner's losses in candle operations with autograd: the oracle for its hand-written gradients, and the basis of
+//! updates on other devices.
 
 use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
@@ -16,22 +16,22 @@ use super::settings::LossScale;
 /// A network's parameters as tensors.
 #[derive(Clone, Debug)]
 pub struct Parameters {
-    /// Flat parameters of the perceptron.
+    /// Flat parameters of the MLP.
     pub dense: Tensor,
     /// Values of the grid table, `(corners, channels)`.
     pub table: Option<Tensor>,
 }
 
-/// How a perceptron's layers are computed.
+/// How an MLP's layers are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layers {
-    /// By candle-nn's Linear, one operation after the other: on any device.
+    /// With candle-nn's Linear, one operation at a time; on any device.
     Linear,
-    /// As one operation ([`fused_mlp`]): on the CPU.
+    /// As one operation ([`fused_mlp`]); on the CPU only.
     Fused,
 }
 
-/// Losses of a learner's networks as candle tensors, from which `backward` gives every gradient.
+/// Losses of a learner's networks as candle tensors; `backward` yields all gradients.
 pub struct Reference<'a> {
     shapes: &'a Shapes,
     critics: Vec<Parameters>,
@@ -41,13 +41,13 @@ pub struct Reference<'a> {
 }
 
 impl<'a> Reference<'a> {
-    /// The losses at the current weights of `networks`: critics, model, actor.
+    /// Creates the losses at the current weights of `networks`: critics, model, actor.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub(super) fn new(shapes: &'a Shapes, networks: impl Iterator<Item = &'a Network>, layers: Layers) -> Result<Self> {
         let networks = networks.map(|network| {
-            // Values are the first rows of the table's lines.
+            // The first row of each line holds the values.
             let values = |lines: &Var| lines.narrow(1, 0, 1)?.squeeze(1)?.contiguous();
             let table = network.table().map(values).transpose()?;
             Ok(Parameters { dense: network.dense().as_tensor().clone(), table })
@@ -55,9 +55,9 @@ impl<'a> Reference<'a> {
         Self::of(shapes, networks.collect::<Result<_>>()?, layers)
     }
 
-    /// The losses at given parameters, in the same order.
+    /// Creates the losses at given parameters, in the same order.
     pub(super) fn of(shapes: &'a Shapes, mut networks: Vec<Parameters>, layers: Layers) -> Result<Self> {
-        let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("there are three networks") };
+        let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("too few networks") };
         Ok(Self { shapes, critics: networks, model, actor, layers })
     }
 
@@ -72,10 +72,10 @@ impl<'a> Reference<'a> {
         }
     }
 
-    /// D(s, g) of critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`.
+    /// Returns D(s, g) by critic `k`, `(rows)`; `states` `(rows, state_dim)`, `goals` `(rows, goal_dim)`.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn distances(&self, k: usize, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let critic = &self.critics[k];
         let x = self.pair_rows(critic, states, goals)?;
@@ -83,10 +83,10 @@ impl<'a> Reference<'a> {
         softplus(&z)? * f64::from(self.shapes().distance_scale)
     }
 
-    /// Actions mu(s, g), `(rows, action_dim)`.
+    /// Returns the actions mu(s, g), `(rows, action_dim)`.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn actions(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         self.actor_outputs(states, goals)?.tanh()
     }
@@ -96,10 +96,10 @@ impl<'a> Reference<'a> {
         self.mlp(&self.shapes().actor, &self.actor.dense, &x)
     }
 
-    /// Next states f(s, a), `(rows, state_dim)`.
+    /// Returns the predicted next states f(s, a), `(rows, state_dim)`.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn predictions(&self, states: &Tensor, actions: &Tensor) -> Result<Tensor> {
         let encoder = &self.shapes().encoder;
         let u = scaled(encoder, states)?;
@@ -112,10 +112,11 @@ impl<'a> Reference<'a> {
         states + change.broadcast_mul(&row(&encoder.spec().change_scale, states.device())?)?
     }
 
-    /// Targets of pairs, `(rows)`: what [`Batch`] says, with distances and the actor's steps by the weights at hand.
+    /// Returns the targets of the pairs in a [`Batch`], `(rows)`, with distances and actor steps computed from these
+    /// weights.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn targets(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
         let spec = self.shapes().encoder.spec();
         let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), device);
@@ -132,16 +133,16 @@ impl<'a> Reference<'a> {
         Ok(known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?.detach())
     }
 
-    /// D(s, g) by the critic that thinks it farthest, `(rows)`.
+    /// Returns the maximum of D(s, g) over the critics, `(rows)`.
     fn farthest(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let first = self.distances(0, states, goals)?;
         (1..self.critics.len()).try_fold(first, |far, k| far.maximum(&self.distances(k, states, goals)?))
     }
 
-    /// The loss of critic `k` towards `targets` `(rows)`.
+    /// Returns the loss of critic `k` against `targets` `(rows)`.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn critic_loss(&self, k: usize, (states, goals): (&Tensor, &Tensor), targets: &Tensor) -> Result<Tensor> {
         let distance = self.distances(k, states, goals)?;
         let scale = |d: &Tensor| match self.shapes().loss {
@@ -156,21 +157,21 @@ impl<'a> Reference<'a> {
         (weight * error.sqr()?)?.mean_all()
     }
 
-    /// The dynamics model's loss, each component on the scale of its changes.
+    /// Returns the dynamics model's loss, with each component in units of its change scale.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn model_loss(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
         let scale = row(&or_infinite(&self.shapes().encoder.spec().change_scale), states.device())?;
         let error = (self.predictions(states, actions)? - next)?.broadcast_div(&scale)?;
         error.sqr()?.sum(D::Minus1)?.mean_all()
     }
 
-    /// The actor's loss: mean D(f(s, mu(s, g)), g) by the first critic, and apart from it the weighted squared excess
-    /// of its outputs over their bound.
+    /// Returns the actor's loss, mean D(f(s, mu(s, g)), g) by the first critic, and separately the weighted squared
+    /// excess of its outputs over their bound.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<(Tensor, Tensor)> {
         let most = f64::from(self.shapes().actor_bound);
         let excess = (self.actor_outputs(states, goals)?.abs()? - most)?.relu()?;
@@ -206,7 +207,7 @@ fn row(values: &[f32], device: &Device) -> Result<Tensor> {
     Tensor::from_slice(values, (1, values.len()), device)
 }
 
-/// Scales to divide by: what never varies becomes 0.
+/// Returns scales to divide by, with 0 replaced by infinity so that constant components become 0.
 fn or_infinite(scales: &[f32]) -> Vec<f32> {
     scales.iter().map(|scale| if *scale > 0.0 { *scale } else { f32::INFINITY }).collect()
 }
@@ -246,7 +247,7 @@ fn fourier(encoder: &Encoder, u: &Tensor) -> Result<Tensor> {
     Tensor::cat(&columns, 1)
 }
 
-/// The grid encoding by index and interpolation, `(rows, levels * channels)`.
+/// Returns the grid encoding by indexing and interpolation, `(rows, levels * channels)`.
 fn encode(grid: &GridShape, table: &Tensor, u: &Tensor) -> Result<Tensor> {
     let mut columns = Vec::new();
     for level in &grid.levels {
@@ -289,7 +290,7 @@ fn mlp(shape: &Mlp, parameters: &Tensor, x: &Tensor) -> Result<Tensor> {
     Linear::new(w, Some(part(shape.output_bias())?)).forward(&h)
 }
 
-/// ln(1 + e^z), without overflow.
+/// Returns ln(1 + e^z) without overflow.
 fn softplus(z: &Tensor) -> Result<Tensor> {
     z.relu()? + (z.abs()?.neg()?.exp()? + 1.0)?.log()?
 }

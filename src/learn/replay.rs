@@ -1,23 +1,23 @@
-//! The replay: what every agent did, in the order in which it did it.
+//! The replay buffer: every agent's transitions, in order.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::store::{Store, StoreError};
 
-/// Transitions of many agents, one ring for each, episodes one after the other.
+/// Transitions of many agents: one ring buffer per agent, with episodes one after the other.
 ///
-/// A slot holds a state, and the action taken in it towards a goal; the state that followed is in the next slot. An
-/// episode's last state has a slot of its own, without an action.
+/// A slot holds a state and the action taken in it towards a goal; the next slot holds the next state. An episode's
+/// last state takes one more slot, without an action.
 #[derive(Clone, Debug)]
 pub struct Replay {
     sizes: Sizes,
     agents: usize,
-    /// Slots of each agent.
+    /// Slots per agent.
     capacity: usize,
-    /// Slots ever written by each agent; slot number i lies at `i % capacity`.
+    /// Total number of slots written by each agent; slot number i is at `i % capacity`.
     written: Vec<u64>,
-    /// Number of the first slot of each agent's episode.
+    /// Number of the first slot of each agent's current episode.
     episode: Vec<u64>,
     states: Vec<f32>,
     actions: Vec<f32>,
@@ -26,14 +26,14 @@ pub struct Replay {
     left: Vec<u16>,
 }
 
-/// Numbers in a state, a goal and an action.
+/// Sizes of a state, a goal and an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Sizes {
-    /// In a state.
+    /// Size of a state.
     pub state: usize,
-    /// In a goal.
+    /// Size of a goal.
     pub goal: usize,
-    /// In an action.
+    /// Size of an action.
     pub action: usize,
 }
 
@@ -43,21 +43,21 @@ impl From<(usize, usize, usize)> for Sizes {
     }
 }
 
-/// A stored moment: an agent and the number of its slot.
+/// A stored time step: an agent and the number of its slot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Moment {
     /// The agent.
     pub agent: usize,
-    /// The number of its slot, counted from the beginning of training.
+    /// The number of its slot, counted from the start of training.
     pub slot: u64,
 }
 
 /// A replay's contents as plain numbers, for checkpoints.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ReplayState {
-    /// Slots ever written by each agent.
+    /// Total number of slots written by each agent.
     pub written: Vec<u64>,
-    /// Number of the first slot of each agent's episode.
+    /// Number of the first slot of each agent's current episode.
     pub episode: Vec<u64>,
     /// `(slots, state_dim)`: each agent's slots, oldest first, one agent after the other.
     pub states: Vec<f32>,
@@ -65,7 +65,7 @@ pub struct ReplayState {
     pub actions: Vec<f32>,
     /// `(slots, goal_dim)`.
     pub goals: Vec<f32>,
-    /// Steps from each slot to the end of its episode, where that has ended.
+    /// Steps from each slot to the end of its episode, for episodes that have ended.
     pub left: Vec<u16>,
 }
 
@@ -80,10 +80,10 @@ impl ReplayState {
         store.put("replay.left", self.left);
     }
 
-    /// Reads what [`Self::write`] wrote.
+    /// Reads the state that [`Self::write`] wrote.
     ///
     /// # Errors
-    /// That a part is missing or of another type.
+    /// Returns an error if a part is missing or has the wrong type.
     pub fn read(store: &Store) -> Result<Self, StoreError> {
         Ok(Self {
             written: store.u64("replay.written")?.to_vec(),
@@ -97,7 +97,7 @@ impl ReplayState {
 }
 
 impl Replay {
-    /// Room for about `capacity` transitions of `agents` agents.
+    /// Creates a replay with room for about `capacity` transitions of `agents` agents.
     pub fn new(sizes: Sizes, agents: usize, capacity: usize) -> Self {
         let capacity = capacity.div_ceil(agents).max(2);
         let slots = agents * capacity;
@@ -114,7 +114,7 @@ impl Replay {
         }
     }
 
-    /// Stores that `agent` did `action` in `state`, pursuing `goal`.
+    /// Stores that `agent` took `action` in `state` while pursuing `goal`.
     pub fn push(&mut self, agent: usize, state: &[f32], action: &[f32], goal: &[f32]) {
         let at = self.slot_index(Moment { agent, slot: self.written[agent] });
         let Sizes { state: s, goal: g, action: a } = self.sizes;
@@ -145,8 +145,8 @@ impl Replay {
         moment.agent * self.capacity + (moment.slot % self.capacity as u64) as usize
     }
 
-    /// Takes out transitions (state, action, next state) that are not `possible`: an episode then ends before one and
-    /// another begins after it. Every agent's episode must have ended. Returns how many went.
+    /// Removes transitions (state, action, next state) that are not `possible`, splitting their episodes there. Every
+    /// agent's episode must have ended. Returns the number of transitions removed.
     pub fn keep_possible(&mut self, possible: impl Fn(&[f32], &[f32], &[f32]) -> bool) -> usize {
         let mut gone = 0;
         for agent in 0..self.agents {
@@ -166,8 +166,8 @@ impl Replay {
         gone
     }
 
-    /// Tells all stored episodes again, agent by agent: `visit(agent, Some(state))` for each state, and
-    /// `visit(agent, None)` where an episode ends.
+    /// Visits all stored episodes, agent by agent: calls `visit(agent, Some(state))` for each state, and
+    /// `visit(agent, None)` at the end of each episode.
     pub fn retell(&self, mut visit: impl FnMut(usize, Option<&[f32]>)) {
         for agent in 0..self.agents {
             let mut going = false;
@@ -186,8 +186,8 @@ impl Replay {
         }
     }
 
-    /// Stores all whole episodes again in `other`, each with the agent of which there is least; where there is no room
-    /// for all, the oldest of each agent go.
+    /// Copies all complete episodes to `other`, each to the agent with the least data; if there is not enough room,
+    /// each agent's oldest episodes are overwritten.
     pub fn pour_into(&self, other: &mut Self) {
         for agent in 0..self.agents {
             let mut to = None;
@@ -196,7 +196,7 @@ impl Replay {
                 let left = self.steps_left(moment);
                 let agent = match to {
                     Some(agent) => agent,
-                    // What stands alone is no transition.
+                    // A state without a successor is not a transition.
                     None if left == 0 => continue,
                     None => (0..other.agents).min_by_key(|i| other.written[*i]).unwrap_or(0),
                 };
@@ -211,35 +211,35 @@ impl Replay {
         }
     }
 
-    /// The latest states of `agent`'s present episode, at most `count`, oldest first.
+    /// Returns the latest states of `agent`'s current episode, at most `count`, oldest first.
     pub fn latest_states(&self, agent: usize, count: usize) -> impl Iterator<Item = &[f32]> {
         let from = self.episode[agent].max(self.written[agent].saturating_sub(count as u64)).max(self.oldest(agent));
         (from..self.written[agent]).map(move |slot| self.state(Moment { agent, slot }))
     }
 
-    /// Slots that hold something.
+    /// Returns the number of filled slots.
     pub fn len(&self) -> usize {
         self.written.iter().map(|w| (*w).min(self.capacity as u64) as usize).sum()
     }
 
-    /// Whether nothing is stored.
+    /// Returns whether nothing is stored.
     pub fn is_empty(&self) -> bool {
         self.written.iter().all(|w| *w == 0)
     }
 
-    /// Slots there is room for.
+    /// Returns the total number of slots.
     pub fn capacity(&self) -> usize {
         self.agents * self.capacity
     }
 
-    /// Whether at least one whole transition is stored.
+    /// Returns whether at least one complete transition is stored.
     pub fn has_transitions(&self) -> bool {
         (0..self.agents).any(|agent| {
             (self.oldest(agent)..self.written[agent]).any(|slot| self.steps_left(Moment { agent, slot }) > 0)
         })
     }
 
-    /// How many further steps of its episode are stored after `moment`.
+    /// Returns the number of steps stored after `moment` in its episode.
     pub fn steps_left(&self, moment: Moment) -> usize {
         if moment.slot >= self.episode[moment.agent] {
             (self.written[moment.agent] - 1 - moment.slot) as usize
@@ -248,10 +248,10 @@ impl Replay {
         }
     }
 
-    /// A random moment from which at least one step is stored.
+    /// Draws a random moment followed by at least one stored step; returns it with the number of these steps.
     ///
     /// # Panics
-    /// Loops for ever on a replay without a transition: ask [`Self::has_transitions`] first.
+    /// Loops forever if the replay holds no transition; check [`Self::has_transitions`] first.
     pub fn sample(&self, rng: &mut ChaCha8Rng) -> (Moment, usize) {
         loop {
             let moment = self.sample_any(rng);
@@ -262,7 +262,7 @@ impl Replay {
         }
     }
 
-    /// A random stored moment, ends of episodes included.
+    /// Draws a random stored moment, ends of episodes included.
     pub fn sample_any(&self, rng: &mut ChaCha8Rng) -> Moment {
         loop {
             let agent = rng.random_range(0..self.agents);
@@ -273,25 +273,25 @@ impl Replay {
         }
     }
 
-    /// The state at `moment`.
+    /// Returns the state at `moment`.
     pub fn state(&self, moment: Moment) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.state;
         &self.states[at..at + self.sizes.state]
     }
 
-    /// The action taken at `moment`.
+    /// Returns the action taken at `moment`.
     pub fn action(&self, moment: Moment) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.action;
         &self.actions[at..at + self.sizes.action]
     }
 
-    /// The goal pursued at `moment`.
+    /// Returns the goal pursued at `moment`.
     pub fn goal(&self, moment: Moment) -> &[f32] {
         let at = self.slot_index(moment) * self.sizes.goal;
         &self.goals[at..at + self.sizes.goal]
     }
 
-    /// All that is stored, for a checkpoint.
+    /// Returns the full contents, for a checkpoint.
     pub fn state_of_all(&self) -> ReplayState {
         let mut out =
             ReplayState { written: self.written.clone(), episode: self.episode.clone(), ..ReplayState::default() };
@@ -307,12 +307,12 @@ impl Replay {
         out
     }
 
-    /// Whether episodes end within what was written.
+    /// Returns whether all episodes end within the slots written.
     fn ends_are_sound(&self, state: &ReplayState) -> bool {
         let mut left = state.left.iter();
         state.written.iter().zip(&state.episode).all(|(written, episode)| {
             let oldest = written.saturating_sub(self.capacity as u64);
-            // The slots of an episode that goes on have no end yet.
+            // Slots of an ongoing episode have no end yet.
             episode <= written
                 && *written < 1 << 53
                 && (oldest..*written)
@@ -321,10 +321,10 @@ impl Replay {
         })
     }
 
-    /// Takes up what [`Self::state_of_all`] gave.
+    /// Restores the contents that [`Self::state_of_all`] returned.
     ///
     /// # Errors
-    /// Where the state was not saved from a replay of these sizes.
+    /// Returns an error if `state` was saved from a replay of other sizes, or holds numbers out of range.
     pub fn restore(&mut self, state: &ReplayState) -> Result<(), StoreError> {
         let kept = |written: &u64| (*written).min(self.capacity as u64) as usize;
         let slots: usize = state.written.iter().map(kept).sum();
@@ -364,7 +364,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn episodes_can_be_poured_into_a_replay_of_another_shape() {
+    fn episodes_can_be_copied_to_a_replay_of_another_shape() {
         let mut replay = Replay::new((1, 1, 1).into(), 3, 300);
         for episode in 0..6 {
             let state = |step: usize| [(10 * episode + step) as f32];
@@ -388,7 +388,7 @@ mod tests {
     }
 
     #[test]
-    fn the_latest_states_are_those_of_the_present_episode() {
+    fn the_latest_states_are_those_of_the_current_episode() {
         let mut replay = Replay::new((1, 1, 1).into(), 1, 100);
         replay.push(0, &[1.0], &[0.0], &[0.0]);
         replay.end_episode(0, &[2.0]);

@@ -1,8 +1,8 @@
-//! What of a network a checkpoint holds.
+//! A network's training state in checkpoints.
 
 use candle_core::Result;
 
-/// A network's trainable state as plain numbers: name and values.
+/// A network's training state as plain numbers: names and values.
 pub type NetworkState = Vec<(&'static str, Vec<f32>)>;
 
 /// Fills a slice with the numbers saved under a name.

@@ -1,4 +1,4 @@
-//! The grid encoding's table: trained where a batch touches it, its average kept lazily.
+//! The grid encoding's table: trained only where a batch touches it, with a lazy running average.
 
 use candle_core::{Device, Result, Storage, Tensor, Var, bail};
 use parking_lot::{RwLock, RwLockReadGuard};
@@ -11,10 +11,10 @@ use super::state::{Fill, NetworkState};
 use super::touched::Touched;
 
 /// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels that is one cache
-/// line, so that a corner costs one miss and not four.
+/// line, so a corner costs one cache miss instead of four.
 const ROWS: usize = 4;
 
-/// A table with everything that training changes.
+/// A table with its training state.
 #[derive(Debug)]
 pub struct Table {
     channels: usize,
@@ -25,11 +25,11 @@ pub struct Table {
     kept: RwLock<Kept>,
 }
 
-/// What is kept beside the lines.
+/// State kept alongside the lines.
 #[derive(Debug)]
 struct Kept {
     steps: u64,
-    /// Update up to which each corner's average is stored, `(corners)`.
+    /// Update as of which each corner's average is stored, `(corners)`.
     stored: Vec<u32>,
     /// Gradients of the corners that the current update touches, `(touched, channels)`.
     sums: Vec<f32>,
@@ -43,10 +43,10 @@ pub struct TableGuard<'a> {
 }
 
 impl TableGuard<'_> {
-    /// What encodings read: the values, or their average where there is one and it is asked for.
+    /// Returns what encodings read: the values, or their running average if `averaged` and there is one.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn view(&self, averaged: bool) -> Result<TableView<'_>> {
         let Table { decay, channels, .. } = self.table;
         let lazy = LazyView { stored: &self.kept.stored, now: self.kept.steps as u32, decay };
@@ -56,10 +56,10 @@ impl TableGuard<'_> {
 }
 
 impl Table {
-    /// A table of fresh `values` `(corners, channels)`; `tau` for a running average.
+    /// Creates a table with initial `values` `(corners, channels)`, and a running average if `tau` is given.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn new(values: &[f32], channels: usize, tau: Option<f32>) -> Result<Self> {
         let corners = values.len() / channels;
         let mut lines = vec![0.0; corners * ROWS * channels];
@@ -75,12 +75,12 @@ impl Table {
         })
     }
 
-    /// The table as a candle variable `(corners, 4, channels)`, of whose rows the first is the value.
+    /// Returns the table as a candle variable `(corners, 4, channels)`; the first of the four rows is the value.
     pub fn lines(&self) -> &Var {
         &self.lines
     }
 
-    /// Channels of a corner.
+    /// Returns the number of channels per corner.
     pub fn channels(&self) -> usize {
         self.channels
     }
@@ -90,10 +90,10 @@ impl Table {
         TableGuard { table: self, lines: self.lines.storage_and_layout().0, kept: self.kept.read() }
     }
 
-    /// Values `(corners, channels)` as they are, or their averages written out.
+    /// Copies the values `(corners, channels)`, or their averages, evaluating lazy ones.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn copy(&self, averaged: bool) -> Result<Vec<f32>> {
         let guard = self.lock();
         let view = guard.view(averaged)?;
@@ -105,11 +105,12 @@ impl Table {
         Ok(values.collect())
     }
 
-    /// Adam on the `touched` corners (the others' moments rest) along the sum of `parts`, the gradients of encodings;
-    /// their averages are brought up to date, so that this update then makes its own step towards the new values.
+    /// Takes one Adam step on the `touched` corners (the others' moments stay unchanged), with the sum of `parts`, the
+    /// gradients of encodings. First brings the touched corners' averages up to date with the old values, so that this
+    /// update's averaging step is towards the new ones.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn step(&self, touched: &Touched, parts: &[Vec<f32>], rates: StepRates) -> Result<()> {
         let (Self { channels, decay, .. }, Kept { steps, stored, sums }) = (self, &mut *self.kept.write());
         let before = *steps as u32;
@@ -136,20 +137,21 @@ impl Table {
         })
     }
 
-    /// Everything that training changed: the lines, and the updates up to which averages are stored (by their bits).
+    /// Returns the full training state: the lines, and the updates as of which averages are stored (as the bits of
+    /// floats).
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn state(&self) -> Result<NetworkState> {
         let guard = self.lock();
         let last = guard.kept.stored.iter().map(|last| f32::from_bits(*last)).collect();
         Ok(vec![("table", slice(&guard.lines)?.to_vec()), ("table_last", last)])
     }
 
-    /// Takes up what [`Self::state`] gave after `done` updates, filled in by `fill`.
+    /// Restores the state that [`Self::state`] returned after `done` updates, read through `fill`.
     ///
     /// # Errors
-    /// What `fill` reports.
+    /// Returns the error of `fill`, or candle's error if a tensor operation fails.
     pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
         let Kept { steps, stored, .. } = &mut *self.kept.write();
         let mut result = Ok(());
@@ -166,7 +168,7 @@ impl Table {
     }
 }
 
-/// (1 - tau)^k until f32 can no longer tell the average from the value.
+/// Returns (1 - tau)^k for each k until f32 can no longer distinguish the average from the value.
 fn decay_table(tau: f32) -> Vec<f32> {
     let keep = 1.0 - f64::from(tau);
     (0..1 << 13).map(|k| keep.powi(k) as f32).take_while(|d| *d > 1e-9).collect()

@@ -1,5 +1,5 @@
-//! Updates composed on candle's tape: the same losses, averages and steps as the learner's own kernels, slower on a
-//! CPU, but on any device that candle knows, and easy to change.
+//! Updates on candle's autograd tape: the same losses, averages and steps as the learner's own kernels; slower on a
+//! CPU, but easy to change and available on every device that candle supports.
 
 use std::ops::Range;
 
@@ -39,27 +39,27 @@ struct Slot {
 }
 
 impl Tape {
-    /// Copies of `networks` (critics, model, actor) on `backend`'s device; none for the learner's own kernels.
+    /// Copies `networks` (critics, model, actor) to `backend`'s device; returns `None` for the learner's own kernels.
     ///
     /// # Errors
-    /// That there is no such device, or what candle reports.
+    /// Returns an error if there is no such device or a tensor operation fails.
     pub fn new<'a>(backend: Backend, networks: impl Iterator<Item = &'a Network>) -> Result<Option<Self>> {
         let (device, layers) = match backend {
             Backend::Fused => return Ok(None),
             Backend::Tape => (Device::Cpu, Layers::Fused),
             Backend::Cuda => match Device::new_cuda(0) {
                 Ok(device) => (device, Layers::Linear),
-                Err(e) => bail!("backend=cuda wants an NVIDIA GPU and a build with --features cuda: {e}"),
+                Err(e) => bail!("backend=cuda needs an NVIDIA GPU and a build with --features cuda: {e}"),
             },
         };
         let networks = networks.map(|network| Trained::new(network, &device)).collect::<Result<_>>()?;
         Ok(Some(Self { device, layers, networks }))
     }
 
-    /// One update, as [`super::Gdg::update_on`]; `steps` is its number, from 1.
+    /// Performs one update, like [`super::Gdg::update_on`]; `steps` is its number, from 1.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn update(&mut self, shapes: &Shapes, batch: &Batch, steps: u64, rates: StepRates) -> Result<Losses> {
         let spec = shapes.encoder.spec();
         let tensor =
@@ -90,13 +90,13 @@ impl Tape {
         })
     }
 
-    /// The losses at the current parameters, or their averages.
+    /// Returns the losses at the current parameters or their averages.
     fn reference<'a>(&self, shapes: &'a Shapes, averaged: bool) -> Result<Reference<'a>> {
         let parameters = self.networks.iter().map(|network| network.parameters(averaged)).collect();
         Reference::of(shapes, parameters, self.layers)
     }
 
-    /// Steps some networks down `loss`.
+    /// Takes an optimiser step on `loss` for some of the networks.
     fn step(&mut self, which: Range<usize>, loss: &Tensor, steps: u64, rates: StepRates) -> Result<()> {
         let gradients = loss.backward()?;
         for network in &mut self.networks[which] {
@@ -106,7 +106,7 @@ impl Tape {
             if let Some(table) = &mut network.table
                 && let Some(gradient) = gradients.get(&table.values)
             {
-                // Corners that no position of the batch read rest.
+                // Corners that no position in the batch reads stay unchanged.
                 let touched = gradient.abs()?.sum_keepdim(1)?.gt(0.0)?.broadcast_as(gradient.shape())?;
                 table.step(gradient, Some(&touched), adam_rate(rates.table, steps), rates.tau)?;
             }
@@ -114,10 +114,10 @@ impl Tape {
         Ok(())
     }
 
-    /// Brings `networks` (in the order they were copied in) to where their copies are, after `steps` updates.
+    /// Writes the copies back to `networks`, in the order they were copied, after `steps` updates.
     ///
     /// # Errors
-    /// What candle reports.
+    /// Returns candle's error if a tensor operation fails.
     pub fn write_back<'a>(&self, networks: impl Iterator<Item = &'a Network>, steps: u64) -> Result<()> {
         for (network, trained) in networks.zip(&self.networks) {
             let state = trained.state(steps)?;
@@ -162,7 +162,7 @@ impl Trained {
         Parameters { dense: of(&self.dense), table: self.table.as_ref().map(of) }
     }
 
-    /// The state as [`Network::state`] has it.
+    /// Returns the state in the format of [`Network::state`].
     fn state(&self, steps: u64) -> Result<NetworkState> {
         let numbers = |t: &Tensor| t.flatten_all()?.to_vec1::<f32>();
         let Slot { values, m, v, average } = &self.dense;
@@ -180,7 +180,7 @@ impl Trained {
 }
 
 impl Slot {
-    /// One Adam step where `touched`, then one of the average.
+    /// Takes one Adam step where `touched`, then updates the average.
     fn step(&mut self, gradient: &Tensor, touched: Option<&Tensor>, rate: AdamRate, tau: f32) -> Result<()> {
         let beta = (f64::from(BETA.0), f64::from(BETA.1));
         let m = ((&self.m * beta.0)? + (gradient * (1.0 - beta.0))?)?;

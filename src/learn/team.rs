@@ -1,7 +1,7 @@
-//! Threads that share short pieces of work.
+//! A thread pool for short pieces of work.
 //!
-//! An update falls into a few pieces of some hundred microseconds each. Waking a thread through the operating system
-//! costs a good part of that, so helpers spin for the next piece for a while before they sleep.
+//! An update consists of a few pieces of some hundred microseconds each. Waking a thread through the operating system
+//! takes a good part of that, so helpers spin for a while waiting for the next piece before they sleep.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -11,32 +11,32 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex};
 
-/// How long a helper looks out for work before it sleeps: longer than what lies between two pieces of an update.
+/// How long a helper spins before it sleeps: longer than the gap between two pieces of an update.
 const LOOK_OUT: Duration = Duration::from_micros(300);
 
-/// Looks between two looks at the clock.
+/// Spin iterations between two clock reads.
 const LOOKS: usize = 64;
 
-/// A piece of work: `tasks` calls, each with its own number.
+/// A piece of work: `tasks` calls, each with its own index.
 struct Piece {
     work: Box<dyn Fn(usize) + Send + Sync>,
     tasks: usize,
-    /// The next task that nobody has taken.
+    /// The next task to claim.
     next: AtomicUsize,
-    /// Tasks that are done.
+    /// Number of finished tasks.
     done: AtomicUsize,
     panicked: AtomicBool,
 }
 
 impl Piece {
-    /// Does tasks until none is left.
+    /// Runs tasks until none is left.
     fn help(&self) {
         loop {
             let task = self.next.fetch_add(1, Ordering::Relaxed);
             if task >= self.tasks {
                 return;
             }
-            // A panic must not leave the others waiting for ever; it goes on where the piece was asked for.
+            // A panic must not leave the others waiting forever; `Team::run` panics in the caller instead.
             let work = || {
                 crate::faults::point("helper");
                 (self.work)(task);
@@ -51,10 +51,10 @@ impl Piece {
 
 #[derive(Default)]
 struct Board {
-    /// Counts the pieces; helpers look at it.
+    /// Number of pieces announced; helpers poll it.
     number: AtomicUsize,
     piece: Mutex<Option<Arc<Piece>>>,
-    /// Helpers that sleep, or are about to.
+    /// Number of helpers that sleep or are about to.
     sleeping: AtomicUsize,
     wake: Condvar,
     over: AtomicBool,
@@ -67,10 +67,10 @@ pub struct Team {
 }
 
 impl Team {
-    /// A team of `threads`, the caller included.
+    /// Creates a team of `threads` threads, including the caller.
     ///
     /// # Errors
-    /// That a thread cannot be started.
+    /// Returns an error if a thread cannot be started.
     pub fn new(threads: usize) -> std::io::Result<Self> {
         let mut team = Self { board: Arc::new(Board::default()), helpers: Vec::new() };
         for i in 1..threads {
@@ -81,10 +81,10 @@ impl Team {
         Ok(team)
     }
 
-    /// Calls `work` with each number below `tasks`, on all threads of the team; returns when all calls are done.
+    /// Calls `work` with each index below `tasks`, on all threads of the team; returns when all calls are done.
     ///
     /// # Panics
-    /// If a call panicked.
+    /// Panics if a call panicked.
     pub fn run(&self, tasks: usize, work: impl Fn(usize) + Send + Sync + 'static) {
         if self.helpers.is_empty() {
             return (0..tasks).for_each(work);
@@ -111,16 +111,17 @@ impl Drop for Team {
         self.board.over.store(true, Ordering::SeqCst);
         self.board.announce();
         for helper in self.helpers.drain(..) {
-            // A helper catches what its tasks do; there is nothing it could report.
+            // A helper catches the panics of its tasks, so there is nothing to report.
             let _ = helper.join();
         }
     }
 }
 
 impl Board {
-    /// Makes helpers look at the board, sleeping ones too.
+    /// Signals all helpers, waking those that sleep.
     fn announce(&self) {
-        // In one order with a helper's note that it sleeps: either it sees this number or it is seen to sleep.
+        // Sequentially consistent with a helper's increment of `sleeping`: either the helper sees the new number, or it
+        // is seen here as sleeping.
         self.number.fetch_add(1, Ordering::SeqCst);
         if self.sleeping.load(Ordering::SeqCst) > 0 {
             let _awake = self.piece.lock();
@@ -128,7 +129,7 @@ impl Board {
         }
     }
 
-    /// A helper's life.
+    /// Runs a helper until the team is dropped.
     fn serve(&self) {
         let mut seen = 0;
         while !self.over.load(Ordering::SeqCst) {
@@ -166,7 +167,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_task_is_done_once_whether_helpers_sleep_or_not() {
+    fn every_task_runs_once_whether_helpers_sleep_or_not() {
         for threads in [1, 2, 4] {
             let team = Team::new(threads).expect("a team");
             for round in 0..300 {
@@ -184,7 +185,7 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_in_a_task_reaches_the_caller_and_the_team_lives_on() {
+    fn a_panic_in_a_task_reaches_the_caller_and_the_team_stays_usable() {
         let team = Team::new(2).expect("a team");
         let outcome = catch_unwind(AssertUnwindSafe(|| team.run(4, |i| assert!(i != 2, "task 2"))));
         assert!(outcome.is_err());

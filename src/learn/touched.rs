@@ -1,27 +1,27 @@
-//! Which corners of a grid table an update touches: found once for all networks that read the same positions.
+//! The corners of a grid table that an update touches, found once for all networks that read the same positions.
 
 use super::grid::{GridShape, Places};
 
-/// Slot of a corner that is not touched.
+/// Slot of an untouched corner.
 const UNTOUCHED: u32 = u32::MAX;
 
-/// The corners around a batch's positions, each once, and which of them every position reads.
+/// The distinct corners around a batch's positions, and which of them each position reads.
 #[derive(Clone, Debug, Default)]
 pub struct Touched {
-    /// Each touched corner, in the order in which they were first met.
+    /// The touched corners, in order of first occurrence.
     corners: Vec<u32>,
-    /// For each read, the place of its corner in `corners`: `(positions, levels, 2^dims)`.
+    /// For each read, the index of its corner in `corners`: `(positions, levels, 2^dims)`.
     slots: Vec<u32>,
-    /// Where the positions read, and by which weights.
+    /// Corners and weights of the positions' reads.
     places: Places,
-    /// For each corner of the table, its place in `corners`.
+    /// For each corner of the table, its index in `corners`.
     slot_of: Vec<u32>,
-    /// Corners that a position reads in each level.
+    /// Number of corners that a position reads per level.
     around: usize,
 }
 
 impl Touched {
-    /// Finds the corners, of a table of `shape`, that the positions which `locate` adds will read.
+    /// Finds the corners of a table of `shape` that are read by the positions that `locate` adds.
     pub fn find(&mut self, shape: &GridShape, locate: impl FnOnce(&mut Places)) {
         self.slot_of.resize(shape.corners(), UNTOUCHED);
         for corner in self.corners.drain(..) {
@@ -42,13 +42,14 @@ impl Touched {
         }));
     }
 
-    /// The touched corners.
+    /// Returns the touched corners.
     pub fn corners(&self) -> &[u32] {
         &self.corners
     }
 
-    /// The gradient of each touched corner, `(touched, channels)` written to `sums`, from the gradients of the
-    /// positions' encodings: `parts` of `(positions, levels, channels)`, in the order in which they were located.
+    /// Writes the gradient of each touched corner to `sums`, `(touched, channels)`, from the gradients of the
+    /// positions' encodings: `parts` of `(positions, levels, channels)`, in the order in which the positions were
+    /// located.
     pub fn sum_into(&self, parts: &[Vec<f32>], channels: usize, sums: &mut Vec<f32>) {
         sums.clear();
         sums.resize(self.corners.len() * channels, 0.0);
@@ -57,7 +58,7 @@ impl Touched {
         for ((slots, weights), d) in read.zip(encodings) {
             let reads = slots.iter().zip(weights);
             if let ((sums, []), ([d], [])) = (sums.as_chunks_mut::<4>(), d.as_chunks::<4>()) {
-                // The default, in vectors of four.
+                // The default of four channels, vectorised.
                 reads.for_each(|(slot, weight)| (0..4).for_each(|c| sums[*slot as usize][c] += weight * d[c]));
             } else {
                 for (slot, weight) in reads {
@@ -68,7 +69,7 @@ impl Touched {
         }
     }
 
-    /// The gradient of a whole table, `(corners, channels)`, from the same.
+    /// Returns the gradient of the whole table, `(corners, channels)`, from the same input.
     pub fn whole(&self, parts: &[Vec<f32>], channels: usize) -> Vec<f32> {
         let mut sums = Vec::new();
         self.sum_into(parts, channels, &mut sums);

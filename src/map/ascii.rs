@@ -1,10 +1,10 @@
-//! Plain ASCII maps: one character a cell.
+//! Plain ASCII maps: one character per cell.
 
 use super::error::MapResult;
 use super::grid::{Cell, Grid, MAX_CELLS};
 use super::text::Text;
 
-/// What a character of a map row stands for.
+/// The meaning of a map character.
 enum Mark {
     Free,
     Wall,
@@ -27,7 +27,7 @@ fn mark(c: char) -> Option<Mark> {
 /// Parses a plain ASCII map: `#`, `@`, `O`, `T`, `W` wall; `.` and space free; `S` a start, `G` a goal.
 ///
 /// # Errors
-/// Rows of different length, unknown characters, no free cell, more than [`MAX_CELLS`] cells.
+/// Fails on rows of different lengths, unknown characters, no free cell, or more than [`MAX_CELLS`] cells.
 pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let width = text.lines[0].chars().count();
     if width == 0 {
@@ -54,8 +54,8 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     Ok(Grid::new(name, width, free, starts, goals))
 }
 
-/// The map as plain ASCII with LF line ends; reading it gives the same map, save where a cell is both start and
-/// goal (shown as a start).
+/// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map, except that a cell that
+/// is both start and goal is printed as a start.
 pub fn print_ascii(grid: &Grid) -> String {
     let mut rows: Vec<Vec<u8>> = (0..grid.height())
         .map(|y| (0..grid.width()).map(|x| if grid.is_free(Cell::new(x, y)) { b'.' } else { b'#' }).collect())
@@ -65,18 +65,18 @@ pub fn print_ascii(grid: &Grid) -> String {
     rows.into_iter().map(|row| String::from_utf8_lossy(&row).into_owned() + "\n").collect()
 }
 
-/// The error for a map of more than [`MAX_CELLS`] cells.
+/// Creates the error for a map of more than [`MAX_CELLS`] cells.
 pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
     let right = format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has");
     text.line_error(0, format!("a map of {width} x {height} cells does not fit"), right)
 }
 
-/// The error for a character that no cell is written with.
+/// Creates the error for a character that is not a map character.
 pub fn unknown_character(text: &Text, line: usize, column: usize, c: char, known: &str) -> Box<super::MapError> {
     text.error(line, column..column + 1, format!("{c:?} is not a map character"), known)
 }
 
-/// Checks that line `line` has `width` characters; `because` tells where that width comes from.
+/// Checks that line `line` has `width` characters; `because` says where that width comes from.
 pub fn check_row_length(text: &Text, line: usize, width: usize, because: &str) -> MapResult<()> {
     let length = text.lines[line].chars().count();
     if length == width {
@@ -91,7 +91,7 @@ pub fn check_row_length(text: &Text, line: usize, width: usize, because: &str) -
     ))
 }
 
-/// Checks that the map has somewhere to stand.
+/// Checks that the map has a free cell.
 pub fn check_some_free(text: &Text, free: &[bool]) -> MapResult<()> {
     if free.iter().any(|f| *f) {
         return Ok(());

@@ -10,10 +10,10 @@ pub const BUILTIN: [(&str, &str); 3] = [
     ("trap", include_str!("../../maps/trap.txt")),
 ];
 
-/// The built-in map called `name`.
+/// Returns the built-in map called `name`.
 ///
 /// # Panics
-/// Never: the built-in maps are checked by tests.
+/// Never: tests check the built-in maps.
 pub fn builtin(name: &str) -> Option<Grid> {
     let (name, text) = BUILTIN.iter().find(|(n, _)| *n == name)?;
     Some(parse_map(name, text.as_bytes()).expect("built-in maps are well-formed"))

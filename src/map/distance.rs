@@ -1,22 +1,22 @@
-//! Shortest numbers of steps between cells: the truth, for evaluation and display alone.
+//! Shortest step counts between cells: the ground truth, used for evaluation and display only.
 //!
-//! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A library's search
-//! over hashed nodes is some thirty times slower here, and a map's diameter takes hundreds of searches.
+//! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A library search over
+//! hashed nodes is about thirty times slower here, and a map's diameter takes hundreds of searches.
 
 use super::flood::Flood;
 use super::grid::{Cell, Grid};
 
-/// Steps to a cell that cannot be reached.
+/// Step count of a cell that cannot be reached.
 pub const UNREACHABLE: u32 = u32::MAX;
 
-/// Searches over one map, reusing its buffers.
+/// Breadth-first searches over one map; reuses its buffers.
 #[derive(Clone)]
 pub struct StepSearch {
     width: usize,
-    /// Neighbours of each cell as a bit set over [`OFFSETS`].
+    /// Open neighbours of each cell, as a bit set over [`OFFSETS`].
     moves: Vec<u8>,
     steps: Vec<u32>,
-    /// Cells that the latest search reached, in the order in which it did.
+    /// Cells reached by the latest search, in the order of their discovery.
     reached: Vec<u32>,
 }
 
@@ -26,39 +26,38 @@ const OFFSETS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1)
 const WEST: u8 = 0b0001;
 const NORTH: u8 = 0b0100;
 
-/// The two sides that each corner lies between, as bits.
+/// The two sides adjacent to each corner, as bits.
 const BESIDE: [u8; 4] = [0b0101, 0b0110, 0b1001, 0b1010];
 
-/// The farthest distance between two cells that reach each other.
+/// The largest distance between two connected cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Diameter {
-    /// Steps of the farthest pair found.
+    /// Distance of the farthest pair found, in steps.
     pub steps: u32,
-    /// Whether no pair can be farther apart (else `steps` is what the search found before it gave up).
+    /// Whether no pair can be farther apart; if not, `steps` is the largest distance found before the search gave up.
     pub exact: bool,
 }
 
-/// Cells that the searches for a diameter may visit: exact on the built-in maps, within seconds on the
-/// largest ones.
+/// Cell visits allowed for a diameter: enough to be exact on the built-in maps, and seconds on the largest ones.
 const DIAMETER_CELLS: usize = 60_000_000;
 
-/// Middles of a map that are tried: fewer on large maps, where a search for each would outweigh the others.
+/// Candidate middles to try; fewer on large maps, where their searches would dominate.
 const MIDDLES: usize = 8;
 const SEARCHES_FOR_EACH_MIDDLE: usize = 25;
 
 impl Diameter {
-    /// The diameter of `grid`, within a bounded time.
+    /// Computes the diameter of `grid` in bounded time.
     pub fn of(grid: &Grid) -> Self {
         Self::within(grid, &StepSearch::new(grid).components(grid))
     }
 
-    /// The same of a map whose components are known.
+    /// Like [`Self::of`], for a map whose components are known.
     pub fn within(grid: &Grid, components: &Components) -> Self {
         Self::by(DIAMETER_CELLS / grid.free_count().max(1), grid, components)
     }
 
-    /// iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected graphs"): from the middle
-    /// of a long path, cells are searched from the outside in; what lies within i steps of the middle can be at
+    /// Runs iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected graphs"): searches from
+    /// the cells farthest from the middle of a long path, working inwards; cells within i steps of the middle are at
     /// most 2 i apart.
     fn by(searches: usize, grid: &Grid, components: &Components) -> Self {
         let Some(first) = components.largest_cells(grid).next() else {
@@ -67,8 +66,8 @@ impl Diameter {
         let mut flood = Flood::new(grid);
         let (a, _) = flood.farthest(first);
         let (b, across) = flood.farthest(a);
-        // Of all cells half way between a and b, the one that is nearest to everything makes the best middle;
-        // trying a few is cheaper than searching its rings.
+        // Of all cells halfway between a and b, the most central one makes the best middle; trying a few is cheaper
+        // than searching from more rings.
         let mut halfway = flood.ring(a, across / 2);
         let to_b = flood.ring(b, across - across / 2);
         halfway.retain(|cell| to_b.binary_search_by_key(&(cell.y, cell.x), |c| (c.y, c.x)).is_ok());
@@ -95,21 +94,21 @@ impl Diameter {
 /// The connected components of a map's free cells.
 #[derive(Clone, Debug)]
 pub struct Components {
-    /// Component of each cell, row-major; walls have none.
+    /// Component of each cell, row-major; `None` for walls.
     pub of_cell: Vec<Option<u32>>,
-    /// Cells of each component.
+    /// Number of cells in each component.
     pub sizes: Vec<usize>,
 }
 
 impl Components {
-    /// The component with the most cells (the first of equals).
+    /// Returns the component with the most cells (the first on a tie).
     pub fn largest(&self) -> u32 {
         (0..self.sizes.len()).rev().max_by_key(|i| self.sizes[*i]).unwrap_or(0) as u32
     }
 }
 
 impl Components {
-    /// The cells of `grid`'s largest component, row by row.
+    /// Returns the cells of `grid`'s largest component, in row order.
     pub fn largest_cells<'a>(&'a self, grid: &'a Grid) -> impl Iterator<Item = Cell> + 'a {
         let largest = self.largest();
         grid.free_cells().filter(move |c| self.of_cell[grid.index(*c)] == Some(largest))
@@ -127,20 +126,20 @@ impl StepSearch {
                 u8::from(grid.is_free(next)) << i
             };
             let sides = (0..4).fold(0, |bits, i| bits | way(i));
-            // A corner is not cut: both cells beside a diagonal have to be free.
+            // No corner cutting: both cells adjacent to a diagonal must be free.
             let open = (4..8).filter(|i| sides & BESIDE[i - 4] == BESIDE[i - 4]);
             moves[grid.index(cell)] = open.fold(sides, |bits, i| bits | way(i));
         }
         Self { width: grid.width(), moves, steps: vec![UNREACHABLE; grid.free().len()], reached: Vec::new() }
     }
 
-    /// Steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no way. As every step can be
-    /// undone, these are the steps *to* `cell` as well.
+    /// Returns the steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no path. Steps are
+    /// reversible, so these are also the steps *to* `cell`.
     pub fn from(&mut self, cell: Cell) -> &[u32] {
         self.within(cell, UNREACHABLE)
     }
 
-    /// The same as [`Self::from`] for cells up to `most` steps away, [`UNREACHABLE`] for all others.
+    /// Like [`Self::from`], but only up to `most` steps; farther cells are [`UNREACHABLE`] too.
     pub fn within(&mut self, cell: Cell, most: u32) -> &[u32] {
         let Self { width, moves, steps, reached } = self;
         for at in reached.drain(..) {
@@ -171,13 +170,14 @@ impl StepSearch {
         steps
     }
 
-    /// The connected components of the free cells, in the order of their first cells.
+    /// Returns the connected components of the free cells, ordered by their first cells.
     ///
-    /// Row by row, cells take over the component of their left or upper neighbour (Rosenfeld and Pfaltz 1966, "Sequential
-    /// operations in digital picture processing"): a diagonal joins nothing that the cells beside it do not.
+    /// Scans row by row; each cell takes the label of its left or upper neighbour (Rosenfeld and Pfaltz 1966,
+    /// "Sequential operations in digital picture processing"). Diagonals need no check: without corner cutting they
+    /// join nothing that the adjacent cells do not.
     pub fn components(&self, grid: &Grid) -> Components {
         let mut of_cell = vec![None; grid.free().len()];
-        // Components that turned out to be parts of earlier ones; those of their own stand for themselves.
+        // Parent of each label: merged labels point to an earlier one, roots to themselves.
         let mut part_of: Vec<u32> = Vec::new();
         for i in (0..of_cell.len()).filter(|i| grid.free()[*i]) {
             let neighbour = |side: u8, back: usize| if self.moves[i] & side == 0 { None } else { of_cell[i - back] };
@@ -204,21 +204,21 @@ impl StepSearch {
         Components { of_cell, sizes }
     }
 
-    /// The farthest distance within the largest component, by at most `searches` breadth-first searches after the few
-    /// that find the middle.
+    /// Returns the largest distance within the largest component, using at most `searches` breadth-first searches after
+    /// the few that find the middle.
     pub fn diameter(&self, grid: &Grid, searches: usize) -> Diameter {
         Diameter::by(searches, grid, &self.components(grid))
     }
 }
 
-/// Makes one component of two, named as the earlier of them is.
+/// Merges two components and returns the label of the earlier one.
 fn join(part_of: &mut [u32], a: u32, b: u32) -> u32 {
     let (a, b) = (whole(part_of, a), whole(part_of, b));
     part_of[a.max(b) as usize] = a.min(b);
     a.min(b)
 }
 
-/// The component that `label` belongs to; the way there is halved for the next time.
+/// Returns the root of `label`, halving the path to it for later look-ups.
 fn whole(part_of: &mut [u32], mut label: u32) -> u32 {
     while part_of[label as usize] != label {
         part_of[label as usize] = part_of[part_of[label as usize] as usize];

@@ -1,4 +1,4 @@
-//! What is wrong with a file, where, and what would be right.
+//! Errors in map and scenario files: what is wrong, where, and what is expected instead.
 
 use std::fmt;
 
@@ -9,28 +9,28 @@ use crate::text::{Excerpt, plain};
 /// Result of reading a map or scenario.
 pub type MapResult<T> = Result<T, Box<MapError>>;
 
-/// A file that cannot be used: names the file, and where it applies line and column (both from 1).
+/// An unusable file: its name and, where applicable, line and column (both from 1).
 #[derive(Debug, Clone, thiserror::Error)]
 #[error("{}: {what}", self.place())]
 pub struct MapError {
-    /// The file or built-in name.
+    /// The file or the name of a built-in map.
     pub file: String,
-    /// Line and column from 1, in characters; absent where the file as a whole is meant.
+    /// Line and column from 1, in characters; `None` if the error concerns the whole file.
     pub at: Option<(usize, usize)>,
     /// What is wrong.
     pub what: String,
-    /// What would be right.
+    /// What is expected instead.
     pub right: String,
     excerpt: Option<Excerpt>,
 }
 
 impl MapError {
-    /// An error about the file as a whole.
+    /// Creates an error about the whole file.
     pub fn whole(file: &str, what: impl Into<String>, right: impl Into<String>) -> Box<Self> {
         Box::new(Self { file: file.to_owned(), at: None, what: what.into(), right: right.into(), excerpt: None })
     }
 
-    /// An error at `columns` (from 0, in characters) of line number `line` (from 0), whose text is `text`.
+    /// Creates an error at `columns` (from 0, in characters) of line number `line` (from 0), whose text is `text`.
     pub fn at(
         file: &str,
         (line, text): (usize, &str),

@@ -1,37 +1,37 @@
-//! Which cells are farthest from another one, 64 cells at a time.
+//! Finds the cells farthest from a given cell, 64 cells at a time.
 //!
-//! A search that keeps the steps to every cell spends its time waiting for memory on large maps. Where only the last
-//! cells that it reaches are asked for, a bit for each cell is enough, and neighbours in a row are reached together.
+//! On large maps a search that stores the distance to every cell is memory-bound. When only the last cells reached
+//! matter, one bit per cell is enough, and neighbours in a row are reached together.
 
 use super::grid::{Cell, Grid};
 
-/// Cells in a word.
+/// Cells per word.
 const BITS: usize = u64::BITS as usize;
 
-/// Floods over one map, reusing its buffers.
+/// Flood fills over one map; reuses its buffers.
 pub struct Flood {
-    /// Bits from a cell to the one below it: a row, and a wall that keeps it from the next one.
+    /// Bits from a cell to the one below it: one row plus a wall bit that separates it from the next row.
     stride: usize,
-    /// Words of wall before the first row, and at least as many behind the last one.
+    /// Wall words before the first row; at least as many follow the last one.
     before: usize,
     cells: Vec<Word>,
-    /// Words in which there are cells of the next ring.
+    /// Words that contain cells of the next ring.
     next: Vec<usize>,
-    /// The ring of cells that was reached last: words and their bits.
+    /// The last ring reached: word indices and their bits.
     ring: Vec<(usize, u64)>,
 }
 
-/// Bits of cells; side by side in memory, as they are asked for together.
+/// Bits of 64 cells, adjacent in memory because they are accessed together.
 #[derive(Clone, Copy, Default)]
 struct Word {
     free: u64,
     /// Free cells that the latest flood has not reached.
     dry: u64,
-    /// Cells of the next ring; none between floods.
+    /// Cells of the next ring; empty between floods.
     wet: u64,
 }
 
-/// How far another cell's bit is: whole words, and bits to the left from there.
+/// Distance to another cell's bit: whole words plus bits.
 #[derive(Clone, Copy)]
 struct Offset {
     words: isize,
@@ -43,16 +43,16 @@ impl Offset {
         Self { words: bits.div_euclid(BITS as isize), bits: bits.rem_euclid(BITS as isize) as u32 }
     }
 
-    /// The bits that are so far from those of `word`.
+    /// Returns the `free` bits at this distance from the bits of `word`.
     fn free(self, cells: &[Word], word: usize) -> u64 {
         let at = word.wrapping_add_signed(self.words);
-        // Two shifts, as one by 64 bits is none.
+        // Shifted in two steps because a single shift by 64 bits would overflow.
         cells[at].free >> self.bits | cells[at + 1].free << 1 << (BITS as u32 - 1 - self.bits)
     }
 }
 
 impl Flood {
-    /// Prepares floods over `grid`.
+    /// Prepares flood fills over `grid`.
     pub fn new(grid: &Grid) -> Self {
         let stride = grid.width() + 1;
         let before = (stride + 1) / BITS + 1;
@@ -67,14 +67,14 @@ impl Flood {
         Self { stride, before, cells, next: Vec::new(), ring: Vec::new() }
     }
 
-    /// The cell farthest from `cell` (the first in row order of equals), and how many steps away it is.
+    /// Returns the cell farthest from `cell` (on a tie, the first in row order) and its distance in steps.
     pub fn farthest(&mut self, cell: Cell) -> (Cell, u32) {
         let steps = self.spread(cell, u32::MAX, |_, _| {});
         let (word, bits) = *self.ring.iter().min().expect("a flood reaches at least its own start");
         (self.cell(word, bits), steps)
     }
 
-    /// The cells that are exactly `steps` away from `cell`, row by row.
+    /// Returns the cells exactly `steps` away from `cell`, in row order.
     pub fn ring(&mut self, cell: Cell, steps: u32) -> Vec<Cell> {
         let reached = self.spread(cell, steps, |_, _| {});
         let mut ring = std::mem::take(&mut self.ring);
@@ -82,8 +82,8 @@ impl Flood {
         if reached == steps { self.cells_of(&ring).collect() } else { Vec::new() }
     }
 
-    /// The cells more than `near` steps away from `cell`, ring by ring from the outside in, row by row within each:
-    /// whole rings until there are more than `enough` cells. With the steps to each.
+    /// Returns the cells more than `near` steps away from `cell`, with their distances: ring by ring from the outside
+    /// in, in row order within a ring. Stops after the whole ring that brings the count above `enough`.
     pub fn outermost(&mut self, cell: Cell, near: u32, enough: usize) -> Vec<(u32, Cell)> {
         let mut rings = Vec::new();
         self.spread(cell, u32::MAX, |steps, ring| {
@@ -104,7 +104,7 @@ impl Flood {
         found
     }
 
-    /// The cells whose bits are set.
+    /// Returns the cells whose bits are set.
     fn cells_of(&self, ring: &[(usize, u64)]) -> impl Iterator<Item = Cell> {
         ring.iter().flat_map(move |(word, bits)| {
             let rest = std::iter::successors(Some(*bits), |bits| Some(bits & (bits - 1)));
@@ -112,14 +112,14 @@ impl Flood {
         })
     }
 
-    /// The cell of the lowest bit of a word.
+    /// Returns the cell of the lowest set bit of a word.
     fn cell(&self, word: usize, bits: u64) -> Cell {
         let bit = (word - self.before) * BITS + bits.trailing_zeros() as usize;
         Cell::new(bit % self.stride, bit / self.stride)
     }
 
-    /// Reaches ring after ring, up to the one that is `most` steps away, and passes each on; how many steps the last one
-    /// is away.
+    /// Floods ring by ring, up to `most` steps away, and passes each ring to `pass`. Returns the distance of the last
+    /// ring.
     fn spread(&mut self, cell: Cell, most: u32, mut pass: impl FnMut(u32, &[(usize, u64)])) -> u32 {
         self.cells.iter_mut().for_each(|word| word.dry = word.free);
         let bit = self.before * BITS + cell.y * self.stride + cell.x;
@@ -134,10 +134,11 @@ impl Flood {
             pass(steps, &ring);
             if steps < most {
                 for &(word, bits) in &ring {
-                    // Cells from which there is a way to that side.
+                    // Cells whose neighbour on that side is free.
                     let [w, e, n, s] = [west, east, north, south].map(|side| bits & side.free(&self.cells, word));
                     for (ways, to) in [(bits, here), (n, north), (s, south)] {
-                        // On to the left and right in that row too: a corner is not cut where both sides are free.
+                        // Spread left and right within that row too: a diagonal needs both adjacent sides free (no
+                        // corner cutting).
                         let (left, right) = (ways & w, ways & e);
                         self.reach_from(word, ways | left >> 1 | right << 1, to);
                         if left & 1 != 0 {
@@ -157,7 +158,7 @@ impl Flood {
         }
     }
 
-    /// Reaches the cells that are so far from a word's.
+    /// Marks the cells at distance `offset` from the given bits of a word as reached.
     #[inline]
     fn reach_from(&mut self, word: usize, bits: u64, offset: Offset) {
         let at = word.wrapping_add_signed(offset.words);
@@ -165,7 +166,7 @@ impl Flood {
         self.reach(at + 1, bits >> 1 >> (BITS as u32 - 1 - offset.bits));
     }
 
-    /// Reaches those of a word's cells that are free and have not been reached.
+    /// Marks the given cells of a word as reached, except walls and cells already reached.
     #[inline]
     fn reach(&mut self, word: usize, bits: u64) {
         let cells = &mut self.cells[word];
@@ -188,9 +189,9 @@ mod tests {
     use super::*;
     use crate::map::{StepSearch, UNREACHABLE};
 
-    /// Maps of all widths around a word's, from empty ones to such in small pieces.
+    /// Covers all widths around a word's size, and maps from open to fragmented.
     #[test]
-    fn a_flood_reaches_what_a_search_does() {
+    fn a_flood_fill_agrees_with_breadth_first_search() {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         for width in 1..200 {
             let (height, walls) = (rng.random_range(1..40), rng.random_range(0.0..0.6));
@@ -203,7 +204,7 @@ mod tests {
             let steps = search.from(start);
             let mut cells: Vec<(u32, Cell)> = steps.iter().enumerate().map(|(i, s)| (*s, grid.cell(i))).collect();
             cells.retain(|(steps, _)| *steps != UNREACHABLE);
-            // The outermost first, row by row within each ring.
+            // Outermost ring first, in row order within a ring.
             cells.sort_by_key(|(steps, _)| std::cmp::Reverse(*steps));
             let mut flood = Flood::new(&grid);
             let (most, first) = cells[0];

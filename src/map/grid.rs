@@ -2,10 +2,10 @@
 
 use serde::{Deserialize, Serialize};
 
-/// The most cells a map may have (4096 x 4096).
+/// The maximum number of cells in a map (4096 x 4096).
 pub const MAX_CELLS: usize = 1 << 24;
 
-/// A cell by column `x` (to the right) and row `y` (down), counted from the upper left.
+/// A cell at column `x` (rightwards) and row `y` (downwards), counted from the upper left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Cell {
     /// Column, from 0 at the left.
@@ -15,12 +15,12 @@ pub struct Cell {
 }
 
 impl Cell {
-    /// The cell at column `x`, row `y`.
+    /// Creates the cell at column `x`, row `y`.
     pub const fn new(x: usize, y: usize) -> Self {
         Self { x, y }
     }
 
-    /// The position of the cell's middle, in cells.
+    /// Returns the position of the cell's centre, in cells.
     pub fn centre(self) -> [f32; 2] {
         [self.x as f32 + 0.5, self.y as f32 + 0.5]
     }
@@ -39,10 +39,10 @@ pub struct Grid {
 }
 
 impl Grid {
-    /// A grid from its free cells in row-major order, with starts and goals sorted row by row.
+    /// Creates a grid from its cells in row-major order (`true` where free), with starts and goals sorted row by row.
     ///
     /// # Panics
-    /// If `free` does not hold `width * height` cells, or a start or goal is not a free cell: parsers check both.
+    /// If `free` does not consist of whole rows, or a start or goal is not on a free cell; parsers check both first.
     pub fn new(name: &str, width: usize, free: Vec<bool>, starts: Vec<Cell>, goals: Vec<Cell>) -> Self {
         let height = free.len().checked_div(width).unwrap_or(0);
         assert_eq!(free.len(), width * height, "a grid needs whole rows");
@@ -54,40 +54,40 @@ impl Grid {
         grid
     }
 
-    /// What the map is called: a built-in name or a file's stem.
+    /// Returns the map's name: that of a built-in map, or a file stem.
     pub fn name(&self) -> &str {
         &self.name
     }
 
-    /// The same map under another name.
+    /// Returns the map under another name.
     #[must_use]
     pub fn named(mut self, name: &str) -> Self {
         name.clone_into(&mut self.name);
         self
     }
 
-    /// Columns.
+    /// Returns the number of columns.
     pub fn width(&self) -> usize {
         self.width
     }
 
-    /// Rows.
+    /// Returns the number of rows.
     pub fn height(&self) -> usize {
         self.height
     }
 
-    /// Cells marked `S`, row by row.
+    /// Returns the cells marked `S`, in row order.
     pub fn starts(&self) -> &[Cell] {
         &self.starts
     }
 
-    /// Cells marked `G`, row by row.
+    /// Returns the cells marked `G`, in row order.
     pub fn goals(&self) -> &[Cell] {
         &self.goals
     }
 
-    /// The same map with some cells made free (`true`) or wall; starts and goals that wall then covers go. `None` where
-    /// no free cell would remain. Cells beyond the map are left out.
+    /// Returns the map with some cells changed to free (`true`) or wall (`false`), without the starts and goals that
+    /// walls now cover. Ignores cells outside the map. Returns `None` if no free cell would remain.
     #[must_use]
     pub fn with_cells(&self, changes: impl IntoIterator<Item = (Cell, bool)>) -> Option<Self> {
         let mut grid = self.clone();
@@ -103,7 +103,7 @@ impl Grid {
         grid.free.contains(&true).then_some(grid)
     }
 
-    /// The same map with other starts and goals; those that do not stand on free cells are left out.
+    /// Returns the map with other starts and goals, dropping those that are not on free cells.
     #[must_use]
     pub fn with_marks(&self, starts: Vec<Cell>, goals: Vec<Cell>) -> Self {
         let on_floor = |mut marks: Vec<Cell>| {
@@ -115,20 +115,20 @@ impl Grid {
         Self { starts: on_floor(starts), goals: on_floor(goals), ..self.clone() }
     }
 
-    /// A map of free cells alone.
+    /// Creates a map of free cells only.
     ///
     /// # Panics
-    /// If it would have no cell, or more than [`MAX_CELLS`].
+    /// If the map would have no cells, or more than [`MAX_CELLS`].
     pub fn empty(name: &str, width: usize, height: usize) -> Self {
         assert!(width > 0 && height > 0 && width * height <= MAX_CELLS, "a map of a size that maps can have");
         Self::new(name, width, vec![true; width * height], Vec::new(), Vec::new())
     }
 
-    /// The same map cut at the right and below, or made larger there by free cells. `None` where no free cell would
-    /// remain.
+    /// Returns the map cropped, or extended with free cells, at its right and lower edges. Returns `None` if no free
+    /// cell would remain.
     ///
     /// # Panics
-    /// If it would have no cell, or more than [`MAX_CELLS`].
+    /// If the map would have no cells, or more than [`MAX_CELLS`].
     #[must_use]
     pub fn resized(&self, width: usize, height: usize) -> Option<Self> {
         let beyond = |cell: Cell| cell.x >= self.width || cell.y >= self.height;
@@ -138,43 +138,43 @@ impl Grid {
         Some(grid.with_marks(self.starts.clone(), self.goals.clone()))
     }
 
-    /// Whether `cell` lies on the map and is free.
+    /// Returns whether `cell` is on the map and free.
     pub fn is_free(&self, cell: Cell) -> bool {
         cell.x < self.width && cell.y < self.height && self.free[cell.y * self.width + cell.x]
     }
 
-    /// Whether the position (`x`, `y`) lies on a free cell; positions outside the map are wall.
+    /// Returns whether the position (`x`, `y`) is on a free cell; positions outside the map are wall.
     #[inline]
     pub fn is_free_at(&self, x: f32, y: f32) -> bool {
         x >= 0.0 && y >= 0.0 && self.is_free(Cell::new(x as usize, y as usize))
     }
 
-    /// Row-major index of a cell on the map.
+    /// Returns the row-major index of a cell on the map.
     pub fn index(&self, cell: Cell) -> usize {
         cell.y * self.width + cell.x
     }
 
-    /// The cell at a row-major index.
+    /// Returns the cell at a row-major index.
     pub fn cell(&self, index: usize) -> Cell {
         Cell::new(index % self.width, index / self.width)
     }
 
-    /// All cells' freedom, row-major.
+    /// Returns all cells in row-major order, `true` where free.
     pub fn free(&self) -> &[bool] {
         &self.free
     }
 
-    /// All free cells, row by row.
+    /// Returns all free cells, in row order.
     pub fn free_cells(&self) -> impl Iterator<Item = Cell> + '_ {
         self.free.iter().enumerate().filter(|(_, free)| **free).map(|(i, _)| self.cell(i))
     }
 
-    /// How many cells are free.
+    /// Returns the number of free cells.
     pub fn free_count(&self) -> usize {
         self.free.iter().filter(|free| **free).count()
     }
 
-    /// The free cell nearest to `cell` (Euclidean, between centres; the first in row order of equals).
+    /// Returns the free cell nearest to `cell` (Euclidean, between centres; on a tie, the first in row order).
     pub fn nearest_free(&self, cell: Cell) -> Option<Cell> {
         if self.is_free(cell) {
             return Some(cell);
@@ -182,8 +182,8 @@ impl Grid {
         self.free_cells().min_by_key(|c| c.x.abs_diff(cell.x).pow(2) + c.y.abs_diff(cell.y).pow(2))
     }
 
-    /// The cells one step away: 8-connected, diagonals only where both cells beside them are free
-    /// (no corner cutting).
+    /// Returns the cells one step away: 8-connected, diagonals only where both adjacent cells are free (no corner
+    /// cutting).
     #[inline]
     pub fn neighbours(&self, cell: Cell) -> impl Iterator<Item = Cell> + use<> {
         let at = |dx: isize, dy: isize| {

@@ -1,4 +1,4 @@
-//! Files to maps and scenarios.
+//! Loads maps and scenarios from files.
 
 use std::io::ErrorKind;
 use std::path::Path;
@@ -11,13 +11,13 @@ use super::scenario::{ScenarioTask, parse_scenario};
 use super::text::Text;
 use crate::files;
 
-/// No map or scenario is larger: cells, line ends and a header.
+/// Size limit of a map or scenario file: room for the cells, line endings and a header.
 const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
 
-/// Parses a map in either format; `file` is how errors name it, its stem how the map is called.
+/// Parses a map in either format. Errors refer to it as `file`, whose stem becomes the map's name.
 ///
 /// # Errors
-/// Whatever is malformed, with its place.
+/// Fails on malformed input, with its location.
 pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
     let text = Text::new(file, bytes)?;
     let name = Path::new(file).file_stem().map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned());
@@ -27,7 +27,7 @@ pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
 /// Reads and parses a map file.
 ///
 /// # Errors
-/// Also what cannot be read: no such file, a directory, no permission, too large.
+/// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
     parse_map(&path.to_string_lossy(), &read(path)?)
 }
@@ -35,12 +35,12 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
 /// Reads and parses a scenario for `grid`.
 ///
 /// # Errors
-/// As [`load_map`], and tasks that do not fit the map.
+/// Like [`load_map`]; also if a task does not fit the map.
 pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
     parse_scenario_bytes(&path.to_string_lossy(), &read(path)?, grid)
 }
 
-/// Parses a scenario for `grid`; `file` is how errors name it.
+/// Parses a scenario for `grid`; errors refer to it as `file`.
 ///
 /// # Errors
 /// See [`load_scenario`].

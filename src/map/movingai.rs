@@ -1,4 +1,4 @@
-//! Moving AI `.map` files, the benchmark format of the field (`type octile`).
+//! Moving AI `.map` files (`type octile`), the field's benchmark format.
 
 use std::num::IntErrorKind;
 
@@ -12,7 +12,7 @@ const HEADER: &str =
 
 const CHARACTERS: &str = "in a Moving AI map '.', 'G' and 'S' are passable, '@', 'O', 'T' and 'W' are not";
 
-/// Whether the text begins as a Moving AI map does.
+/// Returns whether the text starts with a Moving AI header.
 pub fn is_movingai(text: &Text) -> bool {
     text.lines[0].split_whitespace().next() == Some("type")
 }
@@ -20,7 +20,7 @@ pub fn is_movingai(text: &Text) -> bool {
 /// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked.
 ///
 /// # Errors
-/// A header that is incomplete or contradicts the body, and what plain maps are refused for.
+/// Fails if the header is incomplete or contradicts the body, and on everything that makes a plain map invalid.
 pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     let (width, height, first_row) = parse_header(text)?;
     if width.checked_mul(height).is_none_or(|cells| cells > MAX_CELLS) {
@@ -51,7 +51,7 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     Ok(Grid::new(name, width, free, Vec::new(), Vec::new()))
 }
 
-/// Width, height and the index of the first row's line.
+/// Returns the width, the height and the index of the first row's line.
 fn parse_header(text: &Text) -> MapResult<(usize, usize, usize)> {
     let (mut width, mut height) = (None, None);
     for (i, line) in text.lines.iter().enumerate() {
@@ -91,7 +91,7 @@ fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
     }
 }
 
-/// The map in Moving AI form, LF line ends; starts and goals have no place in it and are written as free.
+/// Prints the map in Moving AI format with LF line endings. The format has no starts or goals: they become free cells.
 pub fn print_movingai(grid: &Grid) -> String {
     let mut out = format!("type octile\nheight {}\nwidth {}\nmap\n", grid.height(), grid.width());
     for y in 0..grid.height() {

@@ -1,4 +1,4 @@
-//! Random maps: places on a square lattice, joined by a random spanning tree and some further ways.
+//! Random maps: places on a square lattice, joined by a random spanning tree and some extra passages.
 
 use pathfinding::undirected::kruskal::kruskal_indices;
 use rand::{RngExt, SeedableRng};
@@ -6,29 +6,30 @@ use rand_chacha::ChaCha8Rng;
 
 use super::grid::Grid;
 
-/// What kind of map.
+/// The kind of a random map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Kind {
-    /// Rooms of 4 by 4 cells, 9 by 9 of them, with walls of one cell between; a tenth of the other walls are open too.
+    /// 9 x 9 rooms of 4 x 4 cells, separated by walls one cell thick; besides those of the spanning tree, a tenth of
+    /// the walls are open.
     Maze,
-    /// Streets 3 cells wide between 14 by 14 blocks of 4 by 4 cells; about a third of the streets are closed.
+    /// Streets 3 cells wide between 14 x 14 blocks of 4 x 4 cells; about a third of the streets are closed.
     City,
 }
 
-/// Sizes of a kind.
+/// Dimensions of a kind of map.
 struct Lattice {
     /// Places along each axis.
     places: usize,
-    /// Cells of a place along each axis.
+    /// Cells per place along each axis.
     place: usize,
     /// Cells between two places.
     gap: usize,
-    /// Probability that two neighbours that the tree does not join are joined nevertheless.
+    /// Probability of joining two neighbours that the tree does not join.
     extra: f32,
 }
 
 impl Kind {
-    /// Its name on the command line.
+    /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
             Self::Maze => "maze",
@@ -39,13 +40,13 @@ impl Kind {
     fn lattice(self) -> Lattice {
         match self {
             Self::Maze => Lattice { places: 9, place: 4, gap: 1, extra: 0.1 },
-            // The tree takes a little more than half of all streets.
+            // The tree uses a little more than half of all streets.
             Self::City => Lattice { places: 15, place: 3, gap: 4, extra: 0.3 },
         }
     }
 }
 
-/// The map of `kind` that `seed` stands for; all of its free cells reach each other.
+/// Generates the map of `kind` for `seed`; all of its free cells are connected.
 pub fn random(kind: Kind, seed: u64) -> Grid {
     let Lattice { places, place, gap, extra } = kind.lattice();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);

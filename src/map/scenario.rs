@@ -9,20 +9,20 @@ use super::text::Text;
 pub struct ScenarioTask {
     /// Where the agent starts.
     pub start: Cell,
-    /// Where it has to go.
+    /// The cell it must reach.
     pub goal: Cell,
-    /// Stated optimal length in cells (octile: a diagonal counts sqrt 2).
+    /// Optimal length as stated in the file, in cells (octile: a diagonal counts sqrt 2).
     pub optimal_octile: f64,
 }
 
 const FIELDS: &str = "a task has 9 fields parted by tabs: bucket, map, map width, map height, start x, start y, \
                       goal x, goal y, optimal length";
 
-/// Parses a scenario for `grid`; where the stated map size differs from the grid's, coordinates are scaled.
+/// Parses a scenario for `grid`; scales coordinates if the stated map size differs from the grid's.
 ///
 /// # Errors
-/// A missing version, a wrong number of fields, values that are no numbers, cells off the map or in a wall,
-/// no task at all.
+/// Fails on a missing version, a wrong number of fields, values that are not numbers, cells off the map or in a wall,
+/// and scenarios without tasks.
 pub fn parse_scenario(text: &Text, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
     let version: Vec<&str> = text.lines[0].split_whitespace().collect();
     if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {

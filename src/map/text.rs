@@ -1,15 +1,15 @@
-//! From bytes to lines, with the checks that every format shares.
+//! Splits bytes into lines, with the checks that all formats share.
 
 use super::error::{MapError, MapResult};
 
-/// A text file cut in lines, each without its LF or CRLF.
+/// A text file split into lines, without their LF or CRLF.
 pub struct Text<'a> {
     pub file: &'a str,
     pub lines: Vec<&'a str>,
 }
 
 impl<'a> Text<'a> {
-    /// Checks that `bytes` are text and not empty; a byte-order mark is dropped and empty lines at the end are too.
+    /// Checks that `bytes` are non-empty text; drops a byte-order mark and trailing empty lines.
     pub fn new(file: &'a str, bytes: &'a [u8]) -> MapResult<Self> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         if let Some(at) = bytes.iter().position(|b| *b == 0) {
@@ -27,7 +27,7 @@ impl<'a> Text<'a> {
         Ok(Self { file, lines })
     }
 
-    /// An error at `columns` of line `line`, both from 0; a line past the end is shown as empty.
+    /// Creates an error at `columns` of line `line`, both from 0; a line past the end is shown as empty.
     pub fn error(
         &self,
         line: usize,
@@ -38,7 +38,7 @@ impl<'a> Text<'a> {
         MapError::at(self.file, (line, self.lines.get(line).unwrap_or(&"")), columns, what, right)
     }
 
-    /// An error about the whole of line `line`.
+    /// Creates an error about the whole of line `line`.
     pub fn line_error(&self, line: usize, what: impl Into<String>, right: impl Into<String>) -> Box<MapError> {
         let length = self.lines.get(line).map_or(0, |l| l.chars().count());
         self.error(line, 0..length, what, right)

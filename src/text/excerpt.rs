@@ -1,4 +1,4 @@
-//! The part of a line that an error shows: files have lines of thousands of characters, or of millions.
+//! The part of a line that an error shows: lines can have thousands or even millions of characters.
 
 use std::ops::Range;
 
@@ -6,10 +6,10 @@ use miette::{MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanConten
 
 use super::plain;
 
-/// Characters shown on each side of the place that is wrong.
+/// Characters shown on each side of the error.
 const SHOWN_AROUND: usize = 36;
 
-/// The surroundings of the offending part of a line.
+/// The offending part of a line and its surroundings.
 #[derive(Debug, Clone)]
 pub struct Excerpt {
     file: String,
@@ -23,7 +23,8 @@ pub struct Excerpt {
 }
 
 impl Excerpt {
-    /// What surrounds `columns` (from 0, in characters) of line number `line` (from 0), whose text is `text`.
+    /// Creates an excerpt around `columns` (from 0, in characters) of line number `line` (from 0), whose text is
+    /// `text`.
     pub fn new(file: &str, (line, text): (usize, &str), columns: Range<usize>) -> Self {
         let first_column = columns.start.saturating_sub(SHOWN_AROUND);
         let shown: String = text.chars().skip(first_column).take(2 * SHOWN_AROUND).collect();
@@ -32,7 +33,7 @@ impl Excerpt {
         Self { file: plain(file), line, first_column, text: plain(&shown), span: (from, to - from).into() }
     }
 
-    /// What surrounds the bytes `span` of a file's `text`, and their line and column (both from 1).
+    /// Returns an excerpt around the bytes `span` of a file's `text`, and their line and column (both from 1).
     pub fn of(file: &str, text: &str, span: Range<usize>) -> (Self, (usize, usize)) {
         let at = text.floor_char_boundary(span.start);
         let (line, column) = line_and_column(text, at);
@@ -45,13 +46,13 @@ impl Excerpt {
         (Self::new(file, (line - 1, own), column - 1..column - 1 + length), (line, column))
     }
 
-    /// The offending bytes, to be labelled.
+    /// Returns the offending bytes, to be labelled.
     pub fn span(&self) -> SourceSpan {
         self.span
     }
 }
 
-/// Line and column (from 1, in characters) of a byte of `text`.
+/// Returns the line and column (from 1, in characters) of a byte offset in `text`.
 pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text[..text.floor_char_boundary(offset)];
     let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
@@ -65,7 +66,7 @@ impl SourceCode for Excerpt {
         context_lines_before: usize,
         context_lines_after: usize,
     ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
-        // Asked without context, miette wants to know where the span itself begins.
+        // If asked for no context lines, miette expects the contents to start at the span itself.
         let alone = context_lines_before == 0 && context_lines_after == 0;
         let from = if alone { span.offset().min(self.text.len()) } else { 0 };
         let column = self.first_column + self.text[..from].chars().count();
@@ -81,7 +82,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_span_of_a_file_is_shown_with_its_line_alone() {
+    fn an_excerpt_contains_only_the_line_of_its_span() {
         let text = "{\n  \"tau\": \"x\",\r\n  \"b\": 1\n}";
         let at = text.find("\"x\"").expect("there");
         let (excerpt, place) = Excerpt::of("f", text, at..at + 3);
@@ -90,7 +91,7 @@ mod tests {
     }
 
     #[test]
-    fn a_line_of_millions_is_cut() {
+    fn very_long_lines_are_truncated() {
         let text = "x".repeat(5_000_000) + "é\x1b";
         let (excerpt, place) = Excerpt::of("f", &text, 4_000_000..5_000_000);
         assert_eq!(place, (1, 4_000_001));

@@ -11,7 +11,9 @@ use serde_json::{Map, Value};
 
 use super::method::Preset;
 use super::settings::Settings;
+use super::settings::reference::{SETTINGS, Setting};
 use crate::files;
+use crate::learn::OutOfRange;
 use crate::text::{Excerpt, plain, shortened};
 
 /// What changes a preset.
@@ -88,8 +90,7 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
         apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.of(format!("--set {shown}: ")))?;
     }
     let settings = parse(&values)?;
-    // Ranges that involve several settings can only be judged once all are known.
-    settings.check().map_err(|(name, right)| out_of_range(name, &values[name], right))?;
+    check(&settings, &values)?;
     Ok(settings)
 }
 
@@ -101,47 +102,16 @@ pub fn settings_from_text(preset: Preset, file: &str, text: &str) -> Result<Sett
     let mut values = as_map(&preset.settings());
     apply_text(&mut values, file, text)?;
     let settings = parse(&values)?;
-    settings.check().map_err(|(name, right)| out_of_range(name, &values[name], right))?;
+    check(&settings, &values)?;
     Ok(settings)
 }
 
-/// What changing a setting in the midst of a run brings with it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Effect {
-    /// Everything goes on.
-    AtOnce,
-    /// The agents begin anew; networks and replay go on.
-    NewAgents,
-    /// The networks begin anew; agents and replay go on.
-    NewNetworks,
+/// All settings as a JSON object, in the order of the reference.
+pub fn print_settings(settings: &Settings) -> String {
+    format!("{:#}\n", Value::Object(as_map(settings)))
 }
 
-/// Settings that decide what numbers the networks have, or what these mean.
-const OF_NETWORKS: [&str; 9] = [
-    "hidden",
-    "layers",
-    "critics",
-    "fourier_octaves",
-    "relative_scales",
-    "grid_cells",
-    "grid_channels",
-    "distance_scale_steps",
-    "backend",
-];
-
-/// Settings that the agents' episodes and their places in the replay depend on.
-const OF_AGENTS: [&str; 3] = ["agents", "restart", "replay_capacity"];
-
-/// What changing the setting called `name` brings with it.
-pub fn effect_of(name: &str) -> Effect {
-    match name {
-        name if OF_NETWORKS.contains(&name) => Effect::NewNetworks,
-        name if OF_AGENTS.contains(&name) => Effect::NewAgents,
-        _ => Effect::AtOnce,
-    }
-}
-
-/// Names and values of all settings, as they are written.
+/// Names and values of all settings, in the order of the reference.
 pub fn list_settings(settings: &Settings) -> Vec<(String, String)> {
     let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     as_map(settings).iter().map(|(name, value)| (name.clone(), text(value))).collect()
@@ -155,7 +125,7 @@ pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Sett
     let mut values = as_map(settings);
     apply(&mut values, name, &value_of(value))?;
     let settings = parse(&values)?;
-    settings.check().map_err(|(name, right)| out_of_range(name, &values[name], right))?;
+    check(&settings, &values)?;
     Ok(settings)
 }
 
@@ -167,7 +137,8 @@ fn value_of(text: &str) -> Value {
 fn as_map(settings: &Settings) -> Map<String, Value> {
     // By way of text, which writes 0.005 and not the binary fraction nearest to it.
     match serde_json::to_string(settings).and_then(|text| serde_json::from_str(&text)) {
-        Ok(Value::Object(map)) => map,
+        // In the order of the reference.
+        Ok(Value::Object(mut map)) => SETTINGS.iter().filter_map(|setting| map.remove_entry(setting.name)).collect(),
         _ => unreachable!("settings are an object of names and values"),
     }
 }
@@ -183,28 +154,36 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
 
 /// Sets one value, and checks it on its own.
 fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(), Box<ConfigError>> {
-    let Some(old) = values.get(name).cloned() else { return Err(unknown(values, name)) };
-    values.insert(name.to_owned(), value.clone());
+    let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
+    values.insert(setting.name.to_owned(), value.clone());
     let kind = |_| {
-        let right = format!("{name} is set like {old}; --print-config prints all settings");
+        let right = format!("{name} is {}", setting.range);
         ConfigError::new(format!("{name} cannot be {}", shortened(&value.to_string(), QUOTED)), right)
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
     match settings.check() {
-        Err((wrong, right)) if wrong == name => Err(out_of_range(name, value, right)),
+        Err(OutOfRange(wrong)) if wrong == setting.name => Err(out_of_range(setting, value)),
         _ => Ok(()),
     }
 }
 
-fn out_of_range(name: &str, value: &Value, right: &str) -> Box<ConfigError> {
-    let value = shortened(&value.to_string(), QUOTED);
-    ConfigError::new(format!("{name} cannot be {value}"), format!("{name} is {right}"))
+/// Checks all values: ranges that involve several settings can only be judged once all are known.
+fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<ConfigError>> {
+    settings.check().map_err(|OutOfRange(name)| match Setting::named(name) {
+        Some(setting) => out_of_range(setting, &values[name]),
+        None => ConfigError::new(format!("{name} is out of range"), "see --print-config".to_owned()),
+    })
 }
 
-fn unknown(values: &Map<String, Value>, name: &str) -> Box<ConfigError> {
-    let nearest = values
-        .keys()
-        .map(|known| (strsim::jaro_winkler(known, name), known))
+fn out_of_range(Setting { name, range, .. }: &Setting, value: &Value) -> Box<ConfigError> {
+    let value = shortened(&value.to_string(), QUOTED);
+    ConfigError::new(format!("{name} cannot be {value}"), format!("{name} is {range}"))
+}
+
+fn unknown(name: &str) -> Box<ConfigError> {
+    let nearest = SETTINGS
+        .iter()
+        .map(|setting| (strsim::jaro_winkler(setting.name, name), setting.name))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .filter(|(likeness, _)| *likeness > 0.7);
     let right = match nearest {
@@ -242,7 +221,7 @@ fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result
             let offset = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
             if offset <= text.len() { (offset, part.len()) } else { (0, 0) }
         };
-        let known = values.contains_key(name.as_ref());
+        let known = Setting::named(name).is_some();
         let value = serde_json::from_str(raw.get())
             .map_err(|e| ConfigError::new(shortened(&e.to_string(), QUOTED), "write a JSON value".to_owned()));
         value

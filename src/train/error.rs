@@ -51,7 +51,7 @@ pub enum TrainError {
     /// Settings that take more memory than there is.
     #[error(
         "these settings need about {:.1} GB of memory, and there are {:.1} GB: make hidden, layers, batch, candidates, \
-         replay_capacity or grid_channels smaller",
+         buffer_size or grid_channels smaller",
         *needed as f64 / 1e9,
         *available as f64 / 1e9
     )]

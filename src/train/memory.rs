@@ -32,10 +32,10 @@ pub fn needed(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     let spec = world.spec();
     let widest = learn.hidden.max(64) as u64;
     // Activations and their gradients, for each of the networks that a part of a batch goes through.
-    let batch = learn.batch as u64 * widest * (learn.layers as u64 + 2) * 12;
+    let batch = learn.batch_size as u64 * widest * (learn.layers as u64 + 2) * 12;
     let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
     // Once as it is, twice on its way to a file.
-    let replay = 3 * slot * (learn.replay_capacity as u64 + run.settings.train.agents as u64);
+    let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
     let candidates = bridge.most_candidates() as u64 * BYTES_PER_CANDIDATE;
     BASE_BYTES + f32s(parameters * COPIES_OF_PARAMETERS) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
@@ -101,8 +101,8 @@ mod tests {
         assert!((50_000_000..400_000_000).contains(&default), "{default}");
         assert!(bytes(|s| (s.learn.hidden, s.learn.layers) = (4096, 8)) > 15_000_000_000);
         assert!(bytes(|s| s.bridge.candidates = 5_000) < 1_000_000_000);
-        assert!(bytes(|s| s.learn.replay_capacity = 100_000_000) > 5_000_000_000);
-        let error = check(&run(|s| s.learn.replay_capacity = 100_000_000_000), &world, &registry);
+        assert!(bytes(|s| s.learn.buffer_size = 100_000_000) > 5_000_000_000);
+        let error = check(&run(|s| s.learn.buffer_size = 100_000_000_000), &world, &registry);
         assert!(error.expect_err("no machine has that much").to_string().contains("GB of memory"));
     }
 }

@@ -336,7 +336,7 @@ impl Rollout {
             } else {
                 for v in action {
                     let noise: f32 = StandardNormal.sample(rng);
-                    *v = (*v + settings.train.action_noise * noise).clamp(-1.0, 1.0);
+                    *v = (*v + settings.train.exploration_noise * noise).clamp(-1.0, 1.0);
                 }
             }
         }

@@ -1,10 +1,12 @@
 //! All settings of a run.
 
+pub mod reference;
+
 use serde::{Deserialize, Serialize};
 
 use crate::bridge::BridgeSettings;
 use crate::env::{EnvSettings, Restart};
-use crate::learn::LearnSettings;
+use crate::learn::{LearnSettings, OutOfRange};
 
 /// Every setting, in one flat list of names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -18,6 +20,28 @@ pub struct Settings {
     /// Agents, episodes and exploration.
     #[serde(flatten)]
     pub train: TrainSettings,
+}
+
+/// What changing a setting during a run costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effect {
+    /// Nothing.
+    Immediate,
+    /// Agents and episodes begin again; networks and replay are kept.
+    NewAgents,
+    /// The networks begin again; agents and replay are kept.
+    NewNetworks,
+}
+
+impl Effect {
+    /// What is said of it.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Immediate => "takes effect immediately",
+            Self::NewAgents => "restarts the agents; networks and replay are kept",
+            Self::NewNetworks => "resets the networks; the replay is kept",
+        }
+    }
 }
 
 /// When updates that are due get done.
@@ -44,13 +68,15 @@ pub struct TrainSettings {
     /// When updates that are due get done.
     pub update_when: UpdateWhen,
     /// Environment steps before the first update.
-    pub warmup_env_steps: u64,
+    #[serde(alias = "warmup_env_steps")]
+    pub learning_starts: u64,
     /// Share of steps that follow a random direction held for a while instead of the actor.
     pub random_actions: f32,
     /// Mean number of steps for which a random direction is held.
     pub random_hold_steps: f32,
     /// Standard deviation of the Gaussian noise on the actor's actions.
-    pub action_noise: f32,
+    #[serde(alias = "action_noise")]
+    pub exploration_noise: f32,
     /// Whether an agent that reaches its goal gets a new one within the episode.
     pub new_goal_when_reached: bool,
     /// Standard deviation of the noise that the environment itself adds to every action.
@@ -65,10 +91,10 @@ impl Default for TrainSettings {
             restart: Restart::Anywhere,
             env_steps_per_update: 16,
             update_when: UpdateWhen::Step,
-            warmup_env_steps: 4_000,
+            learning_starts: 4_000,
             random_actions: 0.3,
             random_hold_steps: 10.0,
-            action_noise: 0.2,
+            exploration_noise: 0.2,
             new_goal_when_reached: true,
             env_noise: 0.0,
         }
@@ -97,18 +123,18 @@ impl TrainSettings {
     ///
     /// # Errors
     /// The name of the first setting out of range, and what would be right.
-    pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
+    pub fn check(&self) -> Result<(), OutOfRange> {
         let noise = |v: f32| (0.0..=100.0).contains(&v);
         let checks = [
-            ("agents", (1..=4096).contains(&self.agents), "a whole number from 1 to 4096"),
-            ("episode_steps", (1..=60_000).contains(&self.episode_steps), "a whole number from 1 to 60000"),
-            ("env_steps_per_update", self.env_steps_per_update > 0, "a whole number of at least 1"),
-            ("random_actions", (0.0..=1.0).contains(&self.random_actions), "a share from 0 to 1"),
-            ("random_hold_steps", (1.0..=1e6).contains(&self.random_hold_steps), "a number of steps of at least 1"),
-            ("action_noise", noise(self.action_noise), "a number from 0 to 100"),
-            ("env_noise", noise(self.env_noise), "a number from 0 to 100"),
+            ("agents", (1..=4096).contains(&self.agents)),
+            ("episode_steps", (1..=60_000).contains(&self.episode_steps)),
+            ("env_steps_per_update", self.env_steps_per_update > 0),
+            ("random_actions", (0.0..=1.0).contains(&self.random_actions)),
+            ("random_hold_steps", (1.0..=1e6).contains(&self.random_hold_steps)),
+            ("exploration_noise", noise(self.exploration_noise)),
+            ("env_noise", noise(self.env_noise)),
         ];
-        checks.iter().find(|(_, ok, _)| !ok).map_or(Ok(()), |(name, _, right)| Err((*name, *right)))
+        checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))
     }
 }
 
@@ -117,13 +143,13 @@ impl Settings {
     ///
     /// # Errors
     /// The name of the first setting out of range, and what would be right.
-    pub fn check(&self) -> Result<(), (&'static str, &'static str)> {
+    pub fn check(&self) -> Result<(), OutOfRange> {
         self.learn.check()?;
         self.bridge.check()?;
         self.train.check()?;
-        let longest = self.learn.replay_capacity / self.train.agents;
+        let longest = self.learn.buffer_size / self.train.agents;
         if longest <= self.train.episode_steps as usize {
-            return Err(("replay_capacity", "room for at least one episode of every agent"));
+            return Err(OutOfRange("buffer_size"));
         }
         Ok(())
     }

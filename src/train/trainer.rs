@@ -18,11 +18,12 @@ use super::memory;
 use super::registry::Registry;
 use super::rollout::{Rollout, RolloutState, Surroundings};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
+use super::settings::reference::Setting;
 use super::settings::{Settings, UpdateWhen};
 use crate::bridge::{Candidates, CandidatesState, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
-    Acting, KnownDistances, Learner, Losses, Phase, Policy, Profile, Replay, ReplayState, TrainingData,
+    Acting, KnownDistances, Learner, Losses, OutOfRange, Phase, Policy, Profile, Replay, ReplayState, TrainingData,
 };
 use crate::store::{Store, StoreError};
 pub use change::{Kept, WorldChange};
@@ -104,7 +105,7 @@ fn world_of(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
 
 fn replay_of(run: &Run, spec: &Spec) -> Replay {
     let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
-    Replay::new(sizes.into(), run.settings.train.agents, run.settings.learn.replay_capacity)
+    Replay::new(sizes.into(), run.settings.train.agents, run.settings.learn.buffer_size)
 }
 
 impl Trainer {
@@ -248,7 +249,7 @@ impl Trainer {
         counters.env_steps += steps;
         counters.episodes += round.episodes;
         counters.goals_reached += round.reached;
-        if counters.env_steps <= self.run.settings.train.warmup_env_steps {
+        if counters.env_steps <= self.run.settings.train.learning_starts {
             return Ok(Tick::Step);
         }
         counters.waiting += steps;
@@ -419,7 +420,10 @@ impl Trainer {
     /// What of the store is missing, or does not fit; a run that does not fit into memory.
     pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
         let run: Run = store.json("run")?;
-        let range = |(name, right)| StoreError::misfit(format!("its setting {name} is not {right}"));
+        let range = |OutOfRange(name)| {
+            let right = Setting::named(name).map_or("in its range", |setting| setting.range);
+            StoreError::misfit(format!("its setting {name} is not {right}"))
+        };
         run.settings.check().map_err(range)?;
         let world = registry.load_world(store)?;
         let state: TrainerState = store.json("trainer")?;

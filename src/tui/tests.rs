@@ -44,7 +44,7 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     let files = Files { save: save.map(SaveTo::Fresh), resumed: None };
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
-    settings.learn.replay_capacity = 20_000;
+    settings.learn.buffer_size = 20_000;
     settings.bridge.candidates = 40;
     let run = Run { method, preset: Preset::Default, seed: 1, settings };
     let world = PointMaze::new(Arc::new(map), 0);

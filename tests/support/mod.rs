@@ -1,4 +1,4 @@
-//! The real program, on a pseudo-terminal or without; checkpoints with something else in them.
+//! Runs the real program, with or without a pseudo-terminal, and modifies checkpoints.
 
 #![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
 #![allow(dead_code, reason = "not every test uses all of it")]
@@ -17,24 +17,24 @@ use std::collections::BTreeMap;
 use portable_pty::{Child, CommandBuilder, MasterPty, PtySize, native_pty_system};
 use safetensors::tensor::{Dtype, SafeTensors, TensorView};
 
-/// The program on a terminal of its own.
+/// The program in its own terminal.
 pub struct Session {
     pub child: Box<dyn Child + Send + Sync>,
     pub master: Box<dyn MasterPty + Send>,
     pub keys: Box<dyn Write + Send>,
     pub screen: Arc<Mutex<vt100::Parser>>,
-    /// Everything that the program wrote.
+    /// Everything the program has written.
     pub raw: Arc<Mutex<Vec<u8>>>,
     reader: JoinHandle<()>,
     hangs_up: Arc<AtomicBool>,
 }
 
-/// A size.
+/// Returns a non-zero size.
 pub fn some(n: u16) -> NonZero<u16> {
     NonZero::new(n).unwrap()
 }
 
-/// A size.
+/// Returns a terminal size.
 pub fn size(cols: u16, rows: u16) -> PtySize {
     PtySize { rows, cols, pixel_width: 0, pixel_height: 0 }
 }
@@ -44,18 +44,18 @@ impl Session {
         Self::start_with(folder, args, &[])
     }
 
-    /// The same with variables of the environment.
+    /// Like [`Self::start`], with environment variables.
     pub fn start_with(folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
         let pty = native_pty_system().openpty(size(80, 24)).unwrap();
         let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
         command.args(args);
         // A checkpoint carries its own settings.
         if !args.contains(&"--resume") {
-            command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "replay_capacity=20000"]);
+            command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
         }
         command.cwd(folder);
         command.env("TERM", "xterm-256color");
-        // Neither the configuration nor the recent maps of whoever runs the tests.
+        // Isolate the tests from the user's own configuration and recent maps.
         for name in ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME"] {
             command.env(name, folder);
         }
@@ -78,7 +78,7 @@ impl Session {
         Self { child, master: pty.master, keys, screen, raw, reader, hangs_up }
     }
 
-    /// Presses keys; a program that has ended takes none.
+    /// Presses keys; does nothing if the program has exited.
     pub fn press(&mut self, keys: &str) {
         let _ = self.keys.write_all(keys.as_bytes()).and_then(|()| self.keys.flush());
     }
@@ -107,7 +107,7 @@ impl Session {
         }
     }
 
-    /// Waits for a question, which is asked only where much would be lost.
+    /// Waits for a question that is asked only if much would be lost, or for the program to exit.
     pub fn wait_for_end_or(&mut self, text: &str) {
         let began = Instant::now();
         while !self.shows().contains(text) && self.child.try_wait().unwrap().is_none() {
@@ -116,10 +116,10 @@ impl Session {
         }
     }
 
-    /// Closes the terminal, as the window of one is closed; the program is left to itself.
+    /// Closes the terminal like a window, and returns the program, which is still running.
     pub fn hang_up(self) -> Box<dyn Child + Send + Sync> {
         self.hangs_up.store(true, Ordering::Relaxed);
-        // The next frame ends it.
+        // The next frame ends the reader.
         self.reader.join().unwrap();
         self.child
     }
@@ -129,7 +129,7 @@ impl Session {
         kill(self.child.process_id().unwrap(), name);
     }
 
-    /// Waits for the program's end; its exit status.
+    /// Waits for the program to exit and returns its exit status.
     pub fn status(&mut self) -> u32 {
         let began = Instant::now();
         loop {
@@ -145,9 +145,9 @@ impl Session {
         }
     }
 
-    /// Checks that the terminal was given back: every mode that was switched on was switched off afterwards.
+    /// Checks that the terminal was restored: every mode that was enabled was disabled afterwards.
     pub fn assert_given_back(&self) {
-        // What was written last is still on its way.
+        // The last output may still be in transit.
         std::thread::sleep(Duration::from_millis(200));
         let raw = self.raw.lock().unwrap();
         let last = |sequence: &[u8]| raw.windows(sequence.len()).rposition(|w| w == sequence);
@@ -161,7 +161,7 @@ impl Session {
         }
     }
 
-    /// Waits for the program's end, which gives the terminal back; its exit status.
+    /// Waits for the program to exit, checks that it restored the terminal, and returns its exit status.
     pub fn end(mut self) -> u32 {
         let status = self.status();
         self.assert_given_back();
@@ -175,18 +175,18 @@ pub fn kill(process: u32, name: &str) {
     assert!(sent.success(), "kill -{name} {process}");
 }
 
-/// The program without an interface, in `folder`, isolated from the user's own configuration.
+/// Returns a command for the program in `folder` without the interface, isolated from the user's own configuration.
 pub fn headless(folder: &Path, args: &[&str]) -> Command {
     let mut command = plain(folder);
     command.arg("--no-ui").args(args);
     if !args.contains(&"--resume") {
-        command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "replay_capacity=20000"]);
-        command.args(["--set", "warmup_env_steps=500", "--set", "graph_every_updates=100"]);
+        command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
+        command.args(["--set", "learning_starts=500", "--set", "graph_every_updates=100"]);
     }
     command
 }
 
-/// The program with its working folder and home in `folder`.
+/// Returns a command for the program with its working folder and home in `folder`.
 pub fn plain(folder: &Path) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
     command.current_dir(folder).env("NO_COLOR", "1");
@@ -196,14 +196,14 @@ pub fn plain(folder: &Path) -> Command {
     command
 }
 
-/// What a command came to: its exit status, and what it wrote to standard output and standard error.
+/// Runs a command and returns its exit status, standard output and standard error.
 pub fn outcome(command: &mut Command) -> (i32, String, String) {
     let output = command.stdin(std::process::Stdio::null()).output().unwrap();
     let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
     (output.status.code().unwrap_or(-1), text(&output.stdout), text(&output.stderr))
 }
 
-/// All checkpoints below `folder`.
+/// Returns all checkpoints below `folder`, sorted.
 pub fn checkpoints(folder: &Path) -> Vec<PathBuf> {
     let mut found = Vec::new();
     for entry in std::fs::read_dir(folder).into_iter().flatten().flatten() {
@@ -218,7 +218,7 @@ pub fn checkpoints(folder: &Path) -> Vec<PathBuf> {
     found
 }
 
-/// A checkpoint's bytes with its texts and tensors changed and the checksum made right again.
+/// Changes the texts and tensors of a checkpoint and corrects its checksum.
 pub fn resealed(
     bytes: &[u8],
     change: impl FnOnce(&mut BTreeMap<String, String>, &mut BTreeMap<String, (Dtype, Vec<u8>)>),

@@ -5,32 +5,32 @@ use std::sync::Arc;
 use super::{Candidates, NEVER, Practice, Ways};
 use crate::store::{Store, StoreError};
 
-/// Candidates ever named by a run, at most.
+/// Upper bound on the candidate ids that a run may assign.
 const MOST_IDS: u32 = 1 << 31;
 
-/// Everything that [`Candidates`] know, as plain numbers.
+/// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CandidatesState {
-    /// Least distance between candidates.
+    /// Minimum distance between candidates.
     pub spacing: f32,
     /// `(candidates, state_dim)`.
     pub states: Vec<f32>,
-    /// The candidates' ids, and behind them the next one's.
+    /// The candidates' ids, followed by the next id to assign.
     pub ids: Vec<u32>,
-    /// Where each candidate's ways end among all that were observed.
+    /// End of each candidate's range in `to` and `steps`.
     pub ends: Vec<u32>,
-    /// The candidate that each of these ways leads to, by index.
+    /// Index of the candidate that each observed path leads to.
     pub to: Vec<u32>,
-    /// Fewest steps of each of these ways.
+    /// Fewest steps of each observed path.
     pub steps: Vec<u16>,
-    /// From, to (by id), arrived, failed: four numbers each.
+    /// Four numbers per pair: from and to (ids), arrived, failed.
     pub practice: Vec<u32>,
     /// Each agent's clock, number of visits, and visits.
     pub visits: Vec<u32>,
 }
 
 impl CandidatesState {
-    /// Writes the state to `store`, its names beginning with `prefix`.
+    /// Writes the state to `store` under names that start with `prefix`.
     pub fn write(self, store: &mut Store, prefix: &str) {
         store.put(format!("{prefix}.spacing"), vec![self.spacing]);
         store.put(format!("{prefix}.states"), self.states);
@@ -42,15 +42,15 @@ impl CandidatesState {
         store.put(format!("{prefix}.visits"), self.visits);
     }
 
-    /// Reads what [`Self::write`] wrote.
+    /// Reads the state that [`Self::write`] wrote.
     ///
     /// # Errors
-    /// That a part is missing or of another type.
+    /// Returns an error if a part is missing or has the wrong type.
     pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
         let ids = store.u32(&format!("{prefix}.names"))?.to_vec();
         let dense = format!("{prefix}.observed");
         let (ends, to, steps) = if store.has(&dense) {
-            // Former formats held a table of all pairs.
+            // Older formats hold a dense table of all pairs.
             sparse(store.u16(&dense)?, ids.len().saturating_sub(1))
         } else {
             (
@@ -72,7 +72,7 @@ impl CandidatesState {
     }
 }
 
-/// The ways of a table of all pairs of `n` candidates.
+/// Converts a dense table of all pairs of `n` candidates to `ends`, `to` and `steps`.
 fn sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
     let (mut ends, mut to, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     for (from, row) in table.chunks_exact(n.max(1)).enumerate() {
@@ -86,7 +86,7 @@ fn sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
 }
 
 impl Candidates {
-    /// Everything they know, for a checkpoint.
+    /// Returns the full state, for a checkpoint.
     pub fn state(&self) -> CandidatesState {
         let mut state = CandidatesState { spacing: self.spacing, ..CandidatesState::default() };
         state.states.clone_from(&self.states);
@@ -106,10 +106,10 @@ impl Candidates {
         state
     }
 
-    /// Restores what [`Self::state`] gave.
+    /// Restores the state that [`Self::state`] returned.
     ///
     /// # Errors
-    /// That the state was not saved from candidates of these sizes, or holds numbers out of range.
+    /// Returns an error if `state` was saved with other sizes or holds numbers out of range.
     pub fn restore(&mut self, state: &CandidatesState) -> Result<(), StoreError> {
         let misfit = || StoreError::misfit("the stored bridge candidates do not fit these settings");
         let n = state.states.len() / self.spec.state_dim();
@@ -142,7 +142,7 @@ impl Candidates {
         Ok(())
     }
 
-    /// Restores the agents' visits to `n` candidates; `None` where they contradict each other.
+    /// Restores the agents' visits to `n` candidates; returns `None` if they are inconsistent.
     fn restore_visits(&mut self, numbers: &[u32], n: usize) -> Option<()> {
         let mut numbers = numbers.iter().copied();
         let mut next = || numbers.next();
@@ -164,7 +164,8 @@ impl Candidates {
     }
 }
 
-/// The ways from each of `n` candidates; `None` where they do not lead to others, in ascending order.
+/// Returns the observed paths from each of `n` candidates, or `None` unless each list leads to other candidates in
+/// ascending order.
 fn rows(state: &CandidatesState, n: usize) -> Option<Vec<Ways>> {
     let whole = state.ends.len() == n && state.ends.is_sorted() && state.to.len() == state.steps.len();
     if !whole || state.ends.last().map_or(0, |end| *end as usize) != state.to.len() {

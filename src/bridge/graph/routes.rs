@@ -1,4 +1,4 @@
-//! Ways through the bridge graph, and the distances that they compose.
+//! Shortest paths through the bridge graph, and the distances along them.
 
 use pathfinding::directed::dijkstra::dijkstra_all;
 use rand::RngExt;
@@ -7,44 +7,45 @@ use rand_chacha::ChaCha8Rng;
 use super::{BridgeGraph, nearest};
 use crate::learn::{Policy, Scratch};
 
-/// Costs are integers in this many parts of a step: shortest paths are then exact and the same everywhere.
+/// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
+/// every machine.
 const PARTS_PER_STEP: f32 = 1024.0;
 
-/// Candidates around a state or goal that first and last links may lead to.
+/// Number of candidates around a state or goal that are considered for first and last links.
 pub const LINKS: usize = 48;
 
-/// States whose composed distances are computed together.
+/// States per batch when composing distances.
 const COMPOSED_AT_ONCE: usize = 64;
 
-/// Distances of the graph as training targets: pairs (candidate, goal candidate, steps).
+/// Graph distances as training targets.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Distilled {
     /// Candidate, goal candidate and graph distance in steps.
     pub pairs: Vec<(u32, u32, f32)>,
 }
 
-/// The ways to one goal through the graph.
+/// Shortest paths to one goal through the graph.
 #[derive(Clone, Debug)]
 pub struct Route {
     /// The goal, `(goal_dim)`.
     pub goal: Vec<f32>,
-    /// Steps from each candidate to the goal through the graph; infinite where there is no way.
+    /// Steps from each candidate to the goal through the graph; infinite if there is no path.
     pub steps: Vec<f32>,
-    /// Each candidate's next one on that way; itself where the goal comes next.
+    /// Each candidate's successor on that path; the candidate itself if the goal comes next.
     pub next: Vec<u32>,
-    /// The candidate that is nearest to the goal by D.
+    /// The candidate nearest to the goal by D.
     pub nearest: Option<usize>,
-    /// Candidates from which the goal comes next, and what that costs in parts of a step.
+    /// Candidates linked to the goal, and the cost of each link in parts of a step.
     pub(in crate::bridge) links: Vec<(u32, u32)>,
 }
 
-/// Where a walk can go next.
+/// A walk's options for its next hop.
 pub(in crate::bridge) struct Options {
-    /// The candidates around.
+    /// Nearby candidates.
     pub candidates: Vec<FirstHop>,
     /// D to the goal itself.
     pub to_goal: f32,
-    /// What going to the goal itself costs, where that link is verified.
+    /// Cost of going straight to the goal, if that link is verified.
     pub direct: Option<f32>,
 }
 
@@ -53,18 +54,19 @@ pub(in crate::bridge) struct FirstHop {
     pub candidate: usize,
     /// D to it.
     pub distance: f32,
-    /// What the hop costs, where it is verified.
+    /// Cost of the hop, if it is verified.
     pub cost: Option<f32>,
 }
 
-/// Nodes of a search: candidates, and the goal that it starts from.
+/// Search node of the goal, where the search starts; all other nodes are candidates.
 const GOAL: u32 = u32::MAX;
 
 impl BridgeGraph {
-    /// The ways to `goal`: last links from candidates around it, then shortest paths back through the graph.
+    /// Finds the shortest paths to `goal`: last links from the candidates around it, then a backward search through the
+    /// graph.
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
-        // Candidates around the goal by straight line; D then says how far they are.
+        // Preselect candidates by straight-line distance; D then gives their actual distance.
         let mut around: Vec<(usize, f32)> = (0..self.candidates.len())
             .map(|i| (i, self.spec.goal_distance(&self.candidates.states()[i * s..(i + 1) * s], goal)))
             .collect();
@@ -85,12 +87,12 @@ impl BridgeGraph {
         self.route_by(goal, nearest, links)
     }
 
-    /// The ways to candidate `i` as a goal.
+    /// Finds the shortest paths to candidate `i` as the goal.
     pub(super) fn route_to_candidate(&self, i: usize) -> Route {
         self.route_by(self.point(i), Some(i), vec![(i as u32, 0)])
     }
 
-    /// The ways to a goal whose last links are known.
+    /// Finds the shortest paths to a goal with known last links.
     pub(in crate::bridge) fn route_by(&self, goal: &[f32], nearest: Option<usize>, links: Vec<(u32, u32)>) -> Route {
         let predecessors = |node: &u32| {
             let from_goal = if *node == GOAL { &links[..] } else { &[] };
@@ -115,9 +117,9 @@ impl BridgeGraph {
         Route { goal: goal.to_vec(), steps, next, nearest, links }
     }
 
-    /// D(s, g) as the graph composes it, for each of `states` `(rows, state_dim)`: the shortest way over verified links
-    /// to one of the nearest `links` candidates, or D itself where that is shorter and below the cut-off, or where
-    /// there is no such way.
+    /// Returns D(s, g) along the bridge graph for each of `states` `(rows, state_dim)`: the shortest path that starts
+    /// with a verified link to one of the nearest `links` candidates; or D itself if that is shorter and below the
+    /// cut-off, or if there is no such path.
     pub fn composed(
         &self,
         states: &[f32],
@@ -127,7 +129,7 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Vec<f32> {
         let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
-        // Many at once: the networks take large batches better than small ones.
+        // Batched, as the networks are more efficient on large batches.
         let batches =
             states.chunks(COMPOSED_AT_ONCE).flat_map(|states| self.options(states, route, links, policy, scratch));
         let distances = batches.map(|options| {
@@ -140,7 +142,8 @@ impl BridgeGraph {
         distances.collect()
     }
 
-    /// Where walks to `route`'s goal can go from each of `states`: to the nearest `links` candidates, or to the goal.
+    /// Returns the options for walking to `route`'s goal from each of `states`: the nearest `links` candidates and the
+    /// goal.
     pub(in crate::bridge) fn options(
         &self,
         states: &[&[f32]],
@@ -174,14 +177,14 @@ impl BridgeGraph {
         options.collect()
     }
 
-    /// Draws `goals` candidates and takes the graph distances to each from everywhere.
+    /// Draws `goals` candidates and collects the graph distances to each from all candidates that reach it.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> Distilled {
         let mut pairs = Vec::new();
         for _ in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
             let route = self.route_to_candidate(goal);
             let reachable = route.steps.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
-            // These ways begin exactly at a candidate, not somewhere near it.
+            // These paths start exactly at a candidate, so their first hop has no overhead.
             pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
         }
         Distilled { pairs }

@@ -7,22 +7,22 @@ use super::whole_of;
 use crate::env::{Task, TaskSet};
 use crate::map::{Cell, Grid, ScenarioTask, StepSearch, UNREACHABLE};
 
-/// Distances at which a map is evaluated.
+/// Number of distances at which a map is evaluated.
 const DISTANCES: usize = 6;
 
-/// The farthest of them, as a share of the map's diameter.
+/// The farthest of these distances, as a share of the map's diameter.
 const FARTHEST: f64 = 0.9;
 
-/// Starts tried for one task before its distance is given up.
+/// Starts tried per task before giving up on its distance.
 const TRIES: usize = 400;
 
-/// From the middle of a cell to that of another.
+/// Returns the task from the centre of one cell to the centre of another.
 fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
     Task { start: whole_of(start.centre()).to_vec(), goal: goal.centre().to_vec(), shortest: Some(shortest), group }
 }
 
-/// `per_distance` random tasks at each of six distances, the farthest at 0.9 of the diameter, each to within one step.
-/// Distances that the map does not have are left out.
+/// Draws `per_distance` random tasks at each of six distances, each to within one step, the farthest at 0.9 of the
+/// diameter. Skips distances that do not occur on the map.
 pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut ChaCha8Rng) -> TaskSet {
     let mut search = StepSearch::new(map);
     let components = search.components(map);
@@ -44,8 +44,8 @@ pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut Ch
     set
 }
 
-/// Tasks of a scenario, evenly spaced through it, `per_group` in each of six ranges of shortest steps. Tasks without a
-/// way are left out.
+/// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path length. Skips
+/// unsolvable tasks.
 pub fn of_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
     let mut search = StepSearch::new(map);
     let count = (DISTANCES * per_group).clamp(1, scenario.len());
@@ -65,14 +65,14 @@ pub fn of_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> T
     set
 }
 
-/// The map's own task, from its first start to its first goal, where it has both and a way between them.
+/// Returns the map's own task, from its first start to its first goal, if it has both and a path between them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
     let steps = StepSearch::new(map).from(goal)[map.index(start)];
     (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
 }
 
-/// A random pair of cells whose distance is `distance` to within one step.
+/// Draws a random pair of cells whose distance is within one step of `distance`.
 fn draw(
     map: &Grid,
     search: &mut StepSearch,

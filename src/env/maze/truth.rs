@@ -6,10 +6,10 @@ use rand_chacha::ChaCha8Rng;
 use crate::env::{NEAR_STEPS, TruePairs, Truth};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 
-/// Goals, starts for each, and near starts for each, that D's error is measured on.
+/// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
 
-/// Steps on a map.
+/// True step distances on a map.
 pub struct StepTruth<'a> {
     map: &'a Grid,
     /// The cells that pairs are drawn from.
@@ -18,13 +18,13 @@ pub struct StepTruth<'a> {
 }
 
 impl<'a> StepTruth<'a> {
-    /// The truth of `map`; pairs are drawn from `cells`.
+    /// Creates the true distances of `map`; pairs are drawn from `cells`.
     pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
         Self { map, cells, search: StepSearch::new(map) }
     }
 }
 
-/// The cell of a position.
+/// Returns the cell that contains a position.
 fn cell_of(at: &[f32]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }

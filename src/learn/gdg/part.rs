@@ -1,21 +1,21 @@
-//! A part of a batch, and what is computed of it by one thread.
+//! One part of a batch, and what one thread computes from it.
 
 use crate::learn::batch::Batch;
 use crate::learn::gradient::Gradient;
 use crate::learn::losses::{Losses, Pairs, PlainPairs, Shapes, Workspace};
 use crate::learn::network::Weights;
 
-/// Parts that a batch is split into, and the fewest rows of one. The parts do not depend on the number of threads and
-/// are summed in their order, so that results do not either.
+/// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend on the number of
+/// threads and are summed in order, so the results do not depend on it either.
 const PARTS: usize = 4;
 const LEAST_PART_ROWS: usize = 32;
 
-/// Rows of each part of a batch, the last one perhaps fewer.
+/// Returns the number of rows per part of a batch; the last part may have fewer.
 pub fn part_rows(batch: usize) -> usize {
     batch.div_ceil(PARTS).max(LEAST_PART_ROWS)
 }
 
-/// What one task of an update works with.
+/// Buffers of one task of an update.
 #[derive(Default)]
 pub struct Part {
     pub plain: PlainPairs,
@@ -32,13 +32,14 @@ pub struct Part {
 }
 
 impl Part {
-    /// Buffers for so many critics.
+    /// Creates buffers for `critics` critics.
     pub fn new(critics: usize) -> Self {
         Self { critics: vec![Gradient::default(); critics], ..Self::default() }
     }
 
-    /// Targets of the part's rows: d + D'(s', g), where the goal was not reached no longer than 1 + D'(f(s, mu'(s, g)), g)
-    /// (see [`crate::learn::LearnSettings::greedy_targets`]), and within what hindsight knows. D' and mu' are averages over time.
+    /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
+    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]). Both are capped at the hindsight
+    /// bound. D' and mu' use running averages.
     pub fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
         shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
         shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
@@ -59,7 +60,7 @@ impl Part {
         }
     }
 
-    /// Each critic's gradient towards the targets.
+    /// Computes each critic's gradient towards the targets.
     pub fn critic_gradients(&mut self, shapes: &Shapes, rows: &Rows, critics: &[Weights]) {
         self.losses.critic = 0.0;
         for (critic, gradient) in critics.iter().zip(&mut self.critics) {
@@ -71,7 +72,7 @@ impl Part {
     }
 }
 
-/// One part's rows of a batch.
+/// The rows of a batch that belong to one part.
 pub struct Rows<'a> {
     pub states: &'a [f32],
     pub goals: &'a [f32],
@@ -83,12 +84,12 @@ pub struct Rows<'a> {
     pub actions: &'a [f32],
     pub next: &'a [f32],
     greedy_targets: bool,
-    /// 1 / batch.
+    /// 1 / batch size.
     pub share: f32,
 }
 
 impl<'a> Rows<'a> {
-    /// The rows of part number `part`.
+    /// Returns the rows of part number `part`.
     pub fn new(shapes: &Shapes, batch: &'a Batch, part: usize) -> Self {
         let spec = shapes.encoder.spec();
         let size = part_rows(batch.len());

@@ -8,11 +8,12 @@ use super::{Result, Stream, Trainer, learner_of, replay_of, stream, world_of};
 use crate::bridge::Candidates;
 use crate::env::Environment;
 use crate::store::Store;
-use crate::train::config::{Effect, effect_of, list_settings};
+use crate::train::config::list_settings;
 use crate::train::graphs::Graphs;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
-use crate::train::settings::Settings;
+use crate::train::settings::reference::Setting;
+use crate::train::settings::{Effect, Settings};
 
 /// What a change of the world brought with it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -91,7 +92,7 @@ impl Trainer {
     fn fit_agents(&mut self, before: &Run) -> bool {
         let (now, then) = (&self.run.settings, &before.settings);
         let same_agents = now.train.agents == then.train.agents;
-        let same_replay = same_agents && now.learn.replay_capacity == then.learn.replay_capacity;
+        let same_replay = same_agents && now.learn.buffer_size == then.learn.buffer_size;
         let agents = same_replay && now.train.restart == then.train.restart;
         if agents {
             self.rollout.env_mut().configure(&now.train.env());
@@ -139,7 +140,8 @@ impl Trainer {
 /// scale of D, say.
 fn keeps_networks(before: &Settings, now: &Settings) -> bool {
     let mut settings = list_settings(now).into_iter().zip(list_settings(before));
-    settings.all(|(now, before)| effect_of(&now.0) != Effect::NewNetworks || now == before)
+    let of_networks = |name: &str| Setting::named(name).is_some_and(|setting| setting.effect == Effect::NewNetworks);
+    settings.all(|(now, before)| !of_networks(&now.0) || now == before)
 }
 
 /// What bridge candidates depend on.

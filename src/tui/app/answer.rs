@@ -7,7 +7,7 @@ use super::App;
 use super::files::checkpoint_file;
 use crate::env::PointMaze;
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{Command, Effect, Run, effect_of, list_settings, with_setting};
+use crate::train::{Command, Run, Setting, list_settings, with_setting};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 
 impl App {
@@ -94,11 +94,9 @@ impl App {
     fn ask_setting(&mut self, name: String) {
         let value = list_settings(&self.screen.run().settings).into_iter().find(|(known, _)| *known == name);
         let value = value.map(|(_, value)| value).unwrap_or_default();
-        let hint = match effect_of(&name) {
-            Effect::AtOnce => "holds at once",
-            Effect::NewAgents => "the agents begin anew; networks and replay are kept",
-            Effect::NewNetworks => "the networks begin anew; the replay is kept",
-        };
+        let hint = Setting::named(&name).map_or(String::new(), |setting| {
+            format!("{}: {}; {}", setting.about, setting.range, setting.effect.about())
+        });
         self.ask(Prompt::new(Question::Setting(name.clone()), name, hint, value));
     }
 

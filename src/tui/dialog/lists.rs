@@ -9,7 +9,7 @@ use jiff::tz::TimeZone;
 use super::{Choice, Item, Picker};
 use crate::map::{BUILTIN, Grid};
 use crate::train::{
-    CheckpointError, Description, Effect, METHODS, Method, NamedMethod, Preset, Settings, effect_of, list_settings,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Setting, Settings, list_settings,
 };
 use crate::tui::action::{Action, Binding, bindings};
 use crate::tui::keymap::Keymap;
@@ -43,17 +43,19 @@ pub fn presets(now: Preset) -> Picker {
     Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
-/// Settings, their values, and what a change of them costs.
+/// Settings, group by group: their values, what they do, and what a change of them costs.
 pub fn settings(settings: &Settings) -> Picker {
-    let items = list_settings(settings).into_iter().map(|(name, value)| {
-        let effect = match effect_of(&name) {
-            Effect::AtOnce => "",
-            Effect::NewAgents => "   (agents begin anew)",
-            Effect::NewNetworks => "   (networks begin anew)",
-        };
-        Item::new(name.clone(), format!("{value}{effect}"), Choice::Setting(name))
+    let defaults = list_settings(&Settings::default());
+    let items = list_settings(settings).into_iter().zip(defaults).map(|((name, value), (_, default))| {
+        let detail = Setting::named(&name).map_or(String::new(), |setting| {
+            let Setting { group, about, unit, range, effect, .. } = setting;
+            let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+            let changed = if value == default { String::new() } else { format!(" (default {default})") };
+            format!("{value}{unit}{changed}  {about}; {range}; {}; {}", effect.about(), group.name())
+        });
+        Item::new(name.clone(), detail, Choice::Setting(name))
     });
-    Picker::new("change a setting: at once, but where it says otherwise", items.collect())
+    Picker::new("change a setting", items.collect())
 }
 
 /// What can be written to a file.
