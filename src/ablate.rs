@@ -13,6 +13,7 @@ use serde::Serialize;
 use crate::cli::AblateArgs;
 use crate::env::PointMaze;
 use crate::map::Grid;
+use crate::report::of_config;
 use crate::setup::{create, find_map, refuse_existing, threads};
 use crate::text::tell;
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
@@ -128,8 +129,7 @@ fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), 
 
 fn train(variant: &Variant, seed: u64, world: &PointMaze, args: &AblateArgs) -> Result<Evaluation, Report> {
     let set: Vec<String> = variant.set.split_whitespace().map(str::to_owned).collect();
-    let settings =
-        settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(|e| Report::new(*e))?;
+    let settings = settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(of_config)?;
     let method: Method = variant.method.parse().into_diagnostic()?;
     let run = Run { method, preset: Preset::Default, seed, settings };
     let mut trainer = Trainer::new(run, world, &Registry::builtin(), 1).into_diagnostic()?;

@@ -4,6 +4,8 @@
 //! table shows the median of many turns.
 
 mod cases;
+#[cfg(feature = "tui")]
+mod interface;
 mod plain;
 
 use std::process::{Command, Stdio};
@@ -26,7 +28,8 @@ struct Measurements {
     peak_gflops: f64,
     updates: Vec<UpdateTimes>,
     default_preset: DefaultTimes,
-    interface: InterfaceTimes,
+    /// Unless this was built without the interface.
+    interface: Option<InterfaceTimes>,
     other: Vec<Timed>,
 }
 
@@ -112,7 +115,10 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
         peak_gflops,
         updates: updates.collect::<Result<_, _>>().into_diagnostic()?,
         default_preset: cases::default_preset((threads, runs)).into_diagnostic()?,
-        interface: cases::interface((threads, runs)).into_diagnostic()?,
+        #[cfg(feature = "tui")]
+        interface: Some(interface::measure((threads, runs)).into_diagnostic()?),
+        #[cfg(not(feature = "tui"))]
+        interface: None,
         other: cases::other().into_diagnostic()?,
     };
     if json {
@@ -139,10 +145,11 @@ impl Measurements {
             out += &format!("  {:<36}{:>8.1} us{:>8.1} us\n", p.phase, p.one_thread_us, p.all_threads_us);
         }
         out += "\n";
-        let i = &self.interface;
-        out += &format!("256 x 256 cells: {:.0} updates/s on {} threads, ", i.alone, self.threads);
-        out += &format!("with the interface at 200 x 60 {:.2} of that ({} runs); ", i.ratio, i.runs);
-        out += &format!("a frame {:.1} ms\n\n", i.frame_us / 1e3);
+        if let Some(i) = &self.interface {
+            out += &format!("256 x 256 cells: {:.0} updates/s on {} threads, ", i.alone, self.threads);
+            out += &format!("with the interface at 200 x 60 {:.2} of that ({} runs); ", i.ratio, i.runs);
+            out += &format!("a frame {:.1} ms\n\n", i.frame_us / 1e3);
+        }
         for t in &self.other {
             out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
         }

@@ -10,7 +10,7 @@ mod planner;
 mod search;
 mod settings;
 
-pub use candidates::{Candidates, CandidatesState, NEVER, Practice};
+pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub use graph::{BridgeGraph, Distilled, Edge, GraphState, LINKS, Route, Standing};
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};

@@ -64,8 +64,10 @@ pub enum Command {
         runs: u16,
     },
     /// Draw moments of a recording of the screen as PNG files
+    #[cfg(feature = "tui")]
     Frames(FramesArgs),
     /// Gives the terminal back should its parent be killed (started by the interface)
+    #[cfg(feature = "tui")]
     #[command(hide = true)]
     TerminalGuard,
     /// Print completions for a shell
@@ -113,6 +115,7 @@ pub struct AblateArgs {
 }
 
 /// What to draw.
+#[cfg(feature = "tui")]
 #[derive(Debug, Args)]
 pub struct FramesArgs {
     /// A recording, as --record makes them
@@ -216,14 +219,17 @@ pub struct TrainArgs {
     pub resume: Option<PathBuf>,
 
     /// Record the screen as an asciinema cast
+    #[cfg(feature = "tui")]
     #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
     pub record: Option<PathBuf>,
 
     /// Your own theme, keys and so on, instead of those in the usual place
+    #[cfg(feature = "tui")]
     #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
     pub ui_config: Option<PathBuf>,
 
     /// Print a file of your own theme, keys and so on, and where it belongs, and stop
+    #[cfg(feature = "tui")]
     #[arg(long)]
     pub print_config_template: bool,
 

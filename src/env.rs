@@ -197,7 +197,7 @@ pub trait Environment: Any + Send + Sync {
     }
 
     /// Returns the task that the world itself defines, from its own start to its own goal, if any.
-    fn own_task(&self) -> Option<Task> {
+    fn default_task(&self) -> Option<Task> {
         None
     }
 

@@ -7,7 +7,7 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::Report;
 
 use crate::map::{self, BUILTIN, Diameter, Grid, MapError, StepSearch};
-use crate::setup::report;
+use crate::report::of_map;
 
 /// Returns the table of built-in maps.
 pub fn list() -> String {
@@ -27,7 +27,7 @@ pub fn list() -> String {
 pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     let _spinner = Spinner::start("measuring the map");
     if file.extension().is_none_or(|e| e != "scen") {
-        return Ok(facts(&map::load_map(file).map_err(report)?));
+        return Ok(facts(&map::load_map(file).map_err(of_map)?));
     }
     let beside = || -> Result<std::path::PathBuf, Report> {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
@@ -35,18 +35,18 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
         let found = stems.iter().filter(|s| !s.is_empty()).map(|s| file.with_file_name(s)).find(|p| p.is_file());
         found.ok_or_else(|| {
             let what = "the scenario's map does not lie beside it";
-            report(MapError::whole(&file.to_string_lossy(), what, "name it with --map FILE"))
+            of_map(MapError::whole(&file.to_string_lossy(), what, "name it with --map FILE"))
         })
     };
     // Report an unreadable scenario before a missing map.
     if !file.is_file() {
-        return Err(report(map::load_map(file).err().unwrap_or_else(|| {
+        return Err(of_map(map::load_map(file).err().unwrap_or_else(|| {
             MapError::whole(&file.to_string_lossy(), "is not a file", "give the file of a scenario")
         })));
     }
     let path = map_file.map_or_else(beside, |p| Ok(p.to_owned()))?;
-    let grid = map::load_map(&path).map_err(report)?;
-    let tasks = map::load_scenario(file, &grid).map_err(report)?;
+    let grid = map::load_map(&path).map_err(of_map)?;
+    let tasks = map::load_scenario(file, &grid).map_err(of_map)?;
     let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
     Ok(format!("scenario: {} tasks, longest {longest:.1} cells\n{}", tasks.len(), facts(&grid)))
 }

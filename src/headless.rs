@@ -200,7 +200,7 @@ impl Session<'_> {
         };
         let Some(evaluation) = aside("evaluation", &self.ending, evaluate)? else { return Ok(None) };
         let trainer = &mut self.setup.trainer;
-        if evaluation.is_sound() {
+        if evaluation.is_finite() {
             let updates = trainer.counters().updates;
             trainer.history_mut().add_evaluation(updates, evaluation.clone());
         }

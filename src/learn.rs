@@ -5,68 +5,34 @@
 //! [`Policy`] for exploration, planning, evaluation and display: D, the distance in steps, and mu, the actor.
 
 #[forbid(unsafe_code)]
-mod adam;
-#[forbid(unsafe_code)]
-mod batch;
-#[forbid(unsafe_code)]
-mod dense;
-#[forbid(unsafe_code)]
-mod encoder;
-#[forbid(unsafe_code)]
-mod fused;
+mod data;
 #[forbid(unsafe_code)]
 mod gdg;
-#[forbid(unsafe_code)]
-mod gradient;
-#[forbid(unsafe_code)]
-mod grid;
-pub mod kernel;
+mod kernels;
 #[forbid(unsafe_code)]
 mod learner;
 #[forbid(unsafe_code)]
-mod losses;
-#[forbid(unsafe_code)]
-mod mlp;
-#[forbid(unsafe_code)]
-mod network;
-#[forbid(unsafe_code)]
-mod policy;
-#[forbid(unsafe_code)]
-pub mod product;
-#[forbid(unsafe_code)]
-mod profile;
+mod networks;
 #[forbid(unsafe_code)]
 mod random;
 #[forbid(unsafe_code)]
-mod reference;
-#[forbid(unsafe_code)]
-mod replay;
-#[forbid(unsafe_code)]
 mod settings;
 #[forbid(unsafe_code)]
-mod state;
-#[forbid(unsafe_code)]
-mod table;
-#[forbid(unsafe_code)]
-mod tape;
-#[forbid(unsafe_code)]
-mod team;
-#[forbid(unsafe_code)]
-mod touched;
+mod update;
 
-pub use batch::{Batch, BatchSampler};
-pub use encoder::Encoder;
-pub use fused::fused_mlp;
-pub use gdg::{Gdg, WholeGradient};
+pub use data::batch::{Batch, BatchSampler};
+pub use data::replay::{Moment, Replay, ReplayState, Sizes};
+pub use gdg::{FullGradient, Gdg};
+pub use kernels::{kernel, product};
 pub use learner::{Acting, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
-pub use losses::Losses;
-pub use network::Network;
-pub use policy::{FrozenNets, Nets, Policy, Scratch};
-pub use profile::{Phase, Profile};
-pub use reference::{Layers, Reference};
-pub use replay::{Moment, Replay, ReplayState, Sizes};
+pub use networks::encoder::Encoder;
+pub use networks::network::Network;
+pub use networks::policy::{FrozenNets, Nets, Policy, Scratch};
+pub use networks::state::NetworkState;
 pub use settings::{Backend, LearnSettings, LossScale, OutOfRange};
-pub use state::NetworkState;
+pub use update::losses::Losses;
+pub use update::profile::{Profile, Stage};
+pub use update::reference::{Layers, Reference};
 
 /// The built-in learners.
 pub const LEARNERS: [LearnerKind; 2] = [gdg::KIND, random::KIND];

@@ -15,24 +15,23 @@
 //! text, faults, files, store <- map <- env <- learn <- bridge <- train <- view <- headless, tui, ablate
 //! ```
 //!
-//! * [`text`]: what comes from outside, made safe to show. [`files`]: how files are read and replaced.
-//!   [`faults`]: what becomes of threads that panic. [`store`]: named arrays and texts, what runs are saved as.
-//! * [`map`]: files to grids, and the true distances on them. Evaluation and display read these; learning never does.
-//! * [`env`](mod@env): a world of many agents behind an interface that says how states, goals and actions are sized
-//!   and scaled; the point maze.
-//! * [`learn`]: networks, losses, replay. [`learn::product`] multiplies by weights that are packed once a step,
-//!   [`learn::kernel`] holds the other dense loops and the only unsafe code, `learn::mlp` a perceptron on flat
-//!   parameters ([`learn::fused_mlp`] is the same as one operation on candle's tape), `learn::losses` the three losses
-//!   and their gradients by hand; [`learn::Reference`] computes the same by candle's autograd: what the tests hold them
-//!   against, and what updates on other devices (`learn::tape`) are made of.
-//! * [`bridge`]: candidates, what experience shows between them, the graph, the planner, the published search.
-//! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order, with bridge graphs built beside it and
-//!   taken up at fixed updates; evaluation, settings, checkpoints; and [`train::Engine`], which runs a trainer on a
-//!   thread of its own for a front end.
-//! * [`view`]: what there is to see of a run, computed on a thread of its own: fields of distances, the bridge graph,
-//!   an agent that walks to the goal.
-//! * [`headless`], [`tui`] and [`ablate`]: the front ends. [`cli`], [`setup`], [`signals`], [`logging`] and [`facts`] serve them;
-//!   [`bench`](mod@bench) measures; [`frames`] draws moments of recordings.
+//! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely. [`faults`]: collects
+//!   panics. [`store`]: named arrays and texts, the form in which everything is saved.
+//! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning never does.
+//! * [`env`](mod@env): the interface of a world ([`env::Environment`]) and the built-in worlds, a folder each.
+//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file each. In its rooms:
+//!   `data` (replay and batches), `networks` (inputs, weights, policies), `kernels` (dense loops and products; the only
+//!   unsafe code is in [`learn::kernel`]) and `update` (losses and their hand-written gradients, optimiser steps,
+//!   threads; [`learn::Reference`] computes the same by candle's autograd, for tests and for other devices).
+//! * [`bridge`]: candidates and what trajectories show about the ways between them, the bridge graph, walking through it,
+//!   the published search.
+//! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints; and
+//!   [`train::Engine`], which runs a trainer on its own thread. [`train::Registry`] lists worlds and learners.
+//! * [`view`]: what there is to see of a run, computed on its own thread: distance fields, the bridge graph, an agent that
+//!   walks to the goal.
+//! * [`headless`], `tui` and [`ablate`]: the front ends. [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and
+//!   [`facts`] serve them; [`bench`](mod@bench) measures; `frames` draws moments of recordings. `tui` and `frames` need the
+//!   feature `tui`, which is on by default.
 //!
 //! # Add a world
 //!
@@ -54,11 +53,11 @@
 //! line in `src/tui/render/side.rs`, and a binding in the table of `src/tui/action.rs`, which the help and the list of
 //! everything read. What takes long to compute belongs to [`view`].
 //!
-//! # What is held to
+//! # Invariants
 //!
-//! Same seed, same run, bit for bit: whatever the number of threads, with or without a front end, evaluated or not,
+//! Same seed, same run, bit for bit: for any number of threads, with or without a front end, with or without evaluations,
 //! resumed or not. Each purpose has its own random stream; a batch is split into parts that do not depend on the number
-//! of threads and are summed in their order.
+//! of threads and are summed in order.
 
 #[forbid(unsafe_code)]
 pub mod ablate;
@@ -76,6 +75,7 @@ pub mod facts;
 pub mod faults;
 #[forbid(unsafe_code)]
 pub mod files;
+#[cfg(feature = "tui")]
 #[forbid(unsafe_code)]
 pub mod frames;
 #[forbid(unsafe_code)]
@@ -97,6 +97,7 @@ pub mod store;
 pub mod text;
 #[forbid(unsafe_code)]
 pub mod train;
+#[cfg(feature = "tui")]
 #[forbid(unsafe_code)]
 pub mod tui;
 #[forbid(unsafe_code)]

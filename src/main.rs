@@ -1,6 +1,7 @@
 //! The binary: picks a front end and turns errors into messages and exit statuses.
 #![forbid(unsafe_code)]
 
+#[cfg(feature = "tui")]
 use std::io::IsTerminal;
 use std::process::ExitCode;
 
@@ -9,7 +10,9 @@ use gdg_tui::cli::{Cli, Command};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{plain_lines, tell};
 use gdg_tui::train::{Registry, print_settings, reference_page};
-use gdg_tui::{ablate, bench, facts, faults, frames, headless, logging, report, setup, tui};
+use gdg_tui::{ablate, bench, facts, faults, headless, logging, report, setup};
+#[cfg(feature = "tui")]
+use gdg_tui::{frames, tui};
 use miette::Report;
 
 /// Exit status of what fails while running.
@@ -29,7 +32,9 @@ fn main() -> ExitCode {
         Some(Command::Maps { random: Some(kind), seed }) => print(&print_ascii(&random((*kind).into(), *seed))),
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Ablate(args)) => printed(ablate::run(args), BAD_INPUT),
+        #[cfg(feature = "tui")]
         Some(Command::Frames(args)) => printed(frames::run(args), BAD_INPUT),
+        #[cfg(feature = "tui")]
         Some(Command::TerminalGuard) => {
             tui::guard_terminal();
             0
@@ -63,24 +68,23 @@ fn train(cli: &Cli) -> u8 {
             Err(error) => fail(error, BAD_INPUT),
         };
     }
+    #[cfg(feature = "tui")]
     if args.print_config_template {
         return print(&tui::config_template());
     }
     logging::begin(args.log_level);
-    let headless = args.no_ui || !std::io::stdout().is_terminal();
     let setup = match setup::prepare(args, &Registry::builtin()) {
         Ok(setup) => setup,
         Err(error) => return fail(error, BAD_INPUT),
     };
-    let result = if headless {
-        headless::run(setup, args)
-    } else {
-        match tui::prepare(args) {
-            Ok(prepared) => tui::run(setup, prepared, args),
-            Err(error) => return fail(error, BAD_INPUT),
-        }
-    };
-    result.unwrap_or_else(|error| fail(error, FAILED))
+    #[cfg(feature = "tui")]
+    if !args.no_ui && std::io::stdout().is_terminal() {
+        return match tui::prepare(args) {
+            Ok(prepared) => tui::run(setup, prepared, args).unwrap_or_else(|error| fail(error, FAILED)),
+            Err(error) => fail(error, BAD_INPUT),
+        };
+    }
+    headless::run(setup, args).unwrap_or_else(|error| fail(error, FAILED))
 }
 
 /// Shows what is wrong with the arguments, or the help that they ask for.

@@ -3,9 +3,11 @@
 use std::error::Error;
 use std::fmt;
 
-use miette::{Diagnostic, LabeledSpan, Report, SourceCode};
+use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents};
 
-use crate::text::{plain_lines, shortened, tell};
+use crate::map::MapError;
+use crate::text::{Excerpt, plain_lines, shortened, tell};
+use crate::train::{CheckpointError, ConfigError};
 
 /// Maximum number of characters of a message and of each of its causes.
 const SHOWN: usize = 2000;
@@ -13,6 +15,73 @@ const SHOWN: usize = 2000;
 /// Prints an error to standard error; ignores write errors.
 pub fn show(error: Report) {
     tell(format!("{:?}", Report::new(Shown::from(error))).trim_end());
+}
+
+/// An error that says what would be right and, of a file, quotes the offending part.
+#[derive(Debug, thiserror::Error)]
+#[error("{message}")]
+pub struct Explained {
+    message: String,
+    help: String,
+    excerpt: Option<Quoted>,
+}
+
+/// An excerpt as miette renders it.
+#[derive(Debug)]
+struct Quoted(Excerpt);
+
+impl Explained {
+    /// Creates a report of an error that quotes `excerpt`.
+    pub fn report(message: String, help: String, excerpt: Option<Excerpt>) -> Report {
+        Report::new(Self { message, help, excerpt: excerpt.map(Quoted) })
+    }
+}
+
+/// Turns a map error into a report.
+pub fn of_map(error: Box<MapError>) -> Report {
+    Explained::report(error.to_string(), error.right, error.excerpt)
+}
+
+/// Turns an error in settings into a report.
+pub fn of_config(error: Box<ConfigError>) -> Report {
+    Explained::report(error.to_string(), error.right, error.excerpt)
+}
+
+/// Turns an error about a checkpoint into a report.
+pub fn of_checkpoint(error: CheckpointError) -> Report {
+    Explained::report(error.to_string(), error.right, None)
+}
+
+impl Diagnostic for Explained {
+    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
+        Some(Box::new(&self.help))
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        self.excerpt.as_ref().map(|e| e as &dyn SourceCode)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let Quoted(excerpt) = self.excerpt.as_ref()?;
+        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_owned()), excerpt.span))))
+    }
+}
+
+impl SourceCode for Quoted {
+    fn read_span<'a>(
+        &'a self,
+        span: &SourceSpan,
+        context_lines_before: usize,
+        context_lines_after: usize,
+    ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
+        let Excerpt { file, line, first_column, text, .. } = &self.0;
+        // If asked for no context lines, miette expects the contents to start at the span itself.
+        let alone = context_lines_before == 0 && context_lines_after == 0;
+        let from = if alone { span.offset().min(text.len()) } else { 0 };
+        let column = first_column + text[..from].chars().count();
+        let data = &text.as_bytes()[from..];
+        Ok(Box::new(MietteSpanContents::new_named(file.clone(), data, (from, data.len()).into(), *line, column, 1)))
+    }
 }
 
 /// An error whose texts, which may quote external input, are safe to display.

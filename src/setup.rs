@@ -12,6 +12,7 @@ use crate::cli::{EditAt, TrainArgs};
 use crate::env::{Environment, PointMaze, Restart};
 use crate::files;
 use crate::map::{self, Grid, MapError};
+use crate::report::{of_checkpoint, of_config, of_map};
 use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, Trainer};
 
 /// A world to go on in.
@@ -44,7 +45,7 @@ pub struct Setup {
 /// See [`train::settings_from`].
 pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
     let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
-    train::settings_from(args.preset, &overrides).map_err(|e| Report::new(*e))
+    train::settings_from(args.preset, &overrides).map_err(of_config)
 }
 
 /// Loads map, scenario and checkpoint and prepares the run, of a world and a learner from `registry`.
@@ -56,7 +57,7 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     // Before anything is learned that could not be kept.
     let save = args.save.as_deref().map(|path| save_to(path, args)).transpose()?;
     let Loaded { mut trainer, warning } = if let Some(path) = &args.resume {
-        train::load(path, registry, threads)?
+        train::load(path, registry, threads).map_err(of_checkpoint)?
     } else {
         let run = Run { method: args.method.clone(), preset: args.preset, seed: args.seed, settings: settings(args)? };
         let world = open_world(&args.map, &run, registry)?;
@@ -66,7 +67,7 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     };
     if let Some(path) = &args.scen {
         let maze = PointMaze::of_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
-        maze.set_scenario(map::load_scenario(path, maze.map()).map_err(report)?);
+        maze.set_scenario(map::load_scenario(path, maze.map()).map_err(of_map)?);
     }
     let edits = load_edits(args, &trainer)?;
     Ok(Setup { trainer, edits, threads, save, resumed: args.resume.clone(), warning })
@@ -81,7 +82,7 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
     let map = Arc::new(find_map(name)?);
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let what = "has no start S, where restart=start-cell would begin all episodes";
-        return Err(report(MapError::whole(name, what, "mark one with S, or leave restart=anywhere")));
+        return Err(of_map(MapError::whole(name, what, "mark one with S, or leave restart=anywhere")));
     }
     Ok(Box::new(PointMaze::new(map, 0)))
 }
@@ -125,9 +126,9 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
             Some(known) => format!("did you mean {known}? Built in are {}; else give a map file", names.join(", ")),
             None => format!("built in are {}; else give a map file", names.join(", ")),
         };
-        return Err(report(MapError::whole(name, "is neither a built-in map nor a file", right)));
+        return Err(of_map(MapError::whole(name, "is neither a built-in map nor a file", right)));
     }
-    map::load_map(path).map_err(report)
+    map::load_map(path).map_err(of_map)
 }
 
 /// The maps that a run is to change to, and when; all are read before it begins, and it must come to them.
@@ -145,11 +146,11 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
         if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
             return Err(never(format!("the run ends at update {most}, give that or an earlier one")));
         }
-        let new = map::load_map(&edit.file).map_err(report)?;
+        let new = map::load_map(&edit.file).map_err(of_map)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let what = format!("is {} x {} cells", new.width(), new.height());
             let right = format!("give a map of {} x {}, as the run has", map.width(), map.height());
-            return Err(report(MapError::whole(&edit.file.to_string_lossy(), what, right)));
+            return Err(of_map(MapError::whole(&edit.file.to_string_lossy(), what, right)));
         }
         let new: Box<dyn Environment> = Box::new(maze.on_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })
@@ -187,10 +188,4 @@ pub fn rescue(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
     let state = state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
     let mut folders = [Some(PathBuf::from("saves")), state].into_iter().flatten();
     folders.find_map(|folder| train::save(trainer, &SaveTo::Fresh(folder.join(path.file_name()?))).ok())
-}
-
-/// A map error as a report.
-#[expect(clippy::boxed_local, reason = "it is how map errors come")]
-pub fn report(error: Box<MapError>) -> Report {
-    Report::new(*error)
 }

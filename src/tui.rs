@@ -42,6 +42,7 @@ use futures_util::StreamExt;
 use miette::{IntoDiagnostic, Report};
 
 use crate::cli::TrainArgs;
+use crate::report::Explained;
 use crate::setup::Setup;
 use crate::signals::Ending;
 use crate::text::plain_lines;
@@ -78,7 +79,8 @@ pub struct Prepared {
 /// # Errors
 /// What is wrong with the one file, or that the other is there already or cannot be written.
 pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
-    let config = config::load(args.ui_config.as_deref()).map_err(|e| Report::new(*e))?;
+    let config =
+        config::load(args.ui_config.as_deref()).map_err(|e| Explained::report(e.to_string(), e.right, e.excerpt))?;
     let recorder = args.record.as_deref().map(|path| Recorder::begin(path, args.overwrite)).transpose()?;
     Ok(Prepared { config, recorder })
 }

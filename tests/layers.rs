@@ -97,3 +97,11 @@ fn learner_bridges_and_trainer_do_not_depend_on_maps() {
         assert!(found.is_none(), "{module}: {} speaks of {}", path.display(), found.unwrap_or_default());
     }
 }
+
+#[test]
+fn only_front_ends_render_errors() {
+    let front = LAYERS[LAYERS.len() - 1];
+    for (module, path) in sources().into_iter().filter(|(module, _)| !front.contains(&module.as_str())) {
+        assert!(!code(&path).contains("miette"), "{module}: {} renders errors", path.display());
+    }
+}

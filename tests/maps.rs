@@ -106,7 +106,7 @@ fn an_error_far_to_the_right_shows_only_its_surroundings() {
     row.replace_range(1900..1901, "x");
     let error = parse_map("wide", row.as_bytes()).unwrap_err();
     assert_eq!(error.at, Some((1, 1901)));
-    let shown = format!("{:?}", miette::Report::new(*error));
+    let shown = format!("{:?}", gdg_tui::report::of_map(error));
     assert!(shown.lines().all(|l| l.chars().count() < 120), "{shown}");
     assert!(shown.contains("wide:1:1901"), "{shown}");
 }

@@ -162,14 +162,14 @@ fn a_setting_that_applies_immediately_changes_nothing_else() {
         run.learner().save(&mut store).unwrap();
         store
     };
-    let (before, replay) = (learned(&run), run.replay().state_of_all());
+    let (before, replay) = (learned(&run), run.replay().snapshot());
     let mut changed = run.run().clone();
     changed.settings.learn.learning_rate = 1e-4;
     changed.settings.train.random_actions = 0.9;
     let kept = run.change_run(changed).unwrap();
     assert!(kept.networks && kept.agents);
     assert_eq!(learned(&run), before);
-    assert_eq!(run.replay().state_of_all(), replay);
+    assert_eq!(run.replay().snapshot(), replay);
     assert_eq!(run.counters().updates, 300);
     train_to(&mut run, 400);
 }
@@ -358,7 +358,7 @@ fn the_same_networks_learn_a_moved_door() {
     assert_eq!(map_of(&run), &map);
     // No remaining transition crosses the wall, and no agent is inside it.
     let mut before: Option<Vec<f32>> = None;
-    run.replay().retell(|_, state| {
+    run.replay().visit_episodes(|_, state| {
         if let (Some(a), Some(b)) = (&before, state) {
             let crosses = (a[0] < 10.5) != (b[0] < 10.5);
             assert!(!crosses || a[1] <= 2.1 && b[1] <= 2.1, "from {a:?} to {b:?}");

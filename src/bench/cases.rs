@@ -1,28 +1,23 @@
 //! The benchmark cases.
 
 use std::sync::Arc;
-use std::time::{Duration, Instant};
 
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::plain::Plain;
-use super::{DefaultTimes, InterfaceTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
+use super::{DefaultTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use crate::env::{Environment, PointMaze};
-use crate::learn::{Batch, Gdg, LearnSettings, Learner, Phase, Profile, Scratch};
+use crate::learn::{Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
 use crate::map::{Grid, builtin};
 use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
-use crate::tui::Watched;
 
 /// Updates per turn.
 const UPDATES: usize = 20;
 
 /// Side length of the open map for fields and plans, in cells.
-const OPEN: usize = 256;
-
-/// Columns and rows of the screen for the interface.
-const SCREEN: (u16, u16) = (200, 60);
+pub const OPEN: usize = 256;
 
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(1)
@@ -136,45 +131,11 @@ pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, T
         }
     }
     let [one, all] = rates.map(median);
-    let phases = Phase::ALL.iter().filter(|phase| **phase != Phase::Tape).map(|phase| {
+    let phases = Stage::ALL.iter().filter(|phase| **phase != Stage::Tape).map(|phase| {
         let us = |t: &Trainer| t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64;
         PhaseTimes { phase: phase.name(), one_thread_us: us(&trainers[0]), all_threads_us: us(&trainers[1]) }
     });
     Ok(DefaultTimes { runs, one_thread: one, all_threads: all, phases: phases.collect() })
-}
-
-/// Measures training on a large map with and without the interface, in turns.
-pub fn interface((threads, runs): (usize, usize)) -> Result<InterfaceTimes, TrainError> {
-    const TURN: Duration = Duration::from_secs(1);
-    let map = rooms();
-    let trainer = || {
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
-        Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
-    };
-    let mut alone = trainer()?;
-    let mut watched = Watched::open(trainer()?, SCREEN)?;
-    let (mut rates, mut ratios, mut frames) = (Vec::new(), Vec::new(), Vec::new());
-    for turn in 0..=runs {
-        let (began, mut updates) = (Instant::now(), 0);
-        while began.elapsed() < TURN {
-            updates += u64::from(alone.tick()? == Tick::Update);
-        }
-        let rate = f64::from(updates as u32) / began.elapsed().as_secs_f64();
-        let watching = watched.watch(TURN)?;
-        if turn > 0 {
-            rates.push(rate);
-            ratios.push(watching.updates_per_second / rate);
-            frames.extend(watching.frames_us);
-        }
-    }
-    Ok(InterfaceTimes { runs, alone: median(rates), ratio: median(ratios), frame_us: median(frames) })
-}
-
-/// Returns a map as large as the open one, of 31 x 31 rooms with doors.
-fn rooms() -> Arc<Grid> {
-    let wall = |x: usize, y: usize| x % 32 == 31 && y % 32 != 15 || y % 32 == 31 && x % 32 != 15;
-    let free = (0..OPEN * OPEN).map(|i| !wall(i % OPEN, i / OPEN)).collect();
-    Arc::new(Grid::new("rooms", OPEN, free, Vec::new(), Vec::new()))
 }
 
 /// Measures acting, the field of a whole map, planning, and environment steps.

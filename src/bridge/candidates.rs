@@ -10,11 +10,11 @@ use crate::env::Spec;
 pub use state::CandidatesState;
 
 /// Step count between two candidates that no trajectory connected within the time window.
-pub const NEVER: u16 = u16::MAX;
+pub const UNOBSERVED: u16 = u16::MAX;
 
 /// Useful spacing as a share of the edge cut-off: edges could hardly connect candidates farther apart. (The fastest
 /// agents move one goal radius per step.)
-const WIDEST_SPACING: f32 = 0.45;
+const MAX_SPACING_SHARE: f32 = 0.45;
 
 /// Candidates spread over all visited states, and the fewest steps in which a trajectory went from near one to near
 /// another.
@@ -58,7 +58,7 @@ struct Ways {
     /// Index of another candidate and the fewest steps to it, sorted by index.
     observed: Vec<(u32, u16)>,
     /// Outcomes of walks to another candidate, by its id.
-    practice: BTreeMap<u32, Practice>,
+    practice: BTreeMap<u32, WalkRecord>,
 }
 
 impl Ways {
@@ -74,7 +74,7 @@ impl Ways {
 
 /// Outcomes of walks from one candidate to another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Practice {
+pub struct WalkRecord {
     /// Number of walks that arrived in time.
     pub arrived: u16,
     /// Number of consecutive failures since the last arrival.
@@ -87,8 +87,8 @@ impl Candidates {
         Self {
             spec: spec.clone(),
             wanted: settings.candidates,
-            most: settings.most_candidates(),
-            widest: WIDEST_SPACING * settings.edge_cutoff_steps * spec.goal_radius,
+            most: settings.max_candidates(),
+            widest: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
             window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
             states: Vec::new(),
@@ -118,7 +118,7 @@ impl Candidates {
 
     /// Replaces the candidates with `fresh` but continues the ids, so that outcomes of earlier walks are never
     /// attributed to new candidates.
-    pub fn begin_again(&mut self, fresh: Self) {
+    pub fn reset_to(&mut self, fresh: Self) {
         *self = Self { next_id: self.next_id, ..fresh };
     }
 
@@ -142,13 +142,13 @@ impl Candidates {
         &self.points
     }
 
-    /// Returns the fewest steps in which a trajectory went from near `from` to near `to`, or [`NEVER`] if none did.
+    /// Returns the fewest steps in which a trajectory went from near `from` to near `to`, or [`UNOBSERVED`] if none did.
     pub fn observed(&self, from: usize, to: usize) -> u16 {
         if from == to {
             return 0;
         }
         let row = &self.ways[from].observed;
-        row.binary_search_by_key(&(to as u32), |(to, _)| *to).map_or(NEVER, |at| row[at].1)
+        row.binary_search_by_key(&(to as u32), |(to, _)| *to).map_or(UNOBSERVED, |at| row[at].1)
     }
 
     /// Returns the candidates that some trajectory reached from near `from`, in ascending order.
@@ -167,16 +167,16 @@ impl Candidates {
     }
 
     /// Returns the outcomes of walks from candidate `from` to candidate `to`.
-    pub fn practice(&self, from: usize, to: usize) -> Practice {
+    pub fn practice(&self, from: usize, to: usize) -> WalkRecord {
         self.ways[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
     }
 
     /// Records the outcome of a walk between two candidates, given by their ids.
-    pub fn practise(&mut self, (from, to): (u32, u32), arrived: bool) {
+    pub fn record_walk(&mut self, (from, to): (u32, u32), arrived: bool) {
         let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to)) else { return };
         let practice = Arc::make_mut(&mut self.ways[row]).practice.entry(to).or_default();
         if arrived {
-            *practice = Practice { arrived: practice.arrived.saturating_add(1), failed: 0 };
+            *practice = WalkRecord { arrived: practice.arrived.saturating_add(1), failed: 0 };
         } else {
             practice.failed = practice.failed.saturating_add(1);
         }
@@ -313,14 +313,14 @@ pub(super) mod tests {
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 12.0);
         let hop = (candidates.id(0), candidates.id(1));
-        candidates.practise(hop, false);
-        candidates.practise(hop, false);
-        assert_eq!(candidates.practice(0, 1), Practice { arrived: 0, failed: 2 });
-        assert_eq!(candidates.practice(1, 0), Practice::default(), "the other direction is another edge");
-        candidates.practise(hop, true);
-        assert_eq!(candidates.practice(0, 1), Practice { arrived: 1, failed: 0 });
-        candidates.practise((hop.0, 12_345), true);
-        candidates.practise((hop.0, hop.0), true);
+        candidates.record_walk(hop, false);
+        candidates.record_walk(hop, false);
+        assert_eq!(candidates.practice(0, 1), WalkRecord { arrived: 0, failed: 2 });
+        assert_eq!(candidates.practice(1, 0), WalkRecord::default(), "the other direction is another edge");
+        candidates.record_walk(hop, true);
+        assert_eq!(candidates.practice(0, 1), WalkRecord { arrived: 1, failed: 0 });
+        candidates.record_walk((hop.0, 12_345), true);
+        candidates.record_walk((hop.0, hop.0), true);
         assert_eq!(candidates.state().practice.len(), 4, "self-loops and unknown candidates are ignored");
     }
 
@@ -332,7 +332,7 @@ pub(super) mod tests {
         let before: Vec<(u32, f32)> =
             (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
         for (a, _) in &before {
-            before.iter().for_each(|(b, _)| candidates.practise((*a, *b), true));
+            before.iter().for_each(|(b, _)| candidates.record_walk((*a, *b), true));
         }
         // Far enough for more candidates than wanted, so that some have to retire.
         walk(&mut candidates, 60.0);

@@ -9,7 +9,7 @@ use std::sync::Arc;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::candidates::{Candidates, CandidatesState, NEVER, Practice};
+use super::candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
@@ -42,11 +42,11 @@ pub enum Standing {
     Demoted,
 }
 
-impl From<Practice> for Standing {
-    fn from(practice: Practice) -> Self {
+impl From<WalkRecord> for Standing {
+    fn from(practice: WalkRecord) -> Self {
         match practice {
-            Practice { failed: 2.., .. } => Self::Demoted,
-            Practice { arrived: 1.., failed: 0 } => Self::Confirmed,
+            WalkRecord { failed: 2.., .. } => Self::Demoted,
+            WalkRecord { arrived: 1.., failed: 0 } => Self::Confirmed,
             _ => Self::Untried,
         }
     }
@@ -85,7 +85,7 @@ impl GraphState {
 }
 
 /// Exclusive upper bound on the lengths in a stored graph, in steps.
-const LONGEST_STEPS: f32 = 1e4;
+const MAX_EDGE_STEPS: f32 = 1e4;
 
 /// Cost multiplier of a demoted edge.
 const DEMOTED_FACTOR: f32 = 3.0;
@@ -177,7 +177,7 @@ impl BridgeGraph {
         if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
             return Err(StoreError::misfit("the stored bridge graph does not fit its candidates"));
         }
-        if !lengths.iter().flatten().all(|length| (0.0..LONGEST_STEPS).contains(length)) {
+        if !lengths.iter().flatten().all(|length| (0.0..MAX_EDGE_STEPS).contains(length)) {
             return Err(StoreError::misfit("the stored bridge graph has edges of impossible length"));
         }
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
@@ -263,7 +263,7 @@ const OBSERVED_PENALTY_STEPS: f32 = 4.0;
 /// Returns the cost of a path of length `distance` (by D) whose fewest observed steps are `observed`; `None` if it may
 /// not be used.
 fn link_cost(settings: &BridgeSettings, distance: f32, observed: u16) -> Option<f32> {
-    let seen = observed != NEVER;
+    let seen = observed != UNOBSERVED;
     let observed = f32::from(observed);
     if distance < settings.edge_cutoff_steps {
         let verified = seen && observed <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
@@ -326,7 +326,7 @@ mod tests {
 
     #[test]
     fn walks_that_fail_demote_an_edge_and_walks_that_arrive_confirm_it() {
-        let standing = |arrived, failed| Standing::from(Practice { arrived, failed });
+        let standing = |arrived, failed| Standing::from(WalkRecord { arrived, failed });
         assert_eq!(standing(0, 0), Standing::Untried);
         assert_eq!(standing(0, 1), Standing::Untried);
         assert_eq!(standing(0, 2), Standing::Demoted);

@@ -144,7 +144,7 @@ impl BridgeSettings {
     }
 
     /// Returns the maximum number of candidates, which only large maps reach.
-    pub fn most_candidates(&self) -> usize {
+    pub fn max_candidates(&self) -> usize {
         3 * self.candidates
     }
 

@@ -35,7 +35,7 @@ const SUBSTEPS: usize = 10;
 const GOAL_RADIUS_CELLS: f32 = 1.0;
 
 /// Positions closer than this, in cells, count as the same.
-const SAME_PLACE_CELLS: f32 = 1e-3;
+const POSITION_TOLERANCE_CELLS: f32 = 1e-3;
 
 /// Memory per cell: searches, visits, components, rendering.
 const BYTES_PER_CELL: u64 = 120;
@@ -311,7 +311,7 @@ impl Environment for PointMaze {
     }
 
     /// Returns the task from the map's first start to its first goal.
-    fn own_task(&self) -> Option<Task> {
+    fn default_task(&self) -> Option<Task> {
         tasks::marked(&self.map)
     }
 
@@ -327,7 +327,7 @@ impl Environment for PointMaze {
         }
         let reached = slide(&self.map, [state[0], state[1]], [action[0], action[1]]);
         let off = (reached[0] - next[0]).abs().max((reached[1] - next[1]).abs());
-        self.settings.noise > 0.0 || off < SAME_PLACE_CELLS
+        self.settings.noise > 0.0 || off < POSITION_TOLERANCE_CELLS
     }
 
     fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError> {

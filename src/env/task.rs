@@ -16,7 +16,7 @@ pub struct Task {
 }
 
 /// Minimum step budget of a task.
-const LEAST_BUDGET_STEPS: u32 = 500;
+const MIN_BUDGET_STEPS: u32 = 500;
 
 /// Step budget of a task, as a multiple of its shortest path.
 const BUDGET_FACTOR: u32 = 3;
@@ -24,7 +24,7 @@ const BUDGET_FACTOR: u32 = 3;
 impl Task {
     /// Returns the number of steps within which the goal has to be reached.
     pub fn budget(&self) -> u32 {
-        self.shortest.map_or(LEAST_BUDGET_STEPS, |steps| (BUDGET_FACTOR * steps).max(LEAST_BUDGET_STEPS))
+        self.shortest.map_or(MIN_BUDGET_STEPS, |steps| (BUDGET_FACTOR * steps).max(MIN_BUDGET_STEPS))
     }
 }
 

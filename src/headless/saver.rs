@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use miette::Report;
 
 use super::records::Record;
+use crate::report::of_checkpoint;
 use crate::text::{plain, tell};
 use crate::train::{self, SaveTo, Trainer};
 
@@ -53,7 +54,7 @@ impl Saver {
         }
         // Having gone back for the last time, it has good networks all the same; the next update fails again.
         let _ = trainer.ensure_finite();
-        let path: PathBuf = train::save(trainer, &self.to)?;
+        let path: PathBuf = train::save(trainer, &self.to).map_err(of_checkpoint)?;
         let asked = self.to.path();
         if path != asked {
             let (asked, path) = (plain(&asked.to_string_lossy()), plain(&path.to_string_lossy()));

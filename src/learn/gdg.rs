@@ -11,28 +11,28 @@ use parking_lot::{Mutex, RwLock};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::batch::{Batch, BatchSampler};
-use super::encoder::Encoder;
-use super::gradient::{Gradient, StepRates};
-use super::kernel;
-use super::learner::{KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
-use super::losses::{ActorPath, Losses, MOST_STATE_NUMBERS, Pairs, Shapes};
-use super::mlp::Mlp;
-use super::network::Network;
-use super::policy::{FrozenNets, Nets, Policy, Scratch};
-use super::profile::{Phase, Profile};
-use super::reference::{Layers, Reference};
-use super::settings::{Backend, LearnSettings};
-use super::state::NetworkState;
-use super::tape::Tape;
-use super::team::Team;
-use super::touched::Touched;
 use crate::env::Spec;
+use crate::learn::data::batch::{Batch, BatchSampler};
+use crate::learn::kernels::kernel;
+use crate::learn::learner::{KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
+use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::mlp::Mlp;
+use crate::learn::networks::network::Network;
+use crate::learn::networks::policy::{FrozenNets, Nets, Policy, Scratch};
+use crate::learn::networks::state::NetworkState;
+use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::settings::{Backend, LearnSettings};
+use crate::learn::update::gradient::{Gradient, LearningRates};
+use crate::learn::update::losses::{ActorLossNetworks, Losses, MAX_STATE_DIM, Pairs, Shapes};
+use crate::learn::update::pool::ThreadPool;
+use crate::learn::update::profile::{Profile, Stage};
+use crate::learn::update::reference::{Layers, Reference};
+use crate::learn::update::tape::Tape;
 use crate::store::{Store, StoreError};
 use part::{Part, Rows, part_rows};
 
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
-pub type WholeGradient = (Vec<f32>, Vec<f32>);
+pub type FullGradient = (Vec<f32>, Vec<f32>);
 
 /// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
@@ -52,7 +52,7 @@ pub struct Gdg {
     /// Share of a batch that is replaced with pairs of known distance.
     distillation: f32,
     shared: Arc<Shared>,
-    team: Team,
+    team: ThreadPool,
     backend: Backend,
     /// The networks on a tape backend, if one is selected; each update is written back to `shared`.
     tape: Option<Tape>,
@@ -61,15 +61,15 @@ pub struct Gdg {
 /// Data shared by the threads of an update.
 struct Shared {
     shapes: Arc<Shapes>,
-    rates: RwLock<StepRates>,
+    rates: RwLock<LearningRates>,
     critics: Vec<Network>,
     model: Network,
     actor: Network,
     parts: Vec<Mutex<Part>>,
     batch: RwLock<Batch>,
     /// Grid table corners that the batch touches, in its pairs and in its transitions.
-    pairs: RwLock<Touched>,
-    transitions: RwLock<Touched>,
+    pairs: RwLock<TouchedCorners>,
+    transitions: RwLock<TouchedCorners>,
     /// The first failure of the current update.
     failure: Mutex<Option<Error>>,
 }
@@ -81,8 +81,8 @@ impl Gdg {
     /// # Errors
     /// Returns an error if states are too large, a tensor operation fails or a thread cannot be started.
     pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
-        if spec.state_dim() > MOST_STATE_NUMBERS {
-            candle_core::bail!("states of more than {MOST_STATE_NUMBERS} numbers are not supported");
+        if spec.state_dim() > MAX_STATE_DIM {
+            candle_core::bail!("states of more than {MAX_STATE_DIM} numbers are not supported");
         }
         let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
         let grid = shapes.encoder.grid();
@@ -93,7 +93,7 @@ impl Gdg {
         let part = || Part::new(settings.critics);
         let parts =
             (0..settings.batch_size.div_ceil(part_rows(settings.batch_size))).map(|_| Mutex::new(part())).collect();
-        let rates = RwLock::new(StepRates::of(settings));
+        let rates = RwLock::new(LearningRates::of(settings));
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
         let failure = Mutex::default();
         let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
@@ -103,7 +103,7 @@ impl Gdg {
             batch: Batch::default(),
             distillation: settings.distillation,
             shared: Arc::new(shared),
-            team: Team::new(threads)?,
+            team: ThreadPool::new(threads)?,
             backend: settings.backend,
             tape,
         })
@@ -159,24 +159,24 @@ impl Gdg {
             let steps = actor.steps() + 1;
             let losses = tape.update(shapes, batch, steps, *rates.read())?;
             tape.write_back(self.shared.networks(), steps)?;
-            profile.lap(Phase::Tape, began);
+            profile.lap(Stage::Tape, began);
             return Ok(losses);
         }
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
-        let began = profile.lap(Phase::CriticModelGradients, began);
-        self.together(2 * (critics + 1), Shared::step_critics_and_model)?;
-        let began = profile.lap(Phase::CriticModelSteps, began);
-        self.together(parts, Shared::actor_gradients)?;
-        let began = profile.lap(Phase::ActorGradient, began);
-        self.together(2, Shared::step_actor)?;
-        profile.lap(Phase::ActorStep, began);
+        self.run_parallel(Shared::LOOKS + parts, Shared::touched_or_critic_model_gradients)?;
+        let began = profile.lap(Stage::CriticModelGradients, began);
+        self.run_parallel(2 * (critics + 1), Shared::step_critics_and_model)?;
+        let began = profile.lap(Stage::CriticModelSteps, began);
+        self.run_parallel(parts, Shared::actor_gradients)?;
+        let began = profile.lap(Stage::ActorGradient, began);
+        self.run_parallel(2, Shared::step_actor)?;
+        profile.lap(Stage::ActorStep, began);
         Ok(self.losses())
     }
 
     /// Calls `work` with each index below `tasks`, on all threads; returns the first error.
-    fn together(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
+    fn run_parallel(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
         let shared = self.shared.clone();
         self.team.run(tasks, move |i| {
             if let Err(error) = work(&shared, i) {
@@ -191,12 +191,12 @@ impl Gdg {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [WholeGradient; 3])> {
+    pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [FullGradient; 3])> {
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        self.together(Shared::LOOKS + parts, Shared::look_or_critic_and_model_gradients)?;
-        self.together(parts, Shared::actor_gradients)?;
-        let whole = |network: &Network, touched: &RwLock<Touched>, of: fn(&mut Part) -> &mut Gradient| {
+        self.run_parallel(Shared::LOOKS + parts, Shared::touched_or_critic_model_gradients)?;
+        self.run_parallel(parts, Shared::actor_gradients)?;
+        let whole = |network: &Network, touched: &RwLock<TouchedCorners>, of: fn(&mut Part) -> &mut Gradient| {
             let mut dense = Vec::new();
             for part in &self.shared.parts {
                 let mut part = part.lock();
@@ -284,7 +284,7 @@ impl Learner for Gdg {
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut batch);
         self.batch = batch;
         self.distil(data.known.as_ref(), data.rng);
-        profile.lap(Phase::Sample, began);
+        profile.lap(Stage::Sample, began);
         let batch = std::mem::take(&mut self.batch);
         let losses = self.update_on(&batch, profile);
         self.batch = batch;
@@ -306,7 +306,7 @@ impl Learner for Gdg {
     }
 
     /// Returns whether the averaged critics give finite distances on the latest batch.
-    fn is_sound(&self) -> std::result::Result<bool, LearnError> {
+    fn is_finite(&self) -> std::result::Result<bool, LearnError> {
         let (states, goals) = (&self.batch.states, &self.batch.goals);
         let mut distances = vec![0.0; self.batch.len()];
         self.with_nets(true, |nets| nets.distances(states, goals, &mut distances, &mut Scratch::default()))?;
@@ -361,7 +361,7 @@ impl Shared {
 
     /// Runs one task of an update's first phase: the first tasks find the corners that the steps will touch, each other
     /// one computes the gradients of critics and model on its part of the batch.
-    fn look_or_critic_and_model_gradients(&self, task: usize) -> Result<()> {
+    fn touched_or_critic_model_gradients(&self, task: usize) -> Result<()> {
         if let Some(part) = task.checked_sub(Self::LOOKS) {
             return self.critic_and_model_gradients(part);
         }
@@ -413,8 +413,11 @@ impl Shared {
     /// Computes the actor's gradient on part `i` of the batch.
     fn actor_gradients(&self, i: usize) -> Result<()> {
         let (actor, model, critic) = (self.actor.lock(), self.model.lock(), self.critics[0].lock());
-        let path =
-            ActorPath { actor: actor.weights(false)?, model: model.weights(false)?, critic: critic.weights(false)? };
+        let path = ActorLossNetworks {
+            actor: actor.weights(false)?,
+            model: model.weights(false)?,
+            critic: critic.weights(false)?,
+        };
         let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
         let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
         part.actor.prepare(self.shapes.actor.parameters());
@@ -444,7 +447,7 @@ impl Shared {
         &self,
         network: &Network,
         half: Half,
-        touched: &RwLock<Touched>,
+        touched: &RwLock<TouchedCorners>,
         gradient: impl Fn(&mut Part) -> &mut Gradient,
     ) -> Result<()> {
         let numbers = |part: &mut Part, exchange: &mut Vec<f32>| {

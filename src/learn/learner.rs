@@ -5,12 +5,12 @@ use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 
-use super::losses::Losses;
-use super::policy::Policy;
-use super::profile::Profile;
-use super::replay::Replay;
-use super::settings::LearnSettings;
 use crate::env::Spec;
+use crate::learn::data::replay::Replay;
+use crate::learn::networks::policy::Policy;
+use crate::learn::settings::LearnSettings;
+use crate::learn::update::losses::Losses;
+use crate::learn::update::profile::Profile;
 use crate::store::{Store, StoreError};
 
 /// Registry entry of a kind of learner.
@@ -95,7 +95,7 @@ pub trait Learner: Send {
     ///
     /// # Errors
     /// Returns an error if the learner's computation fails.
-    fn is_sound(&self) -> Result<bool, LearnError> {
+    fn is_finite(&self) -> Result<bool, LearnError> {
         Ok(true)
     }
 

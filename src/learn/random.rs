@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::gdg::{self, Gdg};
-use super::learner::{Acting, LearnError, Learner, LearnerKind, TrainingData};
-use super::losses::Losses;
-use super::policy::Policy;
-use super::profile::Profile;
+use crate::learn::gdg::{self, Gdg};
+use crate::learn::learner::{Acting, LearnError, Learner, LearnerKind, TrainingData};
+use crate::learn::networks::policy::Policy;
+use crate::learn::update::losses::Losses;
+use crate::learn::update::profile::Profile;
 use crate::store::Store;
 
 /// Registry entry of the learner.

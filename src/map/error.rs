@@ -1,9 +1,5 @@
 //! Errors in map and scenario files: what is wrong, where, and what is expected instead.
 
-use std::fmt;
-
-use miette::{Diagnostic, LabeledSpan, SourceCode};
-
 use crate::text::{Excerpt, plain};
 
 /// Result of reading a map or scenario.
@@ -21,7 +17,8 @@ pub struct MapError {
     pub what: String,
     /// What is expected instead.
     pub right: String,
-    excerpt: Option<Excerpt>,
+    /// The offending part of the file.
+    pub excerpt: Option<Excerpt>,
 }
 
 impl MapError {
@@ -53,20 +50,5 @@ impl MapError {
             Some((line, column)) => format!("{}:{line}:{column}", plain(&self.file)),
             None => plain(&self.file),
         }
-    }
-}
-
-impl Diagnostic for MapError {
-    fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
-        Some(Box::new(&self.right))
-    }
-
-    fn source_code(&self) -> Option<&dyn SourceCode> {
-        self.excerpt.as_ref().map(|e| e as &dyn SourceCode)
-    }
-
-    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let excerpt = self.excerpt.as_ref()?;
-        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_owned()), excerpt.span()))))
     }
 }

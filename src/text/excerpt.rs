@@ -2,8 +2,6 @@
 
 use std::ops::Range;
 
-use miette::{MietteError, MietteSpanContents, SourceCode, SourceSpan, SpanContents};
-
 use super::plain;
 
 /// Characters shown on each side of the error.
@@ -12,14 +10,16 @@ const SHOWN_AROUND: usize = 36;
 /// The offending part of a line and its surroundings.
 #[derive(Debug, Clone)]
 pub struct Excerpt {
-    file: String,
+    /// The file, safe to display.
+    pub file: String,
     /// The line's number, from 0.
-    line: usize,
+    pub line: usize,
     /// Column of the excerpt's first character, from 0.
-    first_column: usize,
-    text: String,
-    /// The offending bytes within `text`.
-    span: SourceSpan,
+    pub first_column: usize,
+    /// The part of the line that is shown, safe to display.
+    pub text: String,
+    /// Offset and length of the offending bytes within `text`.
+    pub span: (usize, usize),
 }
 
 impl Excerpt {
@@ -30,7 +30,7 @@ impl Excerpt {
         let shown: String = text.chars().skip(first_column).take(2 * SHOWN_AROUND).collect();
         let bytes = |until: usize| -> usize { shown.chars().take(until).map(char::len_utf8).sum() };
         let (from, to) = (bytes(columns.start - first_column), bytes(columns.end.max(columns.start) - first_column));
-        Self { file: plain(file), line, first_column, text: plain(&shown), span: (from, to - from).into() }
+        Self { file: plain(file), line, first_column, text: plain(&shown), span: (from, to - from) }
     }
 
     /// Returns an excerpt around the bytes `span` of a file's `text`, and their line and column (both from 1).
@@ -45,11 +45,6 @@ impl Excerpt {
         let own = own.strip_suffix('\r').unwrap_or(own);
         (Self::new(file, (line - 1, own), column - 1..column - 1 + length), (line, column))
     }
-
-    /// Returns the offending bytes, to be labelled.
-    pub fn span(&self) -> SourceSpan {
-        self.span
-    }
 }
 
 /// Returns the line and column (from 1, in characters) of a byte offset in `text`.
@@ -57,24 +52,6 @@ pub fn line_and_column(text: &str, offset: usize) -> (usize, usize) {
     let before = &text[..text.floor_char_boundary(offset)];
     let column = before.chars().rev().take_while(|c| *c != '\n').count() + 1;
     (before.matches('\n').count() + 1, column)
-}
-
-impl SourceCode for Excerpt {
-    fn read_span<'a>(
-        &'a self,
-        span: &SourceSpan,
-        context_lines_before: usize,
-        context_lines_after: usize,
-    ) -> Result<Box<dyn SpanContents<'a> + 'a>, MietteError> {
-        // If asked for no context lines, miette expects the contents to start at the span itself.
-        let alone = context_lines_before == 0 && context_lines_after == 0;
-        let from = if alone { span.offset().min(self.text.len()) } else { 0 };
-        let column = self.first_column + self.text[..from].chars().count();
-        let data = &self.text.as_bytes()[from..];
-        let contents =
-            MietteSpanContents::new_named(self.file.clone(), data, (from, data.len()).into(), self.line, column, 1);
-        Ok(Box::new(contents))
-    }
 }
 
 #[cfg(test)]
@@ -87,7 +64,7 @@ mod tests {
         let at = text.find("\"x\"").expect("there");
         let (excerpt, place) = Excerpt::of("f", text, at..at + 3);
         assert_eq!(place, (2, 10));
-        assert_eq!((excerpt.text.as_str(), excerpt.span), ("  \"tau\": \"x\",", (9, 3).into()));
+        assert_eq!((excerpt.text.as_str(), excerpt.span), ("  \"tau\": \"x\",", (9, 3)));
     }
 
     #[test]

@@ -29,9 +29,8 @@ use content::{ContentError, texts_from_header};
 const SHOWN: usize = 400;
 
 /// A checkpoint that cannot be written or loaded.
-#[derive(Debug, thiserror::Error, miette::Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 #[error("{}: {what}", plain(&file.to_string_lossy()))]
-#[diagnostic(help("{right}"))]
 pub struct CheckpointError {
     /// The file.
     pub file: PathBuf,

@@ -4,7 +4,6 @@ use std::borrow::Cow;
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use miette::{Diagnostic, SourceSpan};
 use serde::Deserialize;
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
@@ -26,17 +25,15 @@ pub struct Overrides<'a> {
 }
 
 /// A setting that cannot be used.
-#[derive(Debug, thiserror::Error, Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 #[error("{place}{what}")]
 pub struct ConfigError {
     place: String,
     what: String,
-    #[help]
-    right: String,
-    #[source_code]
-    excerpt: Option<Excerpt>,
-    #[label("here")]
-    span: Option<SourceSpan>,
+    /// What is expected instead.
+    pub right: String,
+    /// The offending part of the file.
+    pub excerpt: Option<Excerpt>,
 }
 
 /// The most characters of a value that an error quotes.
@@ -47,7 +44,7 @@ const MAX_BYTES: u64 = 64 << 20;
 
 impl ConfigError {
     fn new(what: String, right: String) -> Box<Self> {
-        Box::new(Self { place: String::new(), what, right, excerpt: None, span: None })
+        Box::new(Self { place: String::new(), what, right, excerpt: None })
     }
 
     /// What is wrong and what would be right, in one line.
@@ -64,7 +61,6 @@ impl ConfigError {
     /// The same error at a place of a file.
     fn within(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
         let (excerpt, (line, column)) = Excerpt::of(file, text, offset..offset + length);
-        self.span = Some(excerpt.span());
         self.excerpt = Some(excerpt);
         self.of(format!("{}:{line}:{column}: ", plain(file)))
     }

@@ -287,7 +287,7 @@ impl Worker {
         let now = Instant::now();
         self.rested = Some(now + REST_AFTER_EVALUATION * (now - began));
         match result.join() {
-            Ok(evaluation) if evaluation.is_sound() => {
+            Ok(evaluation) if evaluation.is_finite() => {
                 self.trainer.history_mut().add_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }

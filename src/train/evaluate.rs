@@ -37,7 +37,7 @@ impl Evaluation {
     }
 
     /// Whether every number is one: D may have grown beyond all bounds.
-    pub fn is_sound(&self) -> bool {
+    pub fn is_finite(&self) -> bool {
         let scores = std::iter::once(&self.greedy).chain(&self.planned);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
@@ -165,7 +165,7 @@ fn marked_task(
     (greedy, planned): (&Actor, Option<&Actor>),
     rng: &mut ChaCha8Rng,
 ) -> Option<MarkedTask> {
-    let task = world.own_task()?;
+    let task = world.default_task()?;
     let mut journey = |actor: &Actor| {
         let walked = walk(world, std::slice::from_ref(&task), actor, rng);
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();

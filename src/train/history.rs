@@ -116,7 +116,7 @@ impl History {
             && self.points.iter().all(|point| point.losses.iter().all(|loss| loss.is_finite()))
             && self.points.is_sorted_by_key(|point| point.updates)
             && self.evaluations.len() <= MOST_EVALUATIONS
-            && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_sound())
+            && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
             && self.log.len() <= MOST_ENTRIES
             && self.log.iter().all(short);
         if sound { Ok(()) } else { Err(StoreError::misfit("its history is out of range")) }

@@ -36,7 +36,7 @@ pub fn needed(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
     // Once as it is, twice on its way to a file.
     let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
-    let candidates = bridge.most_candidates() as u64 * BYTES_PER_CANDIDATE;
+    let candidates = bridge.max_candidates() as u64 * BYTES_PER_CANDIDATE;
     BASE_BYTES + f32s(parameters * COPIES_OF_PARAMETERS) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
 

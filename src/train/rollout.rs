@@ -43,7 +43,7 @@ pub struct PlanState {
 }
 
 /// What a round of steps reads, and what it adds to.
-pub struct Surroundings<'a> {
+pub struct StepContext<'a> {
     /// Whether episodes are begun and walked by bridges.
     pub bridges: bool,
     /// How agents act.
@@ -149,7 +149,7 @@ impl Rollout {
 
     /// Every agent takes one step, which is stored in the replay and noted in experience. `None`, and nothing of this,
     /// where the actor's actions are not finite.
-    pub fn step(&mut self, around: &mut Surroundings) -> Option<Round> {
+    pub fn step(&mut self, around: &mut StepContext) -> Option<Round> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.follow_plans(around);
         self.choose_actions(around.acting, around.settings, around.policy);
@@ -201,7 +201,7 @@ impl Rollout {
 
     /// A start and a goal; with some probability the frontier or a bridge point (Algorithm 1's epsilon) comes first,
     /// and the way leads through the bridge graph.
-    fn begin_episode(&mut self, i: usize, around: &Surroundings) {
+    fn begin_episode(&mut self, i: usize, around: &StepContext) {
         self.env.restart(i, &mut self.rng);
         self.begin_afresh(i);
         if !around.bridges {
@@ -227,7 +227,7 @@ impl Rollout {
     }
 
     /// The published search for a bridge point on agent `i`'s way.
-    fn search_bridge(&mut self, i: usize, around: &Surroundings) -> Option<Vec<f32>> {
+    fn search_bridge(&mut self, i: usize, around: &StepContext) -> Option<Vec<f32>> {
         let s = self.env.spec().state_dim();
         let (candidates, goal) = (&*around.candidates, &self.agents[i].goal);
         let outcome = search(
@@ -244,7 +244,7 @@ impl Rollout {
     }
 
     /// Makes agent `i` walk to its goal through the graph, if there is one.
-    fn plan(&mut self, i: usize, around: &Surroundings) {
+    fn plan(&mut self, i: usize, around: &StepContext) {
         let Some(graph) = around.graph else { return };
         let goal = self.agents[i].goal.clone();
         let walker = Walker::new(graph.route(&goal, around.policy, &mut self.scratch));
@@ -273,7 +273,7 @@ impl Rollout {
     }
 
     /// Plans anew where there is a plan: the graph has been replaced.
-    pub fn plan_anew(&mut self, around: &Surroundings) {
+    pub fn plan_anew(&mut self, around: &StepContext) {
         for i in 0..self.plans.len() {
             if let Some(plan) = self.plans[i].take() {
                 self.agents[i].goal = plan.goal;
@@ -283,7 +283,7 @@ impl Rollout {
     }
 
     /// Gives agents with a plan their next waypoint, and notes which hops succeeded.
-    fn follow_plans(&mut self, around: &mut Surroundings) {
+    fn follow_plans(&mut self, around: &mut StepContext) {
         let Some(graph) = around.graph else { return };
         let s = self.env.spec().state_dim();
         for (i, plan) in self.plans.iter_mut().enumerate() {
@@ -295,7 +295,7 @@ impl Rollout {
                 && (arrived || !plan.disturbed)
             {
                 let id = |candidate| graph.candidates().id(candidate);
-                around.candidates.practise((id(from), id(to)), arrived);
+                around.candidates.record_walk((id(from), id(to)), arrived);
             }
             if plan.walker.ended_hop().is_some() || plan.walker.target() != before {
                 plan.disturbed = false;

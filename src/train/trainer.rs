@@ -16,14 +16,14 @@ use super::graphs::{Built, GraphJob, Graphs, StoredGraph};
 use super::history::History;
 use super::memory;
 use super::registry::Registry;
-use super::rollout::{Rollout, RolloutState, Surroundings};
+use super::rollout::{Rollout, RolloutState, StepContext};
 use super::run::{Counters, EndReason, Limits, Run, Tick};
 use super::settings::reference::Setting;
 use super::settings::{Settings, UpdateWhen};
 use crate::bridge::{Candidates, CandidatesState, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
-    Acting, KnownDistances, Learner, Losses, OutOfRange, Phase, Policy, Profile, Replay, ReplayState, TrainingData,
+    Acting, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Replay, ReplayState, Stage, TrainingData,
 };
 use crate::store::{Store, StoreError};
 pub use change::{Kept, WorldChange};
@@ -232,14 +232,14 @@ impl Trainer {
         let due = self.counters.owed >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions();
         let tick = if due { self.update()? } else { self.step()? };
         if tick == Tick::Step {
-            self.profile.lap(Phase::Explore, began);
+            self.profile.lap(Stage::Explore, began);
         }
         self.seconds += began.elapsed().as_secs_f64();
         Ok(tick)
     }
 
     fn step(&mut self) -> Result<Tick> {
-        let Some(round) = self.with_surroundings(Rollout::step)? else {
+        let Some(round) = self.with_step_context(Rollout::step)? else {
             self.go_back()?;
             return Ok(Tick::Step);
         };
@@ -260,13 +260,13 @@ impl Trainer {
     }
 
     /// Lets the agents do something with what surrounds them.
-    fn with_surroundings<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut Surroundings) -> R) -> Result<R> {
+    fn with_step_context<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut StepContext) -> R) -> Result<R> {
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
         let (bridges, acting, settings) = (run.method.bridges(), learner.acting(), &run.settings);
         let (mut act, mut done) = (Some(act), None);
         learner.with_policy(false, &mut |policy| {
-            let mut around = Surroundings { bridges, acting, settings, policy, graph, replay, candidates };
+            let mut around = StepContext { bridges, acting, settings, policy, graph, replay, candidates };
             done = act.take().map(|act| act(rollout, &mut around));
         })?;
         Ok(done.unwrap_or_else(|| unreachable!("a learner uses what is handed to it once")))
@@ -280,7 +280,7 @@ impl Trainer {
         }
         let began = Instant::now();
         self.renew_graph()?;
-        self.profile.lap(Phase::Graph, began);
+        self.profile.lap(Stage::Graph, began);
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
         let known = graphs.current().map(|Built { graph, distilled, .. }| KnownDistances {
             states: graph.candidates().states(),
@@ -309,7 +309,7 @@ impl Trainer {
         }
         let (now, every) = (self.counters.updates, bridge.graph_every_updates);
         if self.graphs.take_up(now) {
-            self.with_surroundings(|rollout, around| rollout.plan_anew(around))?;
+            self.with_step_context(|rollout, around| rollout.plan_anew(around))?;
         }
         if now.is_multiple_of(every) {
             let job = GraphJob {
@@ -397,7 +397,7 @@ impl Trainer {
         if !store.is_finite() {
             return Err(TrainError::NotFinite);
         }
-        self.replay.state_of_all().write(&mut store);
+        self.replay.snapshot().write(&mut store);
         self.candidates.state().write(&mut store, CANDIDATES);
         for (name, graph) in GRAPHS.iter().zip(self.graphs.state()) {
             if let Some(graph) = graph {

@@ -7,7 +7,6 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use directories::ProjectDirs;
-use miette::{Diagnostic, SourceSpan};
 use serde::Deserialize;
 
 use super::action::SECTIONS;
@@ -42,17 +41,15 @@ const MAX_BYTES: u64 = 1 << 20;
 const QUOTED: usize = 300;
 
 /// A configuration that cannot be used.
-#[derive(Debug, thiserror::Error, Diagnostic)]
+#[derive(Debug, thiserror::Error)]
 #[error("{place}{what}")]
 pub struct UiConfigError {
     place: String,
     what: String,
-    #[help]
-    right: String,
-    #[source_code]
-    excerpt: Option<Excerpt>,
-    #[label("here")]
-    span: Option<SourceSpan>,
+    /// What is expected instead.
+    pub right: String,
+    /// The offending part of the file.
+    pub excerpt: Option<Excerpt>,
 }
 
 /// The folder for configuration, unless there is no home.
@@ -117,7 +114,7 @@ fn error(name: &str, text: &str, span: Option<Range<usize>>, what: &str, right: 
     };
     let (what, right) = (shortened(what, QUOTED), plain_lines(right));
     let excerpt = found.map(|(excerpt, _)| excerpt);
-    Box::new(UiConfigError { place, what, right, span: excerpt.as_ref().map(Excerpt::span), excerpt })
+    Box::new(UiConfigError { place, what, right, excerpt })
 }
 
 /// A file with everything that can be set, as it is without one.

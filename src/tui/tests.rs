@@ -303,7 +303,7 @@ fn a_door_can_be_closed_while_it_trains_and_opened_again() {
     assert!(!app.screen.map().is_free(door), "the door is closed");
     wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
     assert!(
-        app.screen.log.notice().is_some_and(|(n, _)| n.contains("walled") && n.contains("2 pieces")),
+        app.screen.log.notice().is_some_and(|(n, _)| n.contains("walled") && n.contains("2 disconnected components")),
         "{:?}",
         app.screen.log
     );

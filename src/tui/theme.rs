@@ -1,5 +1,8 @@
 //! Colours of what the map shows: themes, and as many colours as the terminal has.
 
+use anstyle::{Ansi256Color, RgbColor};
+use anstyle_lossy::palette::VGA;
+use anstyle_lossy::{rgb_to_xterm, xterm_to_rgb};
 use colorous::Gradient;
 use ratatui::style::Color;
 use serde::{Deserialize, Serialize};
@@ -141,7 +144,7 @@ impl Theme {
     pub fn colour(&self, (r, g, b): Rgb) -> Color {
         match self.depth {
             Depth::True => Color::Rgb(r, g, b),
-            Depth::Indexed => Color::Indexed(ansi_colours::ansi256_from_rgb((r, g, b))),
+            Depth::Indexed => Color::Indexed(rgb_to_xterm(RgbColor(r, g, b)).0),
             Depth::Mono => Color::Reset,
         }
     }
@@ -183,6 +186,12 @@ pub fn contour(ground: Rgb) -> Rgb {
 /// Black or white, whichever is read more easily on `ground`.
 pub fn ink(ground: Rgb) -> Rgb {
     if lightness(ground) > 0.5 { (0, 0, 0) } else { (255, 255, 255) }
+}
+
+/// The colour of one of a terminal's 256 colours.
+pub fn rgb_of_indexed(index: u8) -> Rgb {
+    let RgbColor(r, g, b) = xterm_to_rgb(Ansi256Color(index), VGA);
+    (r, g, b)
 }
 
 #[cfg(test)]

@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use super::{Candidates, NEVER, Practice, Ways};
+use super::{Candidates, UNOBSERVED, WalkRecord, Ways};
 use crate::store::{Store, StoreError};
 
 /// Upper bound on the candidate ids that a run may assign.
-const MOST_IDS: u32 = 1 << 31;
+const MAX_ID: u32 = 1 << 31;
 
 /// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -76,7 +76,8 @@ impl CandidatesState {
 fn sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
     let (mut ends, mut to, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     for (from, row) in table.chunks_exact(n.max(1)).enumerate() {
-        for (other, observed) in row.iter().enumerate().filter(|(other, steps)| *other != from && **steps != NEVER) {
+        for (other, observed) in row.iter().enumerate().filter(|(other, steps)| *other != from && **steps != UNOBSERVED)
+        {
             to.push(other as u32);
             steps.push(*observed);
         }
@@ -96,7 +97,7 @@ impl Candidates {
             state.to.extend(ways.observed.iter().map(|(to, _)| *to));
             state.steps.extend(ways.observed.iter().map(|(_, steps)| *steps));
             state.ends.push(state.to.len() as u32);
-            let numbers = |(to, p): (&u32, &Practice)| [*id, *to, u32::from(p.arrived), u32::from(p.failed)];
+            let numbers = |(to, p): (&u32, &WalkRecord)| [*id, *to, u32::from(p.arrived), u32::from(p.failed)];
             state.practice.extend(ways.practice.iter().flat_map(numbers));
         }
         for (clock, own) in self.clocks.iter().zip(&self.visits) {
@@ -122,14 +123,14 @@ impl Candidates {
         }
         let (next_id, ids) = state.ids.split_last().ok_or_else(misfit)?;
         let sorted = ids.is_sorted_by(|a, b| a < b) && ids.last().is_none_or(|last| last < next_id);
-        if ids.len() != n || !sorted || *next_id > MOST_IDS {
+        if ids.len() != n || !sorted || *next_id > MAX_ID {
             return Err(misfit());
         }
         let mut ways = rows(state, n).ok_or_else(misfit)?;
         let (practice, []) = state.practice.as_chunks::<4>() else { return Err(misfit()) };
         for [from, to, arrived, failed] in practice {
             let row = ids.binary_search(from).map_err(|_| misfit())?;
-            let practice = Practice { arrived: *arrived as u16, failed: *failed as u16 };
+            let practice = WalkRecord { arrived: *arrived as u16, failed: *failed as u16 };
             ways[row].practice.insert(*to, practice);
         }
         self.restore_visits(&state.visits, n).ok_or_else(misfit)?;

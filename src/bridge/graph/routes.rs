@@ -9,13 +9,13 @@ use crate::learn::{Policy, Scratch};
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
 /// every machine.
-const PARTS_PER_STEP: f32 = 1024.0;
+const COST_UNITS_PER_STEP: f32 = 1024.0;
 
 /// Number of candidates around a state or goal that are considered for first and last links.
 pub const LINKS: usize = 48;
 
 /// States per batch when composing distances.
-const COMPOSED_AT_ONCE: usize = 64;
+const DISTANCE_BATCH: usize = 64;
 
 /// Graph distances as training targets.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -110,7 +110,7 @@ impl BridgeGraph {
         let mut next: Vec<u32> = (0..steps.len() as u32).collect();
         for (node, (towards, cost)) in dijkstra_all(&GOAL, predecessors) {
             if node != GOAL {
-                steps[node as usize] = cost as f32 / PARTS_PER_STEP;
+                steps[node as usize] = cost as f32 / COST_UNITS_PER_STEP;
                 next[node as usize] = if towards == GOAL { node } else { towards };
             }
         }
@@ -131,7 +131,7 @@ impl BridgeGraph {
         let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
         // Batched, as the networks are more efficient on large batches.
         let batches =
-            states.chunks(COMPOSED_AT_ONCE).flat_map(|states| self.options(states, route, links, policy, scratch));
+            states.chunks(DISTANCE_BATCH).flat_map(|states| self.options(states, route, links, policy, scratch));
         let distances = batches.map(|options| {
             let over = options.candidates.iter().filter_map(|o| Some(o.cost? + route.steps[o.candidate]));
             over.chain(options.direct)
@@ -192,5 +192,5 @@ impl BridgeGraph {
 }
 
 fn parts(cost: f32) -> u32 {
-    (cost * PARTS_PER_STEP) as u32
+    (cost * COST_UNITS_PER_STEP) as u32
 }

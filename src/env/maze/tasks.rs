@@ -11,10 +11,10 @@ use crate::map::{Cell, Grid, ScenarioTask, StepSearch, UNREACHABLE};
 const DISTANCES: usize = 6;
 
 /// The farthest of these distances, as a share of the map's diameter.
-const FARTHEST: f64 = 0.9;
+const MAX_DISTANCE_SHARE: f64 = 0.9;
 
 /// Starts tried per task before giving up on its distance.
-const TRIES: usize = 400;
+const MAX_TRIES: usize = 400;
 
 /// Returns the task from the centre of one cell to the centre of another.
 fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
@@ -29,7 +29,7 @@ pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut Ch
     let cells: Vec<Cell> = components.largest_cells(map).collect();
     let mut set = TaskSet::default();
     for i in 1..=DISTANCES {
-        let distance = (FARTHEST * f64::from(diameter) * i as f64 / DISTANCES as f64).round() as u32;
+        let distance = (MAX_DISTANCE_SHARE * f64::from(diameter) * i as f64 / DISTANCES as f64).round() as u32;
         if distance == 0 || set.distances.contains(&f64::from(distance)) {
             continue;
         }
@@ -80,7 +80,7 @@ fn draw(
     distance: u32,
     rng: &mut ChaCha8Rng,
 ) -> Option<(Cell, Cell, u32)> {
-    for _ in 0..TRIES {
+    for _ in 0..MAX_TRIES {
         let start = cells[rng.random_range(0..cells.len())];
         let steps = search.from(start);
         let fitting: Vec<usize> = (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();

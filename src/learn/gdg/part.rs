@@ -1,25 +1,25 @@
 //! One part of a batch, and what one thread computes from it.
 
-use crate::learn::batch::Batch;
-use crate::learn::gradient::Gradient;
-use crate::learn::losses::{Losses, Pairs, PlainPairs, Shapes, Workspace};
-use crate::learn::network::Weights;
+use crate::learn::data::batch::Batch;
+use crate::learn::networks::network::Weights;
+use crate::learn::update::gradient::Gradient;
+use crate::learn::update::losses::{Losses, Pairs, Shapes, SharedFeatures, Workspace};
 
 /// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend on the number of
 /// threads and are summed in order, so the results do not depend on it either.
 const PARTS: usize = 4;
-const LEAST_PART_ROWS: usize = 32;
+const MIN_PART_ROWS: usize = 32;
 
 /// Returns the number of rows per part of a batch; the last part may have fewer.
 pub fn part_rows(batch: usize) -> usize {
-    batch.div_ceil(PARTS).max(LEAST_PART_ROWS)
+    batch.div_ceil(PARTS).max(MIN_PART_ROWS)
 }
 
 /// Buffers of one task of an update.
 #[derive(Default)]
 pub struct Part {
-    pub plain: PlainPairs,
-    plain_ahead: PlainPairs,
+    pub plain: SharedFeatures,
+    plain_ahead: SharedFeatures,
     targets: Vec<f32>,
     after_actor: Vec<f32>,
     pub critics: Vec<Gradient>,

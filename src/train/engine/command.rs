@@ -8,7 +8,7 @@ use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
 use crate::env::Environment;
 use crate::text::plain;
-use crate::train::checkpoint::{self, Loaded, SaveTo};
+use crate::train::checkpoint::{self, CheckpointError, Loaded, SaveTo};
 use crate::train::error::TrainError;
 use crate::train::history::LogEntry;
 use crate::train::memory;
@@ -44,25 +44,39 @@ pub enum Command {
     Load(PathBuf),
 }
 
+/// Why a command was not carried out.
+#[derive(Debug, thiserror::Error)]
+enum CommandError {
+    /// The trainer reports an error.
+    #[error(transparent)]
+    Train(#[from] TrainError),
+    /// A checkpoint could not be written.
+    #[error("{} ({})", .0.what, .0.file.display())]
+    NotSaved(CheckpointError),
+    /// A checkpoint could not be loaded.
+    #[error("not loaded: {} {}; {}", .0.file.file_name().unwrap_or_default().to_string_lossy(), .0.what, .0.right)]
+    NotLoaded(CheckpointError),
+}
+
 impl Worker {
     /// Goes on in an edited world; what is to be said of it, or against it.
-    fn change_world(&mut self, world: &dyn Environment) -> Result<String, String> {
-        let change = self.trainer.change_world(world).map_err(|e| e.to_string())?;
+    fn change_world(&mut self, world: &dyn Environment) -> Result<String, CommandError> {
+        let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
         // What is being found out about the world as it was says nothing of the one that there is now.
         (self.evaluation, self.rested) = (None, None);
-        self.renew(true).map_err(|e| e.to_string())?;
+        self.renew(true)?;
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
         Ok(format!("{}, {} transitions forgotten{warning}", change.what, change.transitions_removed))
     }
 
     /// Goes on with other settings; what was kept.
-    fn change(&mut self, run: Run) -> Result<String, String> {
-        memory::check(&run, self.trainer.world(), self.trainer.registry()).map_err(|e| e.to_string())?;
-        let kept = self.trainer.change_run(run).map_err(|e| e.to_string())?;
+    fn change(&mut self, run: Run) -> Result<String, CommandError> {
+        memory::check(&run, self.trainer.world(), self.trainer.registry())?;
+        let kept = self.trainer.change_run(run)?;
         self.current.run = Arc::new(self.trainer.run().clone());
         (self.evaluation, self.rested) = (None, None);
-        self.renew(true).map_err(|e| e.to_string())?;
+        self.renew(true)?;
         Ok(match (kept.networks, kept.agents) {
             (true, true) => "changed; training goes on".to_owned(),
             (true, false) => "changed; networks and replay go on, agents began anew".to_owned(),
@@ -85,14 +99,14 @@ impl Worker {
     }
 
     /// Saves a checkpoint; what is to be said of it.
-    fn save(&mut self, to: SaveTo, log: Vec<LogEntry>) -> Result<String, String> {
+    fn save(&mut self, to: SaveTo, log: Vec<LogEntry>) -> Result<String, CommandError> {
         // What was asked for before the front end knew where it went.
         let to = match (&self.fresh, to) {
             (Some((asked, went)), SaveTo::Fresh(path)) if *asked == path => SaveTo::Own(went.clone()),
             (_, to) => to,
         };
         let path = self.write(&to, log).inspect_err(|error| {
-            self.current.save_failed = (self.current.save_failed.0 + 1, error.clone());
+            self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
         let mut text = format!("saved {} at update {updates}", path.display());
@@ -107,7 +121,7 @@ impl Worker {
     }
 
     /// Saves a checkpoint beside those that the user asked for.
-    fn autosave(&mut self, named_after: &Path, log: Vec<LogEntry>) -> Result<String, String> {
+    fn autosave(&mut self, named_after: &Path, log: Vec<LogEntry>) -> Result<String, CommandError> {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let updates = self.trainer.counters().updates;
         let asked = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
@@ -122,12 +136,12 @@ impl Worker {
         Ok(text)
     }
 
-    fn write(&mut self, to: &SaveTo, log: Vec<LogEntry>) -> Result<PathBuf, String> {
+    fn write(&mut self, to: &SaveTo, log: Vec<LogEntry>) -> Result<PathBuf, CommandError> {
         // Having gone back for the last time, it has good networks all the same.
         let diverged = self.trainer.ensure_finite().err();
         self.tell_recovery();
         self.trainer.history_mut().log = log;
-        let path = checkpoint::save(&self.trainer, to).map_err(|e| format!("{} ({})", e.what, e.file.display()))?;
+        let path = checkpoint::save(&self.trainer, to).map_err(CommandError::NotSaved)?;
         if let Some(error) = diverged {
             self.current.phase = Phase::Failed(error.to_string());
         }
@@ -151,7 +165,7 @@ impl Worker {
         let told = match command {
             Command::Pause if self.current.phase.trains() => {
                 self.current.phase = Phase::Paused;
-                self.renew(true).map(|()| None).map_err(|e| e.to_string())
+                self.renew(true).map(|()| None).map_err(CommandError::Train)
             }
             Command::Resume if !self.current.phase.trains() => {
                 if self.current.phase == Phase::Done {
@@ -171,7 +185,7 @@ impl Worker {
             }
             Command::Follow(agent) => {
                 self.follow = agent;
-                self.renew(false).map(|()| None).map_err(|e| e.to_string())
+                self.renew(false).map(|()| None).map_err(CommandError::Train)
             }
             Command::Save(to, log) => self.save(to, log).map(Some),
             Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
@@ -181,32 +195,30 @@ impl Worker {
             Command::Load(path) => self.load(path).map(Some),
         };
         match told {
-            Ok(Some(text)) | Err(text) => self.notify(plain(&text)),
+            Ok(Some(text)) => self.notify(plain(&text)),
+            Err(error) => self.notify(plain(&error.to_string())),
             Ok(None) => {}
         }
         self.publish();
     }
 
     /// Begins a new run.
-    fn begin(&mut self, run: Run, world: &dyn Environment) -> Result<String, String> {
+    fn begin(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
         let begin = || {
             let registry = self.trainer.registry();
             memory::check(&run, world, registry)?;
             Trainer::new(run, world, registry, self.trainer.threads())
         };
-        let trainer = begin().map_err(|e| e.to_string())?;
-        self.adopt(trainer).map_err(|e| e.to_string())?;
+        let trainer = begin()?;
+        self.adopt(trainer)?;
         Ok("a new run has begun".to_owned())
     }
 
-    fn load(&mut self, path: PathBuf) -> Result<String, String> {
-        let Loaded { trainer, warning } = checkpoint::load(&path, self.trainer.registry(), self.trainer.threads())
-            .map_err(|e| {
-                let name = path.file_name().unwrap_or_default().to_string_lossy();
-                format!("not loaded: {name} {}; {}", e.what, e.right)
-            })?;
+    fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {
+        let loaded = checkpoint::load(&path, self.trainer.registry(), self.trainer.threads());
+        let Loaded { trainer, warning } = loaded.map_err(CommandError::NotLoaded)?;
         let phase = self.current.phase.clone();
-        self.adopt(trainer).map_err(|e| e.to_string())?;
+        self.adopt(trainer)?;
         if !phase.trains() {
             self.current.phase = Phase::Paused;
         }

@@ -50,7 +50,7 @@ impl Trainer {
         let change = world.change_from(self.world())?;
         self.rollout.enter(world_of(&self.run, world), &mut self.replay);
         let world = self.rollout.env();
-        let transitions_removed = self.replay.keep_possible(|s, a, next| world.is_possible(s, a, next));
+        let transitions_removed = self.replay.retain_possible(|s, a, next| world.is_possible(s, a, next));
         self.find_candidates_again();
         if change.may_lengthen {
             self.counters.relearns_until = self.counters.updates + self.run.settings.learn.relearn_updates;
@@ -114,7 +114,7 @@ impl Trainer {
         self.rollout.enter(same, &mut self.replay);
         if !same_replay {
             let mut replay = replay_of(&self.run, self.spec());
-            self.replay.pour_into(&mut replay);
+            self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
         }
         let mut world = world_of(&self.run, self.world());
@@ -128,8 +128,8 @@ impl Trainer {
         let settings = &self.run.settings;
         let fresh = Candidates::new(self.spec(), settings.train.agents, &settings.bridge);
         let Self { candidates, replay, .. } = self;
-        candidates.begin_again(fresh);
-        replay.retell(|agent, state| match state {
+        candidates.reset_to(fresh);
+        replay.visit_episodes(|agent, state| match state {
             Some(state) => candidates.visit(agent, state),
             None => candidates.end_episode(agent),
         });

@@ -82,7 +82,7 @@ impl Trainer {
     /// Makes sure that every number of the networks is finite, by going back if need be: before they are saved.
     ///
     /// # Errors
-    /// See [`Self::check_update`].
+    /// When the run has gone back as often as it may; the networks are good ones then as well.
     pub fn ensure_finite(&mut self) -> Result<()> {
         if self.networks()?.is_finite() { Ok(()) } else { self.go_back() }
     }
@@ -90,7 +90,7 @@ impl Trainer {
     /// Keeps the networks to go back to, if they are good.
     fn keep_good(&mut self) -> Result<()> {
         let good = self.networks()?;
-        if !good.is_finite() || !self.learner.is_sound()? {
+        if !good.is_finite() || !self.learner.is_finite()? {
             return self.go_back();
         }
         self.last_good = good;

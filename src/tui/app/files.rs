@@ -81,8 +81,7 @@ impl App {
                 self.go_to(&Arc::new(map));
             }
             Err(error) => {
-                let help = miette::Diagnostic::help(&*error).map_or(String::new(), |help| format!(": {help}"));
-                self.notify(&format!("{error}{help}"));
+                self.notify(&format!("{error}: {}", error.right));
             }
         }
     }

@@ -7,6 +7,7 @@ use miette::Report;
 use super::App;
 use crate::files::unused;
 use crate::logging;
+use crate::report::of_checkpoint;
 use crate::setup::rescue;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
@@ -279,5 +280,5 @@ fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Resul
     if let Some(path) = rescue(trainer, to.path()) {
         *summary += &format!("\nsaved {} instead", path.display());
     }
-    Err(Report::new(first))
+    Err(of_checkpoint(first))
 }

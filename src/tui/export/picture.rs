@@ -6,7 +6,7 @@ use ratatui::style::{Color, Modifier};
 use unifont::get_glyph;
 
 use super::Paper;
-use crate::tui::theme::{Rgb, blend};
+use crate::tui::theme::{Rgb, blend, rgb_of_indexed};
 
 /// Pixels of a character in the font.
 const WIDTH: usize = 8;
@@ -84,27 +84,26 @@ pub fn colours(cell: &Cell, paper: Paper) -> (Rgb, Rgb) {
 
 /// A terminal's colour; `own` where it is the terminal's own.
 fn rgb(colour: Color, own: Rgb) -> Rgb {
-    let ansi = |i: u8| ansi_colours::rgb_from_ansi256(i);
     match colour {
         Color::Rgb(r, g, b) => (r, g, b),
-        Color::Indexed(i) => ansi(i),
+        Color::Indexed(i) => rgb_of_indexed(i),
         Color::Reset => own,
-        Color::Black => ansi(0),
-        Color::Red => ansi(1),
-        Color::Green => ansi(2),
-        Color::Yellow => ansi(3),
-        Color::Blue => ansi(4),
-        Color::Magenta => ansi(5),
-        Color::Cyan => ansi(6),
-        Color::Gray => ansi(7),
-        Color::DarkGray => ansi(8),
-        Color::LightRed => ansi(9),
-        Color::LightGreen => ansi(10),
-        Color::LightYellow => ansi(11),
-        Color::LightBlue => ansi(12),
-        Color::LightMagenta => ansi(13),
-        Color::LightCyan => ansi(14),
-        Color::White => ansi(15),
+        Color::Black => rgb_of_indexed(0),
+        Color::Red => rgb_of_indexed(1),
+        Color::Green => rgb_of_indexed(2),
+        Color::Yellow => rgb_of_indexed(3),
+        Color::Blue => rgb_of_indexed(4),
+        Color::Magenta => rgb_of_indexed(5),
+        Color::Cyan => rgb_of_indexed(6),
+        Color::Gray => rgb_of_indexed(7),
+        Color::DarkGray => rgb_of_indexed(8),
+        Color::LightRed => rgb_of_indexed(9),
+        Color::LightGreen => rgb_of_indexed(10),
+        Color::LightYellow => rgb_of_indexed(11),
+        Color::LightBlue => rgb_of_indexed(12),
+        Color::LightMagenta => rgb_of_indexed(13),
+        Color::LightCyan => rgb_of_indexed(14),
+        Color::White => rgb_of_indexed(15),
     }
 }
 

@@ -14,7 +14,7 @@ use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::places::Places;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink};
+use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
 use crate::view::{Field, Ground, Raster, ShownEdge};
 
 /// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
@@ -353,7 +353,7 @@ impl Glyphs<'_> {
         // Half blocks keep the colour of their lower half as the ground.
         let ground = match cell.bg {
             Color::Rgb(r, g, b) => (r, g, b),
-            Color::Indexed(i) => ansi_colours::rgb_from_ansi256(i),
+            Color::Indexed(i) => rgb_of_indexed(i),
             _ => self.theme.unknown,
         };
         let rgb = rgb.unwrap_or(ink(ground));

@@ -84,13 +84,13 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
 
 /// Where the time goes.
 fn time(screen: &Screen) -> Vec<Line<'static>> {
-    use learn::Phase::{
+    use learn::Stage::{
         ActorGradient, ActorStep, CriticModelGradients, CriticModelSteps, Explore, Graph, Sample, Tape,
     };
 
     let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
-    let all: f64 = learn::Phase::ALL.into_iter().map(spent).sum();
-    let share = |phases: &[learn::Phase]| 100.0 * phases.iter().map(|p| spent(*p)).sum::<f64>() / all.max(1e-9);
+    let all: f64 = learn::Stage::ALL.into_iter().map(spent).sum();
+    let share = |phases: &[learn::Stage]| 100.0 * phases.iter().map(|p| spent(*p)).sum::<f64>() / all.max(1e-9);
     let learning = share(&[CriticModelGradients, ActorGradient, Tape]);
     vec![
         heading("time"),

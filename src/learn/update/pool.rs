@@ -18,7 +18,7 @@ const LOOK_OUT: Duration = Duration::from_micros(300);
 const LOOKS: usize = 64;
 
 /// A piece of work: `tasks` calls, each with its own index.
-struct Piece {
+struct Job {
     work: Box<dyn Fn(usize) + Send + Sync>,
     tasks: usize,
     /// The next task to claim.
@@ -28,7 +28,7 @@ struct Piece {
     panicked: AtomicBool,
 }
 
-impl Piece {
+impl Job {
     /// Runs tasks until none is left.
     fn help(&self) {
         loop {
@@ -36,7 +36,7 @@ impl Piece {
             if task >= self.tasks {
                 return;
             }
-            // A panic must not leave the others waiting forever; `Team::run` panics in the caller instead.
+            // A panic must not leave the others waiting forever; `ThreadPool::run` panics in the caller instead.
             let work = || {
                 crate::faults::point("helper");
                 (self.work)(task);
@@ -50,10 +50,10 @@ impl Piece {
 }
 
 #[derive(Default)]
-struct Board {
+struct JobSlot {
     /// Number of pieces announced; helpers poll it.
     number: AtomicUsize,
-    piece: Mutex<Option<Arc<Piece>>>,
+    piece: Mutex<Option<Arc<Job>>>,
     /// Number of helpers that sleep or are about to.
     sleeping: AtomicUsize,
     wake: Condvar,
@@ -61,18 +61,18 @@ struct Board {
 }
 
 /// The caller and its helpers.
-pub struct Team {
-    board: Arc<Board>,
+pub struct ThreadPool {
+    board: Arc<JobSlot>,
     helpers: Vec<JoinHandle<()>>,
 }
 
-impl Team {
+impl ThreadPool {
     /// Creates a team of `threads` threads, including the caller.
     ///
     /// # Errors
     /// Returns an error if a thread cannot be started.
     pub fn new(threads: usize) -> std::io::Result<Self> {
-        let mut team = Self { board: Arc::new(Board::default()), helpers: Vec::new() };
+        let mut team = Self { board: Arc::new(JobSlot::default()), helpers: Vec::new() };
         for i in 1..threads {
             let board = team.board.clone();
             let helper = std::thread::Builder::new().name(format!("helper {i}")).spawn(move || board.serve())?;
@@ -89,7 +89,7 @@ impl Team {
         if self.helpers.is_empty() {
             return (0..tasks).for_each(work);
         }
-        let piece = Arc::new(Piece {
+        let piece = Arc::new(Job {
             work: Box::new(work),
             tasks,
             next: AtomicUsize::new(0),
@@ -106,7 +106,7 @@ impl Team {
     }
 }
 
-impl Drop for Team {
+impl Drop for ThreadPool {
     fn drop(&mut self) {
         self.board.over.store(true, Ordering::SeqCst);
         self.board.announce();
@@ -117,7 +117,7 @@ impl Drop for Team {
     }
 }
 
-impl Board {
+impl JobSlot {
     /// Signals all helpers, waking those that sleep.
     fn announce(&self) {
         // Sequentially consistent with a helper's increment of `sleeping`: either the helper sees the new number, or it
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn every_task_runs_once_whether_helpers_sleep_or_not() {
         for threads in [1, 2, 4] {
-            let team = Team::new(threads).expect("a team");
+            let team = ThreadPool::new(threads).expect("a team");
             for round in 0..300 {
                 let counts: Arc<Vec<AtomicUsize>> = Arc::new((0..7).map(|_| AtomicUsize::new(0)).collect());
                 let shared = counts.clone();
@@ -186,7 +186,7 @@ mod tests {
 
     #[test]
     fn a_panic_in_a_task_reaches_the_caller_and_the_team_stays_usable() {
-        let team = Team::new(2).expect("a team");
+        let team = ThreadPool::new(2).expect("a team");
         let outcome = catch_unwind(AssertUnwindSafe(|| team.run(4, |i| assert!(i != 2, "task 2"))));
         assert!(outcome.is_err());
         team.run(4, |_| {});

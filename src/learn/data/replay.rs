@@ -147,7 +147,7 @@ impl Replay {
 
     /// Removes transitions (state, action, next state) that are not `possible`, splitting their episodes there. Every
     /// agent's episode must have ended. Returns the number of transitions removed.
-    pub fn keep_possible(&mut self, possible: impl Fn(&[f32], &[f32], &[f32]) -> bool) -> usize {
+    pub fn retain_possible(&mut self, possible: impl Fn(&[f32], &[f32], &[f32]) -> bool) -> usize {
         let mut gone = 0;
         for agent in 0..self.agents {
             let mut left_behind = 0;
@@ -168,7 +168,7 @@ impl Replay {
 
     /// Visits all stored episodes, agent by agent: calls `visit(agent, Some(state))` for each state, and
     /// `visit(agent, None)` at the end of each episode.
-    pub fn retell(&self, mut visit: impl FnMut(usize, Option<&[f32]>)) {
+    pub fn visit_episodes(&self, mut visit: impl FnMut(usize, Option<&[f32]>)) {
         for agent in 0..self.agents {
             let mut going = false;
             for slot in self.oldest(agent)..self.written[agent] {
@@ -188,7 +188,7 @@ impl Replay {
 
     /// Copies all complete episodes to `other`, each to the agent with the least data; if there is not enough room,
     /// each agent's oldest episodes are overwritten.
-    pub fn pour_into(&self, other: &mut Self) {
+    pub fn copy_episodes_into(&self, other: &mut Self) {
         for agent in 0..self.agents {
             let mut to = None;
             for slot in self.oldest(agent)..self.written[agent] {
@@ -292,7 +292,7 @@ impl Replay {
     }
 
     /// Returns the full contents, for a checkpoint.
-    pub fn state_of_all(&self) -> ReplayState {
+    pub fn snapshot(&self) -> ReplayState {
         let mut out =
             ReplayState { written: self.written.clone(), episode: self.episode.clone(), ..ReplayState::default() };
         for agent in 0..self.agents {
@@ -321,7 +321,7 @@ impl Replay {
         })
     }
 
-    /// Restores the contents that [`Self::state_of_all`] returned.
+    /// Restores the contents that [`Self::snapshot`] returned.
     ///
     /// # Errors
     /// Returns an error if `state` was saved from a replay of other sizes, or holds numbers out of range.
@@ -373,11 +373,11 @@ mod tests {
         }
         let states = |replay: &Replay| {
             let mut all = Vec::new();
-            replay.retell(|_, state| all.extend(state.map(|s| s[0] as usize)));
+            replay.visit_episodes(|_, state| all.extend(state.map(|s| s[0] as usize)));
             all
         };
         let mut other = Replay::new((1, 1, 1).into(), 2, 100);
-        replay.pour_into(&mut other);
+        replay.copy_episodes_into(&mut other);
         let mut poured = states(&other);
         assert_eq!(other.written, [15, 15], "spread evenly");
         poured.sort_unstable();

@@ -1,28 +1,28 @@
 //! The corners of a grid table that an update touches, found once for all networks that read the same positions.
 
-use super::grid::{GridShape, Places};
+use crate::learn::networks::grid::{GridReads, GridShape};
 
 /// Slot of an untouched corner.
 const UNTOUCHED: u32 = u32::MAX;
 
 /// The distinct corners around a batch's positions, and which of them each position reads.
 #[derive(Clone, Debug, Default)]
-pub struct Touched {
+pub struct TouchedCorners {
     /// The touched corners, in order of first occurrence.
     corners: Vec<u32>,
     /// For each read, the index of its corner in `corners`: `(positions, levels, 2^dims)`.
     slots: Vec<u32>,
     /// Corners and weights of the positions' reads.
-    places: Places,
+    places: GridReads,
     /// For each corner of the table, its index in `corners`.
     slot_of: Vec<u32>,
     /// Number of corners that a position reads per level.
     around: usize,
 }
 
-impl Touched {
+impl TouchedCorners {
     /// Finds the corners of a table of `shape` that are read by the positions that `locate` adds.
-    pub fn find(&mut self, shape: &GridShape, locate: impl FnOnce(&mut Places)) {
+    pub fn find(&mut self, shape: &GridShape, locate: impl FnOnce(&mut GridReads)) {
         self.slot_of.resize(shape.corners(), UNTOUCHED);
         for corner in self.corners.drain(..) {
             self.slot_of[corner as usize] = UNTOUCHED;

@@ -5,8 +5,8 @@ use std::ops::Range;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::kernel;
-use super::product::{Left, Panels};
+use crate::learn::kernels::kernel;
+use crate::learn::kernels::product::{Left, Panels};
 
 /// Sizes of an MLP: ReLU hidden layers of equal width and a linear output layer.
 ///
@@ -40,7 +40,7 @@ pub struct Packed {
 }
 
 /// Which gradients a backward pass computes; the others are skipped.
-pub struct Wanted<'a> {
+pub struct GradientRequest<'a> {
     /// Gradient of the flat parameters, overwritten.
     pub parameters: Option<&'a mut [f32]>,
     /// Gradient of the input columns from `.0` on, `(rows, inputs - .0)`, overwritten.
@@ -135,11 +135,11 @@ impl Mlp {
         x: &[f32],
         dy: &[f32],
         acts: &mut Activations,
-        wanted: Wanted,
+        wanted: GradientRequest,
     ) {
         let rows = dy.len() / self.outputs;
         let size = rows * self.hidden;
-        let Wanted { parameters: mut gradient, inputs } = wanted;
+        let GradientRequest { parameters: mut gradient, inputs } = wanted;
         let [mut d, mut d_below] = std::mem::take(&mut acts.d_hidden);
         d.resize(d.len().max(size), 0.0);
         d_below.resize(d_below.len().max(size), 0.0);
@@ -263,7 +263,7 @@ mod tests {
         let mut dx = vec![f32::NAN; rows * (mlp.inputs - from)];
         mlp.pack(&parameters, true, packed);
         mlp.forward((&parameters, packed), &x, &mut y, acts);
-        let wanted = Wanted { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
+        let wanted = GradientRequest { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
         mlp.backward((&parameters, packed), &x, &dy, acts, wanted);
 
         let plain = Plain { mlp, parameters: &parameters };

@@ -2,10 +2,10 @@
 
 use std::sync::Arc;
 
-use super::grid::TableView;
-use super::losses::{Pairs, PlainPairs, Shapes, Workspace};
-use super::mlp::{Mlp, Packed};
-use super::network::Weights;
+use crate::learn::networks::grid::TableView;
+use crate::learn::networks::mlp::{Mlp, Packed};
+use crate::learn::networks::network::Weights;
+use crate::learn::update::losses::{Pairs, Shapes, SharedFeatures, Workspace};
 
 /// Rows per forward pass, few enough for their activations to stay in the cache.
 const ROWS: usize = 128;
@@ -13,7 +13,7 @@ const ROWS: usize = 128;
 /// Inference buffers, one per thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    plain: PlainPairs,
+    plain: SharedFeatures,
     ws: Workspace,
 }
 
@@ -37,9 +37,9 @@ pub trait Policy: Send + Sync {
 /// Borrowed weights of critics and actor.
 #[derive(Clone)]
 pub struct Nets<'a> {
-    pub(super) shapes: &'a Shapes,
-    pub(super) critics: Vec<Weights<'a>>,
-    pub(super) actor: Weights<'a>,
+    pub(in crate::learn) shapes: &'a Shapes,
+    pub(in crate::learn) critics: Vec<Weights<'a>>,
+    pub(in crate::learn) actor: Weights<'a>,
 }
 
 impl Policy for Nets<'_> {
@@ -87,7 +87,7 @@ struct Owned {
 type Copied = (Vec<f32>, Vec<f32>);
 
 impl FrozenNets {
-    pub(super) fn new(shapes: Arc<Shapes>, critics: Vec<Copied>, actor: Copied) -> Self {
+    pub(in crate::learn) fn new(shapes: Arc<Shapes>, critics: Vec<Copied>, actor: Copied) -> Self {
         let own = |(dense, table): Copied, mlp: &Mlp| {
             let mut packed = Packed::default();
             mlp.pack(&dense, false, &mut packed);

@@ -3,13 +3,13 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::replay::{Moment, Replay};
-use super::settings::LearnSettings;
 use crate::env::Spec;
+use crate::learn::data::replay::{Moment, Replay};
+use crate::learn::settings::LearnSettings;
 
 /// Minimum n-step horizon of targets while relearning distances that have grown: each update raises them by at most
 /// this much.
-const GROWN_N_STEP: usize = 20;
+const RELEARN_N_STEP: usize = 20;
 
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]
@@ -85,7 +85,7 @@ impl BatchSampler {
     pub fn sample(&self, replay: &Replay, grown: bool, rng: &mut ChaCha8Rng, batch: &mut Batch) {
         batch.clear();
         batch.greedy_targets = self.settings.greedy_targets && !grown;
-        let n_step = if grown { GROWN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
+        let n_step = if grown { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
         for _ in 0..self.settings.batch_size {
             let (moment, left) = replay.sample(rng);
             let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);

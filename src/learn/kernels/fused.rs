@@ -3,11 +3,11 @@
 use candle_core::{CpuStorage, CustomOp2, DType, Layout, Result, Shape, Tensor, bail};
 use parking_lot::Mutex;
 
-use super::adam::slice;
-use super::mlp::{Activations, Mlp, Packed, Wanted};
+use crate::learn::networks::mlp::{Activations, GradientRequest, Mlp, Packed};
+use crate::learn::update::adam::slice;
 
 /// Returns `mlp(x)`, `(rows, outputs)`, for `x` `(rows, inputs)` and flat `parameters` (see `mlp::Mlp` for their
-/// order), both f32 on the CPU. Uses the same kernels as [`super::Gdg::update_on`], which calls them without a tape.
+/// order), both f32 on the CPU. Uses the same kernels as [`crate::learn::Gdg::update_on`], which calls them without a tape.
 ///
 /// # Errors
 /// Returns an error if the tensors have the wrong sizes or are on another device.
@@ -55,7 +55,7 @@ impl CustomOp2 for FusedMlp {
             let (x, (w, layout), dy) = (of(x)?, w.storage_and_layout(), of(&dy)?);
             let parameters = &slice(&w)?[layout.start_offset()..];
             let (activations, packed) = &mut *self.kept.lock();
-            let wanted = Wanted { parameters: Some(&mut dw), inputs: Some((0, &mut dx)) };
+            let wanted = GradientRequest { parameters: Some(&mut dw), inputs: Some((0, &mut dx)) };
             self.mlp.backward((parameters, packed), &x, &dy, activations, wanted);
         }
         Ok((Some(Tensor::from_vec(dx, x.shape(), x.device())?), Some(Tensor::from_vec(dw, w.shape(), w.device())?)))

@@ -2,9 +2,9 @@
 
 use std::f32::consts::PI;
 
-use super::grid::{GridShape, Places, TableView};
-use super::settings::LearnSettings;
 use crate::env::Spec;
+use crate::learn::networks::grid::{GridReads, GridShape, TableView};
+use crate::learn::settings::LearnSettings;
 
 /// Input features of states and of (state, goal) pairs.
 ///
@@ -139,7 +139,7 @@ impl Encoder {
     }
 
     /// Adds the grid reads of `state`'s achieved goal to `places`.
-    pub fn locate_state(&self, state: &[f32], places: &mut Places) {
+    pub fn locate_state(&self, state: &[f32], places: &mut GridReads) {
         if let Some(grid) = &self.grid {
             let mut u = [0.0; 3];
             self.scaled_achieved(state, &mut u[..grid.dims]);
@@ -148,7 +148,7 @@ impl Encoder {
     }
 
     /// Adds the grid reads of `goal` to `places`.
-    pub fn locate_goal(&self, goal: &[f32], places: &mut Places) {
+    pub fn locate_goal(&self, goal: &[f32], places: &mut GridReads) {
         if let Some(grid) = &self.grid {
             let mut u = [0.0; 3];
             self.scaled_goal(goal, &mut u[..grid.dims]);
@@ -157,7 +157,7 @@ impl Encoder {
     }
 
     /// Writes the encodings of the positions at row `i` of each of `places`, one after the other.
-    pub fn encode(&self, table: Option<TableView>, places: &[&Places], i: usize, out: &mut [f32]) {
+    pub fn encode(&self, table: Option<TableView>, places: &[&GridReads], i: usize, out: &mut [f32]) {
         if let (Some(grid), Some(table)) = (&self.grid, table) {
             for (places, out) in places.iter().zip(out.chunks_exact_mut(grid.width())) {
                 grid.encode(table, places, i, out);

@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 /// A level whose table would have more corners than this gets larger cells instead.
-const MOST_CORNERS: usize = 1 << 19;
+const MAX_CORNERS: usize = 1 << 19;
 
 /// Geometry of the tables; positions are scaled to [-1, 1] along every axis.
 #[derive(Clone, Debug, PartialEq)]
@@ -35,7 +35,7 @@ pub struct TableView<'a> {
     /// Numbers in a line.
     pub stride: usize,
     /// For reading the average: the update as of which each corner's average is stored, and its decay since.
-    pub average: Option<LazyView<'a>>,
+    pub average: Option<LazyAverageView<'a>>,
 }
 
 /// The lazy running average of a table of which each update changes only a few corners.
@@ -43,7 +43,7 @@ pub struct TableView<'a> {
 /// While a corner's value is unchanged, its average approaches it by the same factor at every update, so the average at
 /// any later time follows from the one at the last change. Only changed corners cost work.
 #[derive(Clone, Copy)]
-pub struct LazyView<'a> {
+pub struct LazyAverageView<'a> {
     /// Update as of which each corner's average is stored, `(corners)`.
     pub stored: &'a [u32],
     /// Updates done so far.
@@ -52,7 +52,7 @@ pub struct LazyView<'a> {
     pub decay: &'a [f32],
 }
 
-impl LazyView<'_> {
+impl LazyAverageView<'_> {
     /// Returns the remaining difference between the average and the value of `corner`, as a share of the stored
     /// difference.
     #[inline]
@@ -86,14 +86,14 @@ impl Level {
 
 /// Table reads of many positions: the corners around each position in every level, and their weights.
 #[derive(Clone, Debug, Default)]
-pub struct Places {
+pub struct GridReads {
     /// `(positions, levels, 2^dims)`.
     pub corners: Vec<u32>,
     /// `(positions, levels, 2^dims)`.
     pub weights: Vec<f32>,
 }
 
-impl Places {
+impl GridReads {
     /// Removes all positions.
     pub fn clear(&mut self) {
         self.corners.clear();
@@ -118,7 +118,7 @@ impl GridShape {
         let mut first = 0;
         for size in cell_sizes {
             let mut corners = (units / size).ceil() as usize + 1;
-            while corners.pow(dims as u32) > MOST_CORNERS {
+            while corners.pow(dims as u32) > MAX_CORNERS {
                 corners = corners.div_ceil(2);
             }
             corners = corners.max(2);
@@ -169,7 +169,7 @@ impl GridShape {
     }
 
     /// Adds the reads of `position` (`dims`, scaled) to `places`; they are the same for all tables of this shape.
-    pub fn locate(&self, position: &[f32], places: &mut Places) {
+    pub fn locate(&self, position: &[f32], places: &mut GridReads) {
         for level in &self.levels {
             let place = level.place(position);
             self.around(*level, &place, |corner, bits| {
@@ -185,7 +185,7 @@ impl GridShape {
     }
 
     /// Encodes the position at `row` of `places` into `out` (`width`).
-    pub fn encode(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
+    pub fn encode(&self, table: TableView, places: &GridReads, row: usize, out: &mut [f32]) {
         match (self.channels, table.stride) {
             // The default of four channels, vectorised: for a table in training, and for a copy.
             (4, 16) => self.encode_fixed::<4, 16>(table, places, row, out),
@@ -197,7 +197,7 @@ impl GridShape {
     fn encode_fixed<const C: usize, const STRIDE: usize>(
         &self,
         table: TableView,
-        places: &Places,
+        places: &GridReads,
         row: usize,
         out: &mut [f32],
     ) {
@@ -224,7 +224,7 @@ impl GridShape {
         }
     }
 
-    fn encode_any(&self, table: TableView, places: &Places, row: usize, out: &mut [f32]) {
+    fn encode_any(&self, table: TableView, places: &GridReads, row: usize, out: &mut [f32]) {
         let around = self.corners_around();
         let (corners, weights) = places.row(row, self.reads());
         out.fill(0.0);

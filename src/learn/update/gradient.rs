@@ -1,6 +1,6 @@
 //! The gradient of one network from one part of a batch.
 
-use super::settings::LearnSettings;
+use crate::learn::settings::LearnSettings;
 
 /// Gradient of one network from one part of a batch.
 #[derive(Clone, Debug, Default)]
@@ -26,7 +26,7 @@ impl Gradient {
 
 /// Step sizes of one update.
 #[derive(Clone, Copy, Debug)]
-pub struct StepRates {
+pub struct LearningRates {
     /// Of the flat parameters.
     pub dense: f32,
     /// Of the grid table.
@@ -35,7 +35,7 @@ pub struct StepRates {
     pub tau: f32,
 }
 
-impl StepRates {
+impl LearningRates {
     /// Returns the step sizes in `settings`.
     pub fn of(settings: &LearnSettings) -> Self {
         Self { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau }

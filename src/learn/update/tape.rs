@@ -5,15 +5,15 @@ use std::ops::Range;
 
 use candle_core::{Device, Result, Tensor, Var, bail};
 
-use super::adam::adam_rate;
-use super::batch::Batch;
-use super::gradient::StepRates;
-use super::kernel::{AdamRate, BETA};
-use super::losses::{Losses, Shapes};
-use super::network::Network;
-use super::reference::{Layers, Parameters, Reference};
-use super::settings::Backend;
-use super::state::NetworkState;
+use crate::learn::data::batch::Batch;
+use crate::learn::kernels::kernel::{AdamRate, BETA};
+use crate::learn::networks::network::Network;
+use crate::learn::networks::state::NetworkState;
+use crate::learn::settings::Backend;
+use crate::learn::update::adam::adam_rate;
+use crate::learn::update::gradient::LearningRates;
+use crate::learn::update::losses::{Losses, Shapes};
+use crate::learn::update::reference::{Layers, Parameters, Reference};
 
 /// Copies of all networks on a device, trained there.
 pub struct Tape {
@@ -56,11 +56,11 @@ impl Tape {
         Ok(Some(Self { device, layers, networks }))
     }
 
-    /// Performs one update, like [`super::Gdg::update_on`]; `steps` is its number, from 1.
+    /// Performs one update, like [`crate::learn::Gdg::update_on`]; `steps` is its number, from 1.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn update(&mut self, shapes: &Shapes, batch: &Batch, steps: u64, rates: StepRates) -> Result<Losses> {
+    pub fn update(&mut self, shapes: &Shapes, batch: &Batch, steps: u64, rates: LearningRates) -> Result<Losses> {
         let spec = shapes.encoder.spec();
         let tensor =
             |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (numbers.len() / width, width), &self.device);
@@ -97,7 +97,7 @@ impl Tape {
     }
 
     /// Takes an optimiser step on `loss` for some of the networks.
-    fn step(&mut self, which: Range<usize>, loss: &Tensor, steps: u64, rates: StepRates) -> Result<()> {
+    fn step(&mut self, which: Range<usize>, loss: &Tensor, steps: u64, rates: LearningRates) -> Result<()> {
         let gradients = loss.backward()?;
         for network in &mut self.networks[which] {
             if let Some(gradient) = gradients.get(&network.dense.values) {

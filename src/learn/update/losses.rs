@@ -1,11 +1,11 @@
-//! Hand-written losses and gradients of one part of a batch (see [`super::Reference`] for the autograd version).
+//! Hand-written losses and gradients of one part of a batch (see [`crate::learn::Reference`] for the autograd version).
 
-use super::encoder::Encoder;
-use super::gradient::Gradient;
-use super::grid::{Places, TableView};
-use super::mlp::{Activations, Mlp, Wanted};
-use super::network::Weights;
-use super::settings::{LearnSettings, LossScale};
+use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::grid::{GridReads, TableView};
+use crate::learn::networks::mlp::{Activations, GradientRequest, Mlp};
+use crate::learn::networks::network::Weights;
+use crate::learn::settings::{LearnSettings, LossScale};
+use crate::learn::update::gradient::Gradient;
 
 /// Losses of one update, each a mean over the batch.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -57,20 +57,20 @@ impl Shapes {
 
 /// The inputs that depend on no network's parameters, computed once for all networks.
 #[derive(Clone, Debug, Default)]
-pub struct PlainPairs {
+pub struct SharedFeatures {
     /// `(rows, plain_pair_width)`.
     rows: Vec<f32>,
     /// Grid reads of the states.
-    states: Places,
+    states: GridReads,
     /// Grid reads of the goals.
-    goals: Places,
+    goals: GridReads,
 }
 
 /// (state, goal) pairs, one per row.
 #[derive(Clone, Copy)]
 pub struct Pairs<'a> {
     /// The inputs that all networks share.
-    pub plain: &'a PlainPairs,
+    pub plain: &'a SharedFeatures,
     /// `(rows, state_dim)`.
     pub states: &'a [f32],
     /// `(rows, goal_dim)`.
@@ -78,7 +78,7 @@ pub struct Pairs<'a> {
 }
 
 /// The networks that the actor's loss goes through.
-pub struct ActorPath<'a> {
+pub struct ActorLossNetworks<'a> {
     /// Trained.
     pub actor: Weights<'a>,
     /// Frozen.
@@ -90,7 +90,7 @@ pub struct ActorPath<'a> {
 /// Buffers of one pass, grown to the largest batch seen.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
-    plain: PlainPairs,
+    plain: SharedFeatures,
     x: Vec<f32>,
     y: Vec<f32>,
     /// The actor's outputs before tanh, `(rows, action_dim)`.
@@ -106,7 +106,7 @@ fn sized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
 
 impl Shapes {
     /// Computes the inputs of pairs that all networks share.
-    pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut PlainPairs) {
+    pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut SharedFeatures) {
         let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
         let width = self.encoder.plain_pair_width();
         let rows = sized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
@@ -159,7 +159,7 @@ impl Shapes {
         &self,
         model: Weights,
         (states, actions): (&[f32], &[f32]),
-        (plain, stride, places): (&[f32], usize, &Places),
+        (plain, stride, places): (&[f32], usize, &GridReads),
         next: &mut [f32],
         ws: &mut Workspace,
     ) {
@@ -258,7 +258,7 @@ impl Shapes {
         }
         let from = self.encoder.plain_pair_width();
         let dx = (from < self.critic.inputs).then(|| (from, sized(&mut ws.dx, rows * (self.critic.inputs - from))));
-        let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
+        let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         self.critic.backward((critic.dense, critic.packed), x, z, &mut ws.acts, wanted);
         self.add_pair_corners(pairs, &ws.dx, gradient);
         loss
@@ -309,7 +309,7 @@ impl Shapes {
         let (columns, grid_width) = (self.model.inputs - from, self.encoder.grid_width());
         let dx = (grid_width > 0).then(|| (from, sized(&mut ws.dx, rows * columns)));
         let x = &ws.x[..rows * self.model.inputs];
-        let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
+        let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         self.model.backward((model.dense, model.packed), x, &predicted[..rows * s], &mut ws.acts, wanted);
         ws.y = predicted;
         if grid_width > 0 {
@@ -324,13 +324,13 @@ impl Shapes {
     /// over their bound. Returns the part's contribution to mean D.
     pub fn actor_gradient(
         &self,
-        path: &ActorPath,
+        path: &ActorLossNetworks,
         pairs: Pairs,
         share: f32,
         gradient: &mut Gradient,
         (act, step, judge): (&mut Workspace, &mut Workspace, &mut Workspace),
     ) -> f32 {
-        let ActorPath { actor, model, critic } = *path;
+        let ActorLossNetworks { actor, model, critic } = *path;
         let Pairs { states, goals, .. } = pairs;
         let spec = self.encoder.spec();
         let (s, a) = (spec.state_dim(), spec.action_dim);
@@ -354,9 +354,9 @@ impl Shapes {
             *z = share * self.distance_scale * sigmoid(*z);
         }
         let dx = sized(&mut judge.dx, rows * width);
-        let wanted = Wanted { parameters: None, inputs: Some((0, &mut *dx)) };
+        let wanted = GradientRequest { parameters: None, inputs: Some((0, &mut *dx)) };
         self.critic.backward((critic.dense, critic.packed), x, z, &mut judge.acts, wanted);
-        let mut d_state = [0.0; MOST_STATE_NUMBERS];
+        let mut d_state = [0.0; MAX_STATE_DIM];
         let d_state = &mut d_state[..s];
         for (i, next) in next[..rows * s].chunks_exact_mut(s).enumerate() {
             let at = i * width..(i + 1) * width;
@@ -366,7 +366,7 @@ impl Shapes {
             }
         }
         let d_action = sized(&mut step.dx, rows * a);
-        let wanted = Wanted { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
+        let wanted = GradientRequest { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
         let x = &step.x[..rows * self.model.inputs];
         self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut step.acts, wanted);
         step.y = next;
@@ -377,7 +377,7 @@ impl Shapes {
         }
         let from = self.encoder.plain_pair_width();
         let dx = (from < self.actor.inputs).then(|| (from, sized(&mut act.dx, rows * (self.actor.inputs - from))));
-        let wanted = Wanted { parameters: Some(&mut gradient.dense), inputs: dx };
+        let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &act.x[..rows * self.actor.inputs];
         self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut act.acts, wanted);
         act.y = action;
@@ -387,7 +387,7 @@ impl Shapes {
 }
 
 /// Maximum size of a state: states are short vectors, so their gradients live on the stack.
-pub const MOST_STATE_NUMBERS: usize = 64;
+pub const MAX_STATE_DIM: usize = 64;
 
 impl LossScale {
     /// Returns the error of `distance` against `target` on this scale, and the scale's slope at `distance`.

@@ -4,14 +4,14 @@
 use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
 
-use super::batch::Batch;
-use super::encoder::Encoder;
-use super::fused::fused_mlp;
-use super::grid::GridShape;
-use super::losses::{EXCESS_WEIGHT, Shapes};
-use super::mlp::Mlp;
-use super::network::Network;
-use super::settings::LossScale;
+use crate::learn::data::batch::Batch;
+use crate::learn::kernels::fused::fused_mlp;
+use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::grid::GridShape;
+use crate::learn::networks::mlp::Mlp;
+use crate::learn::networks::network::Network;
+use crate::learn::settings::LossScale;
+use crate::learn::update::losses::{EXCESS_WEIGHT, Shapes};
 
 /// A network's parameters as tensors.
 #[derive(Clone, Debug)]
@@ -45,7 +45,11 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub(super) fn new(shapes: &'a Shapes, networks: impl Iterator<Item = &'a Network>, layers: Layers) -> Result<Self> {
+    pub(in crate::learn) fn new(
+        shapes: &'a Shapes,
+        networks: impl Iterator<Item = &'a Network>,
+        layers: Layers,
+    ) -> Result<Self> {
         let networks = networks.map(|network| {
             // The first row of each line holds the values.
             let values = |lines: &Var| lines.narrow(1, 0, 1)?.squeeze(1)?.contiguous();
@@ -56,7 +60,7 @@ impl<'a> Reference<'a> {
     }
 
     /// Creates the losses at given parameters, in the same order.
-    pub(super) fn of(shapes: &'a Shapes, mut networks: Vec<Parameters>, layers: Layers) -> Result<Self> {
+    pub(in crate::learn) fn of(shapes: &'a Shapes, mut networks: Vec<Parameters>, layers: Layers) -> Result<Self> {
         let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("too few networks") };
         Ok(Self { shapes, critics: networks, model, actor, layers })
     }
@@ -162,7 +166,7 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn model_loss(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
-        let scale = row(&or_infinite(&self.shapes().encoder.spec().change_scale), states.device())?;
+        let scale = row(&zero_to_infinity(&self.shapes().encoder.spec().change_scale), states.device())?;
         let error = (self.predictions(states, actions)? - next)?.broadcast_div(&scale)?;
         error.sqr()?.sum(D::Minus1)?.mean_all()
     }
@@ -208,20 +212,20 @@ fn row(values: &[f32], device: &Device) -> Result<Tensor> {
 }
 
 /// Returns scales to divide by, with 0 replaced by infinity so that constant components become 0.
-fn or_infinite(scales: &[f32]) -> Vec<f32> {
+fn zero_to_infinity(scales: &[f32]) -> Vec<f32> {
     scales.iter().map(|scale| if *scale > 0.0 { *scale } else { f32::INFINITY }).collect()
 }
 
 fn scaled(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {
     let (spec, device) = (encoder.spec(), states.device());
-    let half_range = row(&or_infinite(&spec.state_half_range), device)?;
+    let half_range = row(&zero_to_infinity(&spec.state_half_range), device)?;
     states.broadcast_sub(&row(&spec.state_centre, device)?)?.broadcast_div(&half_range)
 }
 
 fn scaled_goals(encoder: &Encoder, goals: &Tensor) -> Result<Tensor> {
     let spec = encoder.spec();
     let of = |values: &[f32]| row(&spec.achieved.iter().map(|i| values[*i]).collect::<Vec<_>>(), goals.device());
-    goals.broadcast_sub(&of(&spec.state_centre)?)?.broadcast_div(&of(&or_infinite(&spec.state_half_range))?)
+    goals.broadcast_sub(&of(&spec.state_centre)?)?.broadcast_div(&of(&zero_to_infinity(&spec.state_half_range))?)
 }
 
 fn achieved(encoder: &Encoder, states: &Tensor) -> Result<Tensor> {

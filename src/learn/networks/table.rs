@@ -3,12 +3,12 @@
 use candle_core::{Device, Result, Storage, Tensor, Var, bail};
 use parking_lot::{RwLock, RwLockReadGuard};
 
-use super::adam::{adam_rate, modify, slice};
-use super::gradient::StepRates;
-use super::grid::{LazyView, TableView};
-use super::kernel;
-use super::state::{Fill, NetworkState};
-use super::touched::Touched;
+use crate::learn::kernels::kernel;
+use crate::learn::networks::grid::{LazyAverageView, TableView};
+use crate::learn::networks::state::{Fill, NetworkState};
+use crate::learn::networks::touched::TouchedCorners;
+use crate::learn::update::adam::{adam_rate, modify, slice};
+use crate::learn::update::gradient::LearningRates;
 
 /// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels that is one cache
 /// line, so a corner costs one cache miss instead of four.
@@ -22,12 +22,12 @@ pub struct Table {
     lines: Var,
     /// `decay[k] = (1 - tau)^k`; empty for a table without an average.
     decay: Vec<f32>,
-    kept: RwLock<Kept>,
+    kept: RwLock<TrainingState>,
 }
 
 /// State kept alongside the lines.
 #[derive(Debug)]
-struct Kept {
+struct TrainingState {
     steps: u64,
     /// Update as of which each corner's average is stored, `(corners)`.
     stored: Vec<u32>,
@@ -39,7 +39,7 @@ struct Kept {
 pub struct TableGuard<'a> {
     table: &'a Table,
     lines: RwLockReadGuard<'a, Storage>,
-    kept: RwLockReadGuard<'a, Kept>,
+    kept: RwLockReadGuard<'a, TrainingState>,
 }
 
 impl TableGuard<'_> {
@@ -49,7 +49,7 @@ impl TableGuard<'_> {
     /// Returns candle's error if a tensor operation fails.
     pub fn view(&self, averaged: bool) -> Result<TableView<'_>> {
         let Table { decay, channels, .. } = self.table;
-        let lazy = LazyView { stored: &self.kept.stored, now: self.kept.steps as u32, decay };
+        let lazy = LazyAverageView { stored: &self.kept.stored, now: self.kept.steps as u32, decay };
         let average = (averaged && !decay.is_empty()).then_some(lazy);
         Ok(TableView { lines: slice(&self.lines)?, stride: ROWS * channels, average })
     }
@@ -71,7 +71,7 @@ impl Table {
             channels,
             lines: Var::from_tensor(&Tensor::from_vec(lines, (corners, ROWS, channels), &Device::Cpu)?)?,
             decay: tau.map_or(Vec::new(), decay_table),
-            kept: RwLock::new(Kept { steps: 0, stored: vec![0; corners], sums: Vec::new() }),
+            kept: RwLock::new(TrainingState { steps: 0, stored: vec![0; corners], sums: Vec::new() }),
         })
     }
 
@@ -111,8 +111,8 @@ impl Table {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn step(&self, touched: &Touched, parts: &[Vec<f32>], rates: StepRates) -> Result<()> {
-        let (Self { channels, decay, .. }, Kept { steps, stored, sums }) = (self, &mut *self.kept.write());
+    pub fn step(&self, touched: &TouchedCorners, parts: &[Vec<f32>], rates: LearningRates) -> Result<()> {
+        let (Self { channels, decay, .. }, TrainingState { steps, stored, sums }) = (self, &mut *self.kept.write());
         let before = *steps as u32;
         *steps += 1;
         touched.sum_into(parts, *channels, sums);
@@ -153,7 +153,7 @@ impl Table {
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
     pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
-        let Kept { steps, stored, .. } = &mut *self.kept.write();
+        let TrainingState { steps, stored, .. } = &mut *self.kept.write();
         let mut result = Ok(());
         modify(&self.lines, |lines| result = fill("table", lines))?;
         result?;

@@ -3,23 +3,23 @@
 use candle_core::{Device, Result, Storage, Tensor, Var};
 use parking_lot::{RwLock, RwLockReadGuard};
 
-use super::adam::{Moments, adam_rate, adam_step, modify, slice};
-use super::gradient::StepRates;
-use super::kernel;
-use super::mlp::{Mlp, Packed};
-use super::state::{Fill, NetworkState};
+use crate::learn::kernels::kernel;
+use crate::learn::networks::mlp::{Mlp, Packed};
+use crate::learn::networks::state::{Fill, NetworkState};
+use crate::learn::update::adam::{Moments, adam_rate, adam_step, modify, slice};
+use crate::learn::update::gradient::LearningRates;
 
 /// Flat parameters as a candle variable, with their training state.
 #[derive(Debug)]
 pub struct Dense {
     mlp: Mlp,
     var: Var,
-    kept: RwLock<Kept>,
+    kept: RwLock<TrainingState>,
 }
 
 /// State kept in sync with the parameters.
 #[derive(Debug)]
-struct Kept {
+struct TrainingState {
     steps: u64,
     /// Hidden weights packed for products.
     packed: Packed,
@@ -31,7 +31,7 @@ struct Kept {
 /// Parameters locked for reading.
 pub struct DenseGuard<'a> {
     numbers: RwLockReadGuard<'a, Storage>,
-    kept: RwLockReadGuard<'a, Kept>,
+    kept: RwLockReadGuard<'a, TrainingState>,
 }
 
 impl DenseGuard<'_> {
@@ -58,7 +58,7 @@ impl Dense {
         mlp.pack(parameters, true, &mut packed);
         mlp.pack(parameters, false, &mut packed_average);
         let average = averaged.then(|| (parameters.to_vec(), packed_average));
-        let kept = Kept { steps: 0, packed, moments: Moments::new(parameters.len()), average };
+        let kept = TrainingState { steps: 0, packed, moments: Moments::new(parameters.len()), average };
         let var = Var::from_tensor(&Tensor::from_slice(parameters, parameters.len(), &Device::Cpu)?)?;
         Ok(Self { mlp, var, kept: RwLock::new(kept) })
     }
@@ -83,8 +83,8 @@ impl Dense {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn step(&self, parts: &mut [Vec<f32>], rates: StepRates) -> Result<()> {
-        let Kept { steps, packed, moments, average } = &mut *self.kept.write();
+    pub fn step(&self, parts: &mut [Vec<f32>], rates: LearningRates) -> Result<()> {
+        let TrainingState { steps, packed, moments, average } = &mut *self.kept.write();
         let Some((gradient, rest)) = parts.split_first_mut() else { return Ok(()) };
         for part in rest {
             kernel::add_into(gradient, part);
@@ -107,7 +107,7 @@ impl Dense {
     /// Returns candle's error if a tensor operation fails.
     pub fn state(&self) -> Result<NetworkState> {
         let parameters = self.lock().numbers(false)?.0.to_vec();
-        let Kept { moments, average, .. } = &*self.kept.read();
+        let TrainingState { moments, average, .. } = &*self.kept.read();
         let mut state = vec![("dense", parameters), ("dense_m", moments.m.clone()), ("dense_v", moments.v.clone())];
         state.extend(average.as_ref().map(|(average, _)| ("dense_average", average.clone())));
         Ok(state)
@@ -118,7 +118,7 @@ impl Dense {
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
     pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
-        let Kept { steps, packed, moments, average } = &mut *self.kept.write();
+        let TrainingState { steps, packed, moments, average } = &mut *self.kept.write();
         let mut result = Ok(());
         modify(&self.var, |parameters| {
             result = fill("dense", parameters);

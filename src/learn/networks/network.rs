@@ -3,11 +3,11 @@
 use candle_core::{Result, Var, bail};
 use rand_chacha::ChaCha8Rng;
 
-use super::dense::{Dense, DenseGuard};
-use super::grid::{GridShape, TableView};
-use super::mlp::{Mlp, Packed};
-use super::state::NetworkState;
-use super::table::{Table, TableGuard};
+use crate::learn::networks::dense::{Dense, DenseGuard};
+use crate::learn::networks::grid::{GridShape, TableView};
+use crate::learn::networks::mlp::{Mlp, Packed};
+use crate::learn::networks::state::NetworkState;
+use crate::learn::networks::table::{Table, TableGuard};
 
 /// A network's weights as slices, for the kernels.
 #[derive(Clone, Copy)]
@@ -67,7 +67,7 @@ impl Network {
     }
 
     /// Returns the two halves, for stepping.
-    pub(super) fn halves(&self) -> (&Dense, Option<&Table>) {
+    pub(in crate::learn) fn halves(&self) -> (&Dense, Option<&Table>) {
         (&self.dense, self.table.as_ref())
     }
 

@@ -10,14 +10,14 @@ use std::ops::Range;
 
 use pulp::{Arch, Simd, WithSimd};
 
-use super::kernel;
+use crate::learn::kernels::kernel;
 
 /// Vectors of columns in a tile.
 const VECTORS: usize = 2;
 
 /// Maximum rows of a tile, with 32 registers and with fewer: enough chains of multiply-adds to keep a core busy, few
 /// enough to keep the whole tile in registers.
-const MOST_ROWS: (usize, usize) = (8, 6);
+const MAX_TILE_ROWS: (usize, usize) = (8, 6);
 
 /// The right-hand side of products, `(depth, columns)`, cut into panels as wide as a tile; the last panel is padded
 /// with zeros.
@@ -43,7 +43,7 @@ impl Panels {
     /// Packs `b`, `(depth, columns)` row-major.
     ///
     /// # Panics
-    /// Panics if `b` is shorter than that.
+    /// Panics if `b` is too short.
     pub fn pack(&mut self, b: &[f32], depth: usize, columns: usize) {
         self.prepare(depth, columns);
         for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
@@ -57,7 +57,7 @@ impl Panels {
     /// Packs the transpose of `b`, which is `(columns, depth)` row-major.
     ///
     /// # Panics
-    /// Panics if `b` is shorter than that.
+    /// Panics if `b` is too short.
     pub fn pack_transposed(&mut self, b: &[f32], depth: usize, columns: usize) {
         self.prepare(depth, columns);
         for (panel, from) in self.data.chunks_exact_mut(depth * self.width).zip((0..columns).step_by(self.width)) {
@@ -133,7 +133,7 @@ impl WithSimd for Product<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { left, panels, rows, from, bias, out } = self;
         let Panels { ref data, depth, columns, width } = *panels;
-        let most = if S::REGISTER_COUNT >= 32 { MOST_ROWS.0 } else { MOST_ROWS.1 };
+        let most = if S::REGISTER_COUNT >= 32 { MAX_TILE_ROWS.0 } else { MAX_TILE_ROWS.1 };
         // Tiles of nearly equal height: a last tile of one or two rows would take almost as long as a full one.
         let tiles = rows.div_ceil(most);
         for panel in from / width..columns.div_ceil(width) {

@@ -15,7 +15,7 @@ const SIDE: usize = 8;
 /// Computes `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride` numbers.
 ///
 /// # Panics
-/// Panics if a slice is shorter than that, or if `rows` exceeds `stride`.
+/// Panics if a slice is too short, or if `rows` exceeds `stride`.
 pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) {
     let (x, out) = (&x[..rows * cols], &mut out[..cols * stride]);
     assert!(rows <= stride, "{rows} numbers in rows of {stride}");
@@ -183,7 +183,7 @@ pub struct AdamRate {
 pub const BETA: (f32, f32) = (0.9, 0.999);
 
 /// Moments below this are set to 0: those of dead units would decay into denormals, which are very slow.
-const TINY: f32 = 1e-20;
+const MOMENT_FLOOR: f32 = 1e-20;
 
 /// Takes one Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`.
 #[multiversion(targets = "simd")]
@@ -213,8 +213,8 @@ pub fn adam_few(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], r
 fn adam_one(w: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: AdamRate) {
     let m1 = BETA.0 * *m + (1.0 - BETA.0) * g;
     let v1 = BETA.1 * *v + (1.0 - BETA.1) * (g * g);
-    *m = if m1.abs() < TINY { 0.0 } else { m1 };
-    *v = if v1 < TINY { 0.0 } else { v1 };
+    *m = if m1.abs() < MOMENT_FLOOR { 0.0 } else { m1 };
+    *v = if v1 < MOMENT_FLOOR { 0.0 } else { v1 };
     *w -= rate.rate * *m / (v.sqrt() + rate.epsilon);
 }
 
@@ -259,7 +259,7 @@ impl pulp::WithSimd for Peak {
 mod tests {
     use super::*;
 
-    /// Beyond a full set of vectors of any SIMD width, with every remainder.
+    /// Lengths beyond a full set of vectors at any SIMD width, with every remainder.
     const LENGTHS: std::ops::RangeInclusive<usize> = 0..=70;
 
     /// Returns numbers of both signs, 0 among them, exact in f32, that differ between seeds.

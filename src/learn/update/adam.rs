@@ -4,7 +4,7 @@ use std::cell::RefCell;
 
 use candle_core::{CpuStorage, InplaceOp1, Layout, Result, Storage, Var, bail};
 
-use super::kernel::{self, AdamRate, BETA};
+use crate::learn::kernels::kernel::{self, AdamRate, BETA};
 
 const EPSILON: f64 = 1e-8;
 

@@ -4,7 +4,7 @@ use std::time::{Duration, Instant};
 
 /// A phase of training that is timed on its own.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Phase {
+pub enum Stage {
     /// Acting, the environment, candidates and bridge searches.
     Explore,
     /// Drawing batches from the replay.
@@ -23,7 +23,7 @@ pub enum Phase {
     Graph,
 }
 
-impl Phase {
+impl Stage {
     /// All phases, in order.
     pub const ALL: [Self; 8] = [
         Self::Explore,
@@ -53,18 +53,18 @@ impl Phase {
 
 /// Time spent in each phase.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Profile([Duration; Phase::ALL.len()]);
+pub struct Profile([Duration; Stage::ALL.len()]);
 
 impl Profile {
     /// Adds the time since `began` to `phase`; returns the current time.
-    pub fn lap(&mut self, phase: Phase, began: Instant) -> Instant {
+    pub fn lap(&mut self, phase: Stage, began: Instant) -> Instant {
         let now = Instant::now();
         self.0[phase as usize] += now - began;
         now
     }
 
     /// Returns the time spent in `phase`.
-    pub fn spent(&self, phase: Phase) -> Duration {
+    pub fn spent(&self, phase: Stage) -> Duration {
         self.0[phase as usize]
     }
 }
