@@ -52,6 +52,9 @@ fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
     (difference, autograd.iter().map(|g| g.abs()).fold(0.0, f32::max))
 }
 
+/// Updates before gradients are compared.
+const UPDATES_BEFORE: usize = 20;
+
 fn check(spec: &Spec, settings: &LearnSettings) {
     for layers in [Layers::Linear, Layers::Fused] {
         check_against(spec, settings, layers);
@@ -68,9 +71,18 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     };
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
+    // Averages start equal to what they average: some updates move them apart.
+    for _ in 0..UPDATES_BEFORE {
+        let mut other = self::batch(spec, settings.batch_size, &mut rng);
+        other.greedy_targets = settings.greedy_targets;
+        learner.update_on(&other, &mut Profile::default()).unwrap();
+    }
     let reference = learner.reference(layers).unwrap();
-    // Moving averages start equal to what they average.
-    let targets = reference.targets(&batch, &Device::Cpu).unwrap();
+    let targets = learner.target_reference(layers).unwrap().targets(&batch, &Device::Cpu).unwrap();
+    let at_current_weights = reference.targets(&batch, &Device::Cpu).unwrap();
+    let apart = (&targets - at_current_weights).unwrap().abs().unwrap().max(0).unwrap().to_scalar::<f32>().unwrap();
+    // A batch of one has a pair whose goal was reached.
+    assert!(apart > 0.01 || settings.batch_size == 1, "targets at averages and at current weights differ by {apart} only");
     let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();

@@ -350,6 +350,23 @@ fn shared(file: &str) -> Option<PathBuf> {
 }
 
 #[test]
+fn a_printed_map_and_a_scenario_on_it_are_read() {
+    let grid = map::random(Kind::City, 3);
+    let read = parse_map("city.map", map::print_movingai(&grid).as_bytes()).unwrap();
+    assert_eq!(read.free(), grid.free());
+    let cells: Vec<Cell> = grid.free_cells().step_by(97).collect();
+    let mut scenario = "version 1\n".to_owned();
+    for (start, goal) in cells.iter().zip(cells.iter().rev()) {
+        let numbers = [start.x, start.y, goal.x, goal.y].map(|n| n.to_string()).join("\t");
+        scenario += &format!("0\tcity.map\t{}\t{}\t{numbers}\t12.5\n", grid.width(), grid.height());
+    }
+    let tasks = map::parse_scenario_bytes("city.scen", scenario.as_bytes(), &read).unwrap();
+    assert_eq!(tasks.len(), cells.len());
+    assert!(tasks.iter().zip(&cells).all(|(task, cell)| task.start == *cell && task.optimal_octile == 12.5));
+}
+
+#[test]
+#[ignore = "reads real maps, which are not part of the repository"]
 fn real_maps_and_scenarios_are_read() {
     let Some(path) = shared("Berlin_0_256.map") else { return };
     let grid = map::load_map(&path).unwrap();

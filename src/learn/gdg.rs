@@ -6,7 +6,7 @@ mod part;
 use std::sync::Arc;
 use std::time::Instant;
 
-use candle_core::{Error, Result};
+use candle_core::{Device, Error, Result, Tensor};
 use parking_lot::{Mutex, RwLock};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -26,7 +26,7 @@ use crate::learn::update::gradient::{Gradient, LearningRates};
 use crate::learn::update::losses::{ActorLossNetworks, Losses, MAX_STATE_DIM, Pairs, Shapes};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
-use crate::learn::update::reference::{Layers, Reference};
+use crate::learn::update::reference::{Layers, Parameters, Reference};
 use crate::learn::update::tape::Tape;
 use crate::store::{Store, StoreError};
 use part::{Part, Rows, part_rows};
@@ -231,6 +231,23 @@ impl Gdg {
     /// Returns candle's error if a tensor operation fails.
     pub fn reference(&self, layers: Layers) -> Result<Reference<'_>> {
         Reference::new(self.shapes(), self.networks(), layers)
+    }
+
+    /// Returns the losses in candle's operations at the weights that targets use: the running averages of critics and
+    /// actor, and the current model.
+    ///
+    /// # Errors
+    /// Returns candle's error if a tensor operation fails.
+    pub fn target_reference(&self, layers: Layers) -> Result<Reference<'_>> {
+        let grid = self.shapes().encoder.grid();
+        let parameters = |network: &Network, averaged: bool| {
+            let (dense, table) = network.copy(averaged)?;
+            let table = grid.map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu));
+            Ok(Parameters { dense: Tensor::new(dense, &Device::Cpu)?, table: table.transpose()? })
+        };
+        let critics = self.shared.critics.iter().map(|critic| parameters(critic, true));
+        let others = [parameters(&self.shared.model, false), parameters(&self.shared.actor, true)];
+        Reference::of(self.shapes(), critics.chain(others).collect::<Result<_>>()?, layers)
     }
 
     /// Calls `use_nets` with the current networks or their running averages; no update can run meanwhile.
