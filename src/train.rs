@@ -1,5 +1,5 @@
-//! Training: agents that explore, updates in step with them, evaluation, checkpoints, and the engine that runs all
-//! this for the front ends.
+//! Training: exploring agents, updates interleaved with their steps, evaluation, checkpoints, and the engine that runs
+//! all of it for the front ends.
 
 mod checkpoint;
 mod config;

@@ -1,14 +1,14 @@
-//! The terminal trainer: draws what the engine publishes and passes on what the user does.
+//! The terminal trainer: draws what the engine publishes and forwards user input.
 //!
 //! Three threads: the engine trains, the viewer ([`crate::view`]) computes distance fields and walks the test agent,
 //! and this one draws.
-//! None waits for another: each takes the latest that the others have published.
+//! No thread waits for another: each reads the latest state that the others have published.
 //!
-//! * `action`, `keymap`, `config`: what can be done, by which keys, and what users set for themselves.
-//! * `screen`: the state that a frame is drawn from; `dialog`, `editor`, `log` are parts of it.
-//! * `app`: the controller: what events do to the screen, and to trainer and viewer.
-//! * `render`: panes; `raster`, `canvas`, `layers`, `theme` are how the map becomes characters.
-//! * `export`: what is seen, as files; `terminal`: the terminal itself, and recordings of it.
+//! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration.
+//! * `screen`: the state a frame is drawn from; `dialog`, `editor` and `log` are parts of it.
+//! * `app`: the controller, which applies events to the screen, the trainer and the viewer.
+//! * `render`: the panes; `raster`, `canvas`, `layers` and `theme` turn the map into characters.
+//! * `export`: writes what is shown to files; `terminal`: the terminal itself; `record`: recordings of it.
 
 mod action;
 mod app;
@@ -58,26 +58,26 @@ use record::Recorder;
 use terminal::Terminal;
 pub use terminal::watch as guard_terminal;
 
-/// Shortest time between two frames: one that answers the user, and one that shows what has changed.
+/// Minimum time between frames: after user input (`ANSWER`), and after any other change (`FRAME`).
 const ANSWER: Duration = Duration::from_millis(16);
 const FRAME: Duration = Duration::from_millis(66);
 
-/// How often it is looked whether a signal came or a notice has been shown long enough.
+/// Polling interval for signals and expiring notices.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// The latter while training waits and only the walking agent moves: a program that waits should cost little.
+/// `FRAME` while training is not running and only the walking agent moves: an idle program should use little CPU.
 const IDLE_FRAME: Duration = Duration::from_millis(130);
 
-/// What the interface needs of files.
+/// The configuration and the recording, opened before the interface starts.
 pub struct Prepared {
     config: (UiConfig, Keymap),
     recorder: Option<Recorder>,
 }
 
-/// Reads the configuration and begins the recording: before anything else, as both can be wrong.
+/// Reads the configuration and starts the recording. Comes before anything else, since both can fail.
 ///
 /// # Errors
-/// What is wrong with the one file, or that the other is there already or cannot be written.
+/// The configuration is invalid, or the recording exists already or cannot be written.
 pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
     let config =
         config::load(args.ui_config.as_deref()).map_err(|e| Explained::report(e.to_string(), e.right, e.excerpt))?;
@@ -85,10 +85,10 @@ pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
     Ok(Prepared { config, recorder })
 }
 
-/// Opens the trainer; the exit status once it is closed.
+/// Runs the trainer and returns the exit status.
 ///
 /// # Errors
-/// What the terminal, training or saving report.
+/// Errors of the terminal, of training or of saving.
 pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainArgs) -> Result<u8, Report> {
     let ending = Ending::listen(terminal::restore)?;
     let Setup { trainer, save, resumed, warning, .. } = setup;
@@ -105,7 +105,7 @@ pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainAr
     if ending.number().is_some() || !matches!(shown, Ok(Ok(()))) {
         app.on_signal();
     }
-    // Before anything that a terminal which has gone away might hold up.
+    // First, since writing to a terminal that is gone may block.
     let closed = app.close();
     drop(terminal);
     let _ = writeln!(std::io::stdout(), "{}", plain_lines(&closed.summary));
@@ -119,7 +119,7 @@ pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainAr
     }
 }
 
-/// Draws and listens until the user or a signal ends it.
+/// Handles events and draws frames until the user or a signal ends the loop.
 async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> std::io::Result<()> {
     let mut events = EventStream::new();
     let mut snapshots = app.snapshots();
@@ -134,7 +134,7 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> 
                     app.on_event(&event?);
                     pace.asked = true;
                 }
-                // Nobody is left at the keyboard.
+                // End of input: nobody is left at the keyboard.
                 None => break,
             },
             Ok(()) = snapshots.changed() => {
@@ -168,7 +168,7 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> 
     Ok(())
 }
 
-/// Requests of others to stop until told to go on (SIGTSTP).
+/// Requests by other processes to suspend (SIGTSTP).
 struct Stops {
     #[cfg(unix)]
     signals: tokio::signal::unix::Signal,
@@ -184,7 +184,7 @@ impl Stops {
         })
     }
 
-    /// Waits for the next one.
+    /// Waits for the next request.
     async fn next(&mut self) {
         #[cfg(unix)]
         if self.signals.recv().await.is_some() {
@@ -194,20 +194,20 @@ impl Stops {
     }
 }
 
-/// When to draw: at once for the user, at leisure for what changes by itself.
+/// Decides when to draw: at once after user input, less often for other changes.
 #[derive(Default)]
 struct Pace {
-    /// The user did something.
+    /// A frame is needed at once, as after user input.
     asked: bool,
-    /// There is something new to see.
+    /// What is shown has changed.
     changed: bool,
-    /// Training waits.
+    /// Training is not running.
     waits: bool,
     drawn: Option<Instant>,
 }
 
 impl Pace {
-    /// Time until something is to be done.
+    /// Returns the time until the next frame or poll.
     fn until_due(&self) -> Duration {
         let rest = match self {
             Self { asked: true, .. } => ANSWER,
@@ -218,7 +218,7 @@ impl Pace {
         self.drawn.map_or(Duration::ZERO, |at| rest.saturating_sub(at.elapsed()))
     }
 
-    /// Whether a frame is to be drawn now; then it counts as drawn.
+    /// Returns whether a frame is due; if so, counts it as drawn.
     fn is_due(&mut self) -> bool {
         let due = (self.asked || self.changed) && self.until_due().is_zero();
         if due {

@@ -82,7 +82,10 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let at_current_weights = reference.targets(&batch, &Device::Cpu).unwrap();
     let apart = (&targets - at_current_weights).unwrap().abs().unwrap().max(0).unwrap().to_scalar::<f32>().unwrap();
     // A batch of one has a pair whose goal was reached.
-    assert!(apart > 0.01 || settings.batch_size == 1, "targets at averages and at current weights differ by {apart} only");
+    assert!(
+        apart > 0.01 || settings.batch_size == 1,
+        "targets at averages and at current weights differ by {apart} only"
+    );
     let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();

@@ -1,8 +1,9 @@
-//! Checkpoints: one safetensors file with everything a run needs to go on as if it had never stopped.
+//! Checkpoints: one safetensors file with everything needed to resume a run exactly where it stopped.
 //!
-//! Tensors hold networks (with their optimiser's moments and averages), replay and bridge candidates; the metadata
-//! holds the run, its world (a map as plain ASCII), counters, random states and history as JSON, and a checksum over
-//! all. What [`Trainer::save`] writes and [`Trainer::load`] reads becomes a file here.
+//! Tensors hold the networks (with optimiser moments and averaged weights), the replay buffer and the bridge
+//! candidates. The metadata holds the run, its world (a map as plain ASCII), counters, RNG states and history as JSON,
+//! and a checksum over everything. This module moves the store of [`Trainer::save`] and [`Trainer::load`] to and from a
+//! file.
 
 mod content;
 
@@ -25,10 +26,10 @@ use crate::text::{file_name, plain, shortened};
 pub use content::resealed;
 use content::{ContentError, texts_from_header};
 
-/// The most characters of a reason that are shown: it may quote the file.
+/// Maximum length of a displayed reason, in characters: it may quote the file.
 const SHOWN: usize = 400;
 
-/// A checkpoint that cannot be written or loaded.
+/// Error from writing or loading a checkpoint.
 #[derive(Debug, thiserror::Error)]
 #[error("{}: {what}", plain(&file.to_string_lossy()))]
 pub struct CheckpointError {
@@ -36,36 +37,36 @@ pub struct CheckpointError {
     pub file: PathBuf,
     /// What is wrong with it.
     pub what: String,
-    /// What would be right.
+    /// How to fix it.
     pub right: String,
 }
 
-/// What a checkpoint is of, without its contents.
+/// Summary of a checkpoint, without its tensors.
 #[derive(Clone, Debug)]
 pub struct Description {
     /// The file.
     pub file: PathBuf,
-    /// What its world is called: the map's name.
+    /// Title of its world: the map's name.
     pub title: String,
     /// Method, preset, seed and settings.
     pub run: Run,
     /// Updates done.
     pub updates: u64,
-    /// How it did, if it was evaluated before it was saved.
+    /// Latest evaluation result, if the run was evaluated before saving.
     pub success: Option<Success>,
     /// Size of the file in bytes.
     pub bytes: u64,
-    /// When it was written.
+    /// Modification time of the file.
     pub written: Option<SystemTime>,
 }
 
-/// The longest header that is read: far more than any checkpoint of this program has.
+/// Maximum header size read, far above that of any checkpoint of this program.
 const MOST_HEADER_BYTES: u64 = 64 << 20;
 
-/// Reads what a checkpoint is of; its tensors are left alone.
+/// Reads a checkpoint's summary without its tensors.
 ///
 /// # Errors
-/// A file that cannot be read or is no checkpoint of this program.
+/// The file cannot be read or is not a checkpoint of this program.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     let read = || {
         let mut file = files::open(path)?;
@@ -81,7 +82,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
         let store = texts_from_header(&header)?;
         Ok::<_, ContentError>(Description {
             file: path.to_owned(),
-            // Former formats had maps alone.
+            // Older formats only had maps.
             title: file_name(store.text("title").or_else(|_| store.text("map_name"))?),
             run: store.json("run")?,
             updates: store.json::<TrainerState>("trainer")?.counters.updates,
@@ -98,18 +99,19 @@ fn unreadable(path: &Path, what: &str) -> CheckpointError {
     CheckpointError { file: path.to_owned(), what: shortened(what, SHOWN), right }
 }
 
-/// Where a checkpoint goes.
+/// Where to write a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SaveTo {
-    /// Replaces what is there: the run's own file, or one that the user said to replace. If another program has
-    /// replaced it meanwhile, the same as `Fresh`.
+    /// Replaces the existing file: the run's own, or one that the user agreed to overwrite. Acts like `Fresh` if
+    /// another program has replaced the file in the meantime.
     Own(PathBuf),
-    /// At this path, or where something is there already, at `-2`, `-3` ... of it: that belongs to another run.
+    /// Writes to this path, or to the path with the suffix `-2`, `-3` ... if it exists: an existing file belongs to
+    /// another run.
     Fresh(PathBuf),
 }
 
 impl SaveTo {
-    /// The path as it was asked for.
+    /// Returns the requested path.
     pub fn path(&self) -> &Path {
         match self {
             Self::Own(path) | Self::Fresh(path) => path,
@@ -117,7 +119,8 @@ impl SaveTo {
     }
 }
 
-/// Files that this program has read or written, as they were then: what has changed since is another program's.
+/// Files that this program has read or written, with their identity at that time: any change since then was made by
+/// another program.
 static KNOWN: Mutex<BTreeMap<PathBuf, Identity>> = Mutex::new(BTreeMap::new());
 
 /// Distinguishes a file from another one at the same path.
@@ -145,18 +148,18 @@ impl Identity {
         }
     }
 
-    /// Whether the file at `path` was this program's and has been replaced by another's since.
+    /// Whether another program has replaced the file at `path` since this one last read or wrote it.
     fn is_foreign(path: &Path) -> bool {
         let known = path.canonicalize().ok().and_then(|path| KNOWN.lock().get(&path).copied());
         known.is_some_and(|known| Self::of(path) != Some(known))
     }
 }
 
-/// Writes a checkpoint; where it went. A crash leaves the old file or the new one, and the old one is kept until the
-/// new one has been read back.
+/// Writes a checkpoint and returns its path. A crash leaves either the old or the new file; the old one is kept until
+/// the new one has been read back.
 ///
 /// # Errors
-/// What the file system or the learner report; numbers that are not finite.
+/// The file system or the learner fails, or numbers are not finite.
 pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
     let failed = |what: String| CheckpointError {
         file: to.path().to_owned(),
@@ -186,17 +189,17 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
 pub struct Loaded {
     /// The run.
     pub trainer: Trainer,
-    /// What the user should know: that the file was damaged and the one before it was taken.
+    /// Warning for the user: the file was damaged and its backup was loaded.
     pub warning: Option<String>,
 }
 
-/// Loads the run of a checkpoint, or of its backup if the file is damaged and there is one.
+/// Loads a run from a checkpoint, or from its backup if the file is damaged and a backup exists.
 ///
 /// # Errors
-/// A file that cannot be read or is no checkpoint of this program.
+/// The file cannot be read or is not a checkpoint of this program.
 pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loaded, CheckpointError> {
     let load = |file: &Path| {
-        // Its contents are held twice for a moment, as bytes and as numbers.
+        // The contents are briefly held twice, as bytes and as numbers.
         let bytes = files::read(file, memory::available() / 3).map_err(|e| format!("cannot be read: {e}"))?;
         from_bytes(&bytes, registry, threads).map_err(|e| e.to_string())
     };
@@ -216,21 +219,21 @@ pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loa
     }
 }
 
-/// Why bytes are not taken as a checkpoint.
+/// Why bytes cannot be loaded as a checkpoint.
 #[derive(Debug, thiserror::Error)]
 pub enum LoadError {
-    /// They are none, or damaged.
+    /// They are not a checkpoint, or a damaged one.
     #[error(transparent)]
     Content(#[from] ContentError),
-    /// The run in them cannot go on.
+    /// The run they hold cannot be resumed.
     #[error(transparent)]
     Train(#[from] TrainError),
 }
 
-/// Loads the run from a checkpoint's bytes.
+/// Loads a run from a checkpoint's bytes.
 ///
 /// # Errors
-/// What is wrong with them.
+/// The bytes are not a valid checkpoint, or their run cannot be resumed.
 pub fn from_bytes(bytes: &[u8], registry: &Arc<Registry>, threads: usize) -> Result<Trainer, LoadError> {
     Ok(Trainer::load(&content::from_bytes(bytes)?, registry, threads)?)
 }

@@ -1,4 +1,4 @@
-//! Settings from a preset, a JSON file and single values, with errors that say where and what would be right.
+//! Builds settings from a preset, a JSON file and individual values. Errors give the location and the valid values.
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
@@ -15,16 +15,16 @@ use crate::files;
 use crate::learn::OutOfRange;
 use crate::text::{Excerpt, plain, shortened};
 
-/// What changes a preset.
+/// Overrides of a preset.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides<'a> {
     /// A JSON file: an object of setting names and values.
     pub config: Option<&'a Path>,
-    /// Single settings as `name=value`, later ones winning.
+    /// Individual settings as `name=value`; later ones win.
     pub set: &'a [String],
 }
 
-/// A setting that cannot be used.
+/// An invalid setting.
 #[derive(Debug, thiserror::Error)]
 #[error("{place}{what}")]
 pub struct ConfigError {
@@ -36,10 +36,10 @@ pub struct ConfigError {
     pub excerpt: Option<Excerpt>,
 }
 
-/// The most characters of a value that an error quotes.
+/// Maximum length of a value quoted in an error, in characters.
 const QUOTED: usize = 120;
 
-/// The largest settings file that is read.
+/// Maximum size of a settings file.
 const MAX_BYTES: u64 = 64 << 20;
 
 impl ConfigError {
@@ -47,18 +47,18 @@ impl ConfigError {
         Box::new(Self { place: String::new(), what, right, excerpt: None })
     }
 
-    /// What is wrong and what would be right, in one line.
+    /// Returns the problem and the expected value in one line.
     pub fn in_a_line(&self) -> String {
         format!("{}: {}", self.what, self.right)
     }
 
-    /// The same error, beginning with `place`.
+    /// Prefixes the error with `place`.
     fn of(mut self: Box<Self>, place: String) -> Box<Self> {
         self.place = place;
         self
     }
 
-    /// The same error at a place of a file.
+    /// Adds the position in a file and an excerpt of it to the error.
     fn within(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
         let (excerpt, (line, column)) = Excerpt::of(file, text, offset..offset + length);
         self.excerpt = Some(excerpt);
@@ -66,10 +66,11 @@ impl ConfigError {
     }
 }
 
-/// The settings of `preset` with `overrides` applied: first the file, then the single values.
+/// Returns the settings of `preset` with `overrides` applied: first the file, then the individual values.
 ///
 /// # Errors
-/// A file that cannot be read or is no JSON object, unknown names, values of the wrong kind or out of range.
+/// The file cannot be read or is not a JSON object, a name is unknown, or a value has the wrong type or is out of
+/// range.
 pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(&preset.settings());
     if let Some(path) = overrides.config {
@@ -90,7 +91,7 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
     Ok(settings)
 }
 
-/// The settings of `preset` changed by the text of a settings file called `file`.
+/// Returns the settings of `preset` overridden by `text`, the contents of a settings file called `file`.
 ///
 /// # Errors
 /// See [`settings_from`].
@@ -102,21 +103,21 @@ pub fn settings_from_text(preset: Preset, file: &str, text: &str) -> Result<Sett
     Ok(settings)
 }
 
-/// All settings as a JSON object, in the order of the reference.
+/// Formats all settings as a JSON object, in the order of the reference.
 pub fn print_settings(settings: &Settings) -> String {
     format!("{:#}\n", Value::Object(as_map(settings)))
 }
 
-/// Names and values of all settings, in the order of the reference.
+/// Returns the names and values of all settings, in the order of the reference.
 pub fn list_settings(settings: &Settings) -> Vec<(String, String)> {
     let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     as_map(settings).iter().map(|(name, value)| (name.clone(), text(value))).collect()
 }
 
-/// `settings` with one of them changed, as `--set` would.
+/// Returns `settings` with one of them changed, as by `--set`.
 ///
 /// # Errors
-/// An unknown name, or a value of the wrong kind or out of range.
+/// The name is unknown, or the value has the wrong type or is out of range.
 pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(settings);
     apply(&mut values, name, &value_of(value))?;
@@ -125,13 +126,13 @@ pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Sett
     Ok(settings)
 }
 
-/// What `text` stands for; words need no quotes: loss=sqrt.
+/// Parses `text` as JSON, or else takes it as a string, so that words need no quotes: loss=sqrt.
 fn value_of(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()))
 }
 
 fn as_map(settings: &Settings) -> Map<String, Value> {
-    // By way of text, which writes 0.005 and not the binary fraction nearest to it.
+    // Round-trips through text, which prints 0.005 rather than the nearest binary fraction.
     match serde_json::to_string(settings).and_then(|text| serde_json::from_str(&text)) {
         // In the order of the reference.
         Ok(Value::Object(mut map)) => SETTINGS.iter().filter_map(|setting| map.remove_entry(setting.name)).collect(),
@@ -148,7 +149,7 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     })
 }
 
-/// Sets one value, and checks it on its own.
+/// Sets one value and checks it on its own.
 fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(), Box<ConfigError>> {
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
     values.insert(setting.name.to_owned(), value.clone());
@@ -163,7 +164,7 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
     }
 }
 
-/// Checks all values: ranges that involve several settings can only be judged once all are known.
+/// Checks all values together: some ranges involve several settings.
 fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<ConfigError>> {
     settings.check().map_err(|OutOfRange(name)| match Setting::named(name) {
         Some(setting) => out_of_range(setting, &values[name]),
@@ -189,7 +190,7 @@ fn unknown(name: &str) -> Box<ConfigError> {
     ConfigError::new(format!("there is no setting {:?}", shortened(name, QUOTED)), right)
 }
 
-/// Names and values of a settings file, borrowed from its text so that their places are known.
+/// Names and values of a settings file, borrowed from its text so that errors can locate them.
 #[derive(Deserialize)]
 struct Entries<'a>(#[serde(borrow)] BTreeMap<Key<'a>, &'a RawValue>);
 
@@ -227,7 +228,7 @@ fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result
     Ok(())
 }
 
-/// Byte offset of a line and column (from 1) as serde_json counts them.
+/// Returns the byte offset of a line and column (from 1), as counted by serde_json.
 fn offset_of(text: &str, line: usize, column: usize) -> usize {
     let start: usize = text.split_inclusive('\n').take(line.saturating_sub(1)).map(str::len).sum();
     let mut offset = (start + column.saturating_sub(1)).min(text.len());

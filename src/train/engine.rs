@@ -1,4 +1,5 @@
-//! A trainer on a thread of its own: it takes commands and publishes snapshots, and knows no front end.
+//! Runs a trainer on its own thread. The engine takes commands, publishes snapshots and does not depend on any front
+//! end.
 
 mod command;
 mod snapshot;
@@ -20,15 +21,15 @@ use crate::learn::{Policy, Scratch};
 pub use command::Command;
 pub use snapshot::{Followed, Networks, Phase, Snapshot, Step};
 
-/// How often snapshots are published while training.
+/// Interval between snapshots while training.
 const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);
 
-/// How often a snapshot brings new networks and candidates at most; copying them holds training up, of which it takes
-/// no larger share than one part in [`PARTS_FOR_TRAINING`].
+/// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks training, so it is limited
+/// to one part in [`PARTS_FOR_TRAINING`] of the time.
 const NETWORKS_EVERY: Duration = Duration::from_millis(300);
 
-/// Updates between evaluations at least, and tasks at each distance. They run beside training, but on the same cores:
-/// one begins only when so many times as long as the last one took has passed.
+/// Minimum updates between evaluations, tasks at each distance, and the pause after an evaluation as a multiple of its
+/// duration: evaluations run concurrently with training, but on the same cores.
 const EVALUATE_EVERY_UPDATES: u64 = 1_000;
 const EVALUATION_TASKS: usize = 10;
 const REST_AFTER_EVALUATION: u32 = 15;
@@ -36,16 +37,16 @@ const REST_AFTER_EVALUATION: u32 = 15;
 /// See [`NETWORKS_EVERY`].
 const PARTS_FOR_TRAINING: u32 = 60;
 
-/// How often a trainer that waits looks whether its evaluation is done.
+/// Polling interval for a running evaluation while training is paused.
 const LOOK_EVERY: Duration = Duration::from_millis(100);
 
-/// A trainer that does not end within this time hangs: a tick of the largest networks takes a few seconds.
+/// Timeout for stopping the trainer, after which it counts as hung. A tick of the largest networks takes a few seconds.
 const LONGEST_STOP: Duration = Duration::from_secs(30);
 
-/// The latest states of each agent that a snapshot brings.
+/// Number of recent states per agent in a snapshot.
 const TRAIL_STATES: usize = 8;
 
-/// A running trainer.
+/// Handle to a running trainer.
 pub struct Engine {
     commands: SyncSender<Command>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
@@ -56,7 +57,7 @@ impl Engine {
     /// Starts training up to `limits`.
     ///
     /// # Errors
-    /// What the learner reports, or that the thread cannot be started.
+    /// The learner fails, or the thread cannot be started.
     pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
         let first = Snapshot { limits, ..Snapshot::of(&trainer)? };
@@ -78,17 +79,17 @@ impl Engine {
         Ok(Self { commands, snapshots, thread })
     }
 
-    /// Sends a command; it is carried out before the next update. Dropped (with `false`) when too many wait.
+    /// Queues a command, which runs before the next update. Drops it and returns `false` if the queue is full.
     pub fn send(&self, command: Command) -> bool {
         self.commands.try_send(command).is_ok()
     }
 
-    /// Snapshots, always the latest.
+    /// Returns a receiver of the latest snapshot.
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
         self.snapshots.clone()
     }
 
-    /// Ends training and hands the trainer back; `None` where it does not end in time, or cannot be had back.
+    /// Stops training and returns the trainer, or `None` if its thread does not stop in time or has panicked.
     pub fn stop(self) -> Option<Trainer> {
         drop(self.commands);
         let began = Instant::now();
@@ -108,27 +109,27 @@ struct Worker {
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
     evaluation: Option<Evaluating>,
-    /// When the next evaluation may begin.
+    /// Earliest start of the next evaluation.
     rested: Option<Instant>,
-    /// The agent that is followed.
+    /// The followed agent.
     follow: Option<usize>,
-    /// When the next update may be done, where speed is limited.
+    /// Earliest time of the next update, if speed is limited.
     next_update: Option<Instant>,
-    /// Where the run was to be saved at first, and the file that it got there.
+    /// Path requested by the latest fresh save, and the file it was written to.
     fresh: Option<(PathBuf, PathBuf)>,
-    /// Files that were saved without being asked for, oldest first.
+    /// Autosaved files, oldest first.
     autosaved: Vec<PathBuf>,
     scratch: Scratch,
 }
 
-/// An evaluation under way on a thread of its own.
+/// An evaluation running on its own thread.
 struct Evaluating {
     updates: u64,
     began: Instant,
     result: JoinHandle<Evaluation>,
 }
 
-/// When things were last done for the front end.
+/// Timing of the updates for the front end.
 struct Pace {
     published: Instant,
     renew_networks_at: Instant,
@@ -146,7 +147,8 @@ impl Worker {
             }
             self.tell_recovery();
             self.publish();
-            // Saving is still possible, and so is another run: commands are heard until the front end goes.
+            // The run can still be saved or replaced by another one: commands are handled until the front end
+            // disconnects.
             while matches!(self.current.phase, Phase::Failed(_)) {
                 match self.inbox.recv() {
                     Ok(command) => self.carry_out(command),
@@ -157,7 +159,7 @@ impl Worker {
         self.trainer
     }
 
-    /// Makes the run one that can be saved again after a panic, and stops it.
+    /// Repairs the run after a panic so that it can be saved, and stops it.
     fn mend(&mut self, what: &str) {
         let mended = catch_unwind(AssertUnwindSafe(|| self.trainer.mend_after_panic()));
         let state = match mended {
@@ -167,10 +169,10 @@ impl Worker {
         self.current.phase = Phase::Failed(format!("an internal error ended {what}; {state}"));
     }
 
-    /// Tells that the run went back to earlier networks, if it did.
+    /// Reports a rollback to earlier networks, if there was one.
     fn tell_recovery(&mut self) {
         if let Some(recovery) = self.trainer.take_recovery() {
-            // Its settings are other ones now.
+            // The rollback changed the settings.
             self.current.run = Arc::new(self.trainer.run().clone());
             self.notify(recovery.to_string());
         }
@@ -180,7 +182,7 @@ impl Worker {
         self.publish.send_replace(Arc::new(self.current.clone()));
     }
 
-    /// Trains and carries out commands until the front end goes.
+    /// Trains and runs commands until the front end disconnects.
     fn train(&mut self) -> Result<(), TrainError> {
         let now = Instant::now();
         let rates_from = (self.trainer.seconds(), self.trainer.counters());
@@ -218,8 +220,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Carries out what has been asked for, and waits as long as there is nothing else to do; `false` once the front
-    /// end has gone.
+    /// Runs queued commands and blocks while training is paused. Returns `false` once the front end has disconnected.
     fn obey(&mut self) -> bool {
         loop {
             let waiting = !self.current.phase.trains();
@@ -264,7 +265,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Starts an evaluation of this moment unless one is under way or was a short while ago.
+    /// Starts an evaluation of the current networks unless one is running or finished only recently.
     fn begin_evaluation(&mut self) -> Result<(), TrainError> {
         if self.evaluation.is_some() || self.rested.is_some_and(|at| Instant::now() < at) {
             return Ok(());
@@ -279,7 +280,7 @@ impl Worker {
         Ok(())
     }
 
-    /// Takes up an evaluation that is done.
+    /// Collects the evaluation if it has finished.
     fn collect_evaluation(&mut self) {
         let Some(Evaluating { updates, began, result }) = self.evaluation.take_if(|e| e.result.is_finished()) else {
             return;
@@ -291,13 +292,13 @@ impl Worker {
                 self.trainer.history_mut().add_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
-            Ok(_) => self.notify(format!("the evaluation of update {updates} came to numbers that are not finite")),
-            Err(_) => self.notify("an evaluation ended by an internal error".to_owned()),
+            Ok(_) => self.notify(format!("the evaluation at update {updates} gave numbers that are not finite")),
+            Err(_) => self.notify("an evaluation failed with an internal error".to_owned()),
         }
         self.publish();
     }
 
-    /// Publishes what has changed; networks only now and then, as copying them takes longer.
+    /// Updates and publishes the snapshot. `networks` says whether to include the networks, which are slow to copy.
     fn renew(&mut self, networks: bool) -> Result<(), TrainError> {
         let trainer = &self.trainer;
         let current = &mut self.current;
@@ -320,7 +321,7 @@ impl Worker {
         Ok(())
     }
 
-    /// How the agent fares that is followed.
+    /// Returns the state of the followed agent.
     fn followed(&mut self) -> Result<Option<Followed>, TrainError> {
         let (trainer, scratch) = (&self.trainer, &mut self.scratch);
         let rollout = trainer.rollout();
@@ -334,7 +335,7 @@ impl Worker {
             distances = (policy.distance(&state, &own.goal, scratch), policy.distance(&state, goal, scratch));
         };
         trainer.learner().with_policy(false, &mut measure)?;
-        // Before its first step of an episode the replay knows of none.
+        // Before the first step of an episode, the replay buffer holds none of its states.
         let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
         let (aim, goal, planned) = (own.goal.clone(), goal.to_vec(), !waypoints.is_empty());
         Ok(Some(Followed { agent, start, state, steps: own.steps, aim, goal, distances, planned }))
@@ -345,7 +346,7 @@ impl Worker {
     }
 }
 
-/// What came in time, as if it had been looked for without waiting.
+/// Converts the result of a receive with a timeout to that of a non-blocking one.
 fn received(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
     command.map_err(|e| match e {
         RecvTimeoutError::Timeout => TryRecvError::Empty,

@@ -1,4 +1,4 @@
-//! Why a run cannot begin, go on, or be saved.
+//! Errors from starting, continuing or saving a run.
 
 use crate::env::EnvError;
 use crate::learn::LearnError;
@@ -10,30 +10,30 @@ impl From<candle_core::Error> for TrainError {
     }
 }
 
-/// What ends training, or keeps it from beginning.
+/// An error that stops training or prevents it from starting.
 #[derive(Debug, thiserror::Error)]
 pub enum TrainError {
-    /// The learner reports an error.
+    /// An error from the learner.
     #[error(transparent)]
     Learn(#[from] LearnError),
     /// A thread cannot be started.
     #[error("a thread cannot be started: {0}")]
     Thread(#[from] std::io::Error),
-    /// What was saved cannot be restored, or what is to be saved cannot be written.
+    /// Saved state cannot be restored, or current state cannot be saved.
     #[error(transparent)]
     Store(#[from] StoreError),
-    /// A world cannot take another's place.
+    /// A world cannot replace the current one.
     #[error(transparent)]
     Env(#[from] EnvError),
-    /// A learner that is not registered.
+    /// The learner is not registered.
     #[error("there is no learner {name:?}: there are {known}")]
     UnknownLearner {
-        /// The name asked for.
+        /// The requested name.
         name: String,
-        /// Those that there are.
+        /// The registered names.
         known: String,
     },
-    /// A run that has diverged as often as it may.
+    /// The run diverged again after the maximum number of rollbacks.
     #[error(
         "training diverged again at update {updates} after going back {times} times: set a smaller learning_rate (it is \
          {learning_rate} now); the networks are those of update {back_to}, and can be saved"
@@ -41,14 +41,14 @@ pub enum TrainError {
     Diverged {
         /// The update after which numbers were not finite.
         updates: u64,
-        /// How often the run had gone back before.
+        /// Number of earlier rollbacks.
         times: u32,
-        /// The step size.
+        /// The current learning rate.
         learning_rate: f32,
-        /// The update whose networks there are now.
+        /// The update whose networks were restored.
         back_to: u64,
     },
-    /// Settings that take more memory than there is.
+    /// The settings need more memory than is available.
     #[error(
         "these settings need about {:.1} GB of memory, and there are {:.1} GB: make hidden, layers, batch, candidates, \
          buffer_size or grid_channels smaller",
@@ -58,10 +58,10 @@ pub enum TrainError {
     Memory {
         /// Estimated need in bytes.
         needed: u64,
-        /// What can be had, in bytes.
+        /// Available memory in bytes.
         available: u64,
     },
-    /// A state that is not finite, which must not replace a good one.
+    /// The networks are not finite and must not overwrite a good checkpoint.
     #[error("the networks hold numbers that are not finite")]
     NotFinite,
 }

@@ -1,4 +1,4 @@
-//! Evaluation against the truth of the world, on a random stream of its own.
+//! Evaluation against the world's ground truth, on its own random stream.
 
 use std::sync::Arc;
 
@@ -12,31 +12,30 @@ use crate::bridge::{BridgeGraph, Candidates, LINKS, Walker};
 use crate::env::{Environment, NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
 use crate::learn::{Acting, Policy, Scratch};
 
-/// Everything one evaluation found.
+/// Results of one evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Evaluation {
-    /// The actor alone.
+    /// Score of the actor alone.
     pub greedy: Score,
-    /// The actor walking between bridge points, where the method plans.
+    /// Score with planning over bridge points, if the method plans.
     pub planned: Option<Score>,
-    /// D against the truth, where that is known.
+    /// Error of D against ground truth, if that is known.
     pub distance_error: Option<DistanceError>,
-    /// The bridge graph against the truth, where there is one.
+    /// The bridge graph against ground truth, if there is a graph.
     pub bridges: Option<BridgeFacts>,
-    /// Share of the world that agents have explored, where that can be said (of a maze: of the cells of its largest
-    /// component).
+    /// Fraction of the world explored by the agents, if defined (in a maze: of the cells of its largest component).
     pub coverage: Option<f64>,
-    /// The world's own task, where it has one (of a map: from its first start to its first goal).
+    /// The world's default task, if it has one (on a map: from its first start to its first goal).
     pub marked: Option<MarkedTask>,
 }
 
 impl Evaluation {
-    /// What lists of checkpoints show of it, where it was made after `updates`.
+    /// Returns the summary for checkpoint lists of an evaluation made after `updates`.
     pub fn success(&self, updates: u64) -> Success {
         Success { updates, greedy: self.greedy.success, planned: self.planned.as_ref().map(|score| score.success) }
     }
 
-    /// Whether every number is one: D may have grown beyond all bounds.
+    /// Whether every number is finite: D may have diverged.
     pub fn is_finite(&self) -> bool {
         let scores = std::iter::once(&self.greedy).chain(&self.planned);
         let of_score = |score: &Score| {
@@ -54,27 +53,27 @@ impl Evaluation {
     }
 }
 
-/// The world's own task.
+/// Results on the world's default task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarkedTask {
-    /// By the actor alone.
+    /// Result of the actor alone.
     pub greedy: Journey,
-    /// Between bridge points, where the method plans.
+    /// Result with planning over bridge points, if the method plans.
     pub planned: Option<Journey>,
 }
 
-/// How one task went.
+/// Outcome of one task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Journey {
     /// Whether the goal was reached in time.
     pub reached: bool,
     /// Steps taken.
     pub steps: u32,
-    /// True steps from where it ended to the goal; `u32::MAX` where they are not known.
+    /// True steps from the final state to the goal; `u32::MAX` if unknown.
     pub left_steps: u32,
 }
 
-/// Error of the learned distance, by pairs whose true distance is known.
+/// Error of the learned distance over pairs with a known true distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceError {
     /// Mean absolute relative error.
@@ -85,11 +84,11 @@ pub struct DistanceError {
     pub bias: f64,
     /// Spearman's rank correlation.
     pub spearman: f64,
-    /// The distance composed by the bridge graph, on the same pairs, where there is one.
+    /// Error of D along the bridge graph on the same pairs, if there is a graph.
     pub graph: Option<ComposedError>,
 }
 
-/// Error of the distance that the bridge graph composes.
+/// Error of D along the bridge graph.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ComposedError {
     /// Mean absolute relative error.
@@ -100,40 +99,40 @@ pub struct ComposedError {
     pub bias: f64,
 }
 
-/// Size of the bridge graph and how many of its edges are false.
+/// Size of the bridge graph and number of false edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct BridgeFacts {
     /// Bridge candidates.
     pub candidates: usize,
     /// Edges between them.
     pub edges: usize,
-    /// Edges whose true distance is above 2 D + 4, where that is known.
+    /// Edges whose true distance exceeds 2 D + 4, if that is known.
     pub false_edges: Option<usize>,
 }
 
-/// An evaluation with all that it needs: it can be carried out at any time, by any thread.
+/// A self-contained evaluation that can run at any time on any thread.
 pub struct EvaluationJob {
     pub(super) run: Run,
     /// The world, without agents.
     pub(super) world: Box<dyn Environment>,
     pub(super) policy: Arc<dyn Policy>,
     pub(super) acting: Acting,
-    /// Candidates and what was seen between them, for methods that plan.
+    /// Candidates and observed paths between them, for methods that plan.
     pub(super) candidates: Option<Arc<Candidates>>,
     pub(super) coverage: Option<f64>,
-    /// Draws tasks.
+    /// RNG for tasks.
     pub(super) task_rng: ChaCha8Rng,
-    /// Draws everything else.
+    /// RNG for everything else.
     pub(super) rng: ChaCha8Rng,
 }
 
 impl EvaluationJob {
-    /// The tasks of this moment, `per_group` at each distance: the same ones however often was evaluated before.
+    /// Draws `per_group` tasks at each distance, independently of the number of earlier evaluations.
     pub fn tasks(&self, per_group: usize) -> TaskSet {
         self.world.tasks(per_group, &mut self.task_rng.clone())
     }
 
-    /// Evaluates on `tasks`, against the truth.
+    /// Evaluates on `tasks` against ground truth.
     pub fn carry_out(self, tasks: &TaskSet) -> Evaluation {
         crate::faults::point("evaluation");
         let Self { run, world, policy, acting, candidates, coverage, mut rng, .. } = self;
@@ -158,7 +157,7 @@ impl EvaluationJob {
     }
 }
 
-/// Walks the world's own task.
+/// Runs the world's default task.
 fn marked_task(
     world: &dyn Environment,
     mut truth: Option<&mut (dyn Truth + '_)>,
@@ -180,25 +179,25 @@ fn marked_task(
     Some(MarkedTask { greedy: journey(greedy), planned: planned.map(journey) })
 }
 
-/// Who walks.
+/// How the evaluated agents act.
 #[derive(Clone, Copy)]
 struct Actor<'a> {
     policy: &'a dyn Policy,
-    /// The graph that it plans through.
+    /// The graph used for planning.
     graph: Option<&'a BridgeGraph>,
-    /// Steps for which it holds a random direction, where it acts at random.
+    /// Mean number of steps a random direction is held, if agents act at random.
     hold_steps: Option<f32>,
 }
 
-/// How a number of tasks went.
+/// Outcomes of several tasks.
 struct Walked {
-    /// Steps that each took, `None` where the goal was not reached in time.
+    /// Steps per task; `None` if the goal was not reached in time.
     taken: Vec<Option<u32>>,
-    /// Where the agents ended.
+    /// The environment with the agents in their final states.
     env: Box<dyn Environment>,
 }
 
-/// Walks all tasks side by side.
+/// Runs all tasks in lockstep, one agent per task.
 fn walk(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> Walked {
     let mut env = world.fork(tasks.len());
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
@@ -258,7 +257,7 @@ fn walk(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha
     Walked { taken, env }
 }
 
-/// Compares D, and the distance that `graph` composes, with the truth.
+/// Compares D, and D along `graph`, with ground truth.
 fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&BridgeGraph>) -> DistanceError {
     let (mut composed, mut scratch) = (Vec::new(), Scratch::default());
     for TruePairs { goal, states, .. } in groups {
@@ -274,7 +273,7 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
     policy.distances(&states, &goals, &mut learned, &mut scratch);
     let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    // Of all pairs drawn at random, and of those that are near: the relative errors of some distances.
+    // Relative errors of `distances`: over pairs drawn uniformly, and over pairs within `NEAR_STEPS`.
     let errors = |distances: &[f32]| {
         let pairs = distances.iter().zip(&truth).zip(&near).map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
         let pairs: Vec<_> = pairs.collect();
@@ -292,18 +291,18 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
     DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph }
 }
 
-/// An edge of length D is false where its true distance is above this many steps.
+/// Returns the true distance in steps above which an edge of length D is false.
 fn longest_true(distance: f32) -> f32 {
     2.0 * distance + 4.0
 }
 
-/// Counts false edges, by the true distance between the candidates.
+/// Counts candidates, edges and false edges, the latter by true distance.
 fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn Truth + '_)>) -> BridgeFacts {
     let false_edges = truth.map(|truth| {
         let of_candidate = |edges: &[crate::bridge::Edge]| {
             let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
             let longest = edges.iter().map(|e| longest_true(e.distance)).fold(0.0, f32::max);
-            // Where an edit has put a wall nobody stands.
+            // No agent can stand where an edit has put a wall.
             let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32) else { return 0 };
             let is_false = |(steps, edge): (Option<u32>, &crate::bridge::Edge)| {
                 steps.is_none_or(|steps| steps as f32 > longest_true(edge.distance))

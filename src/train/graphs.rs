@@ -1,8 +1,8 @@
-//! The bridge graph that training explores and distils by: built on a thread of its own, taken up at a fixed update.
+//! The bridge graph for exploration and distillation: built on its own thread, swapped in at a fixed update.
 //!
-//! Building takes too long to hold the learner up for. A build begins at one update, from copies of what is known
-//! then, and its result counts from a later one on, whenever it is done in between: so that the same seed gives the
-//! same run.
+//! Building is too slow to block the learner. A build starts at one update, from copies of the networks and candidates
+//! at that time, and takes effect at a fixed later update, no matter when it finishes in between: the same seed gives
+//! the same run.
 
 use std::sync::Arc;
 use std::thread::JoinHandle;
@@ -14,38 +14,38 @@ use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
 use crate::store::{Store, StoreError};
 
-/// Candidates whose graph distances are distilled between two builds.
+/// Number of candidates per build whose graph distances are distilled.
 const DISTILLED_GOALS: usize = 32;
 
-/// The part of the updates between two builds after which a build counts.
+/// A build takes effect after the interval between builds divided by this.
 const JOIN_AFTER: u64 = 4;
 
-/// All that a build needs.
+/// Inputs of a build.
 pub struct GraphJob {
     pub spec: Spec,
     pub settings: BridgeSettings,
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
-    /// Draws what is distilled.
+    /// RNG for the distilled distances.
     pub rng: ChaCha8Rng,
 }
 
-/// A graph and what follows from it.
+/// A graph and its distilled distances.
 #[derive(Clone)]
 pub struct Built {
     /// Update at which the build began.
     pub at: u64,
     /// The graph.
     pub graph: Arc<BridgeGraph>,
-    /// Some of its distances, to be distilled.
+    /// Sample of its distances to distil.
     pub distilled: Arc<Distilled>,
 }
 
-/// The graph in use and the one to come.
+/// The current graph and the next one.
 #[derive(Default)]
 pub struct Graphs {
     current: Option<Built>,
-    /// The update from which on the next one counts, and the next one.
+    /// The update at which the next graph takes effect, and that graph.
     next: Option<(u64, Next)>,
 }
 
@@ -54,28 +54,28 @@ enum Next {
     Ready(Built),
 }
 
-/// A graph for a checkpoint: when its build began, from when it counts, and the graph itself.
+/// A graph in a checkpoint, with the updates at which its build began and it takes effect.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct StoredGraph {
     /// Update at which the build began.
     pub at: u64,
-    /// Update from which on it counts.
+    /// Update at which it takes effect.
     pub due: u64,
     /// The graph.
     pub state: GraphState,
 }
 
 impl StoredGraph {
-    /// Writes the graph to `store`, its names beginning with `prefix`.
+    /// Writes the graph to `store` under names starting with `prefix`.
     pub fn write(self, store: &mut Store, prefix: &str) {
         store.put(format!("{prefix}.when"), vec![self.at, self.due]);
         self.state.write(store, prefix);
     }
 
-    /// Reads what [`Self::write`] wrote, if it wrote anything.
+    /// Reads the graph written by [`Self::write`], if there is one.
     ///
     /// # Errors
-    /// That a part is missing, of another type or length.
+    /// A part is missing or has the wrong type or length.
     pub fn read(store: &Store, prefix: &str) -> Result<Option<Self>, StoreError> {
         let when = format!("{prefix}.when");
         if !store.has(&when) {
@@ -105,15 +105,15 @@ impl Built {
 }
 
 impl Graphs {
-    /// The graph in use.
+    /// Returns the current graph.
     pub fn current(&self) -> Option<&Built> {
         self.current.as_ref()
     }
 
-    /// Begins a build at update `at`, of `every` so many.
+    /// Starts a build at update `at`; builds start every `every` updates.
     ///
     /// # Errors
-    /// That a thread cannot be started.
+    /// The thread cannot be started.
     pub fn begin(&mut self, at: u64, every: u64, job: GraphJob) -> std::io::Result<()> {
         let job = Arc::new(job);
         let own = job.clone();
@@ -122,7 +122,7 @@ impl Graphs {
         Ok(())
     }
 
-    /// Takes the next graph up where it counts from update `now` on; whether it did.
+    /// Swaps in the next graph if it is due at update `now`; returns whether it was.
     pub fn take_up(&mut self, now: u64) -> bool {
         let Some((_, next)) = self.next.take_if(|(due, _)| *due <= now) else { return false };
         self.current = Some(match next {
@@ -132,21 +132,22 @@ impl Graphs {
         true
     }
 
-    /// The graph in use and the one to come, for a checkpoint.
+    /// Returns the current and the next graph, for a checkpoint.
     pub fn state(&self) -> [Option<StoredGraph>; 2] {
         let stored = |due: u64, built: &Built| StoredGraph { at: built.at, due, state: built.graph.state() };
         let next = self.next.as_ref().map(|(due, next)| match next {
             Next::Ready(built) => stored(*due, built),
-            // A second time, and with the same result: whoever saves can wait longer than training.
+            // Repeats the build, with the same result: saving can wait for it, training cannot.
             Next::Building { at, job, .. } => stored(*due, &job.carry_out(*at)),
         });
         [self.current.as_ref().map(|built| stored(built.at, built)), next]
     }
 
-    /// Takes up what [`Self::state`] gave; `rng` draws what a build at an update distils.
+    /// Restores the graphs that [`Self::state`] returned; `rng` gives the RNG for the distilled distances of a build at
+    /// an update.
     ///
     /// # Errors
-    /// Where the graphs were not saved from such a run.
+    /// The graphs were not saved from a matching run.
     pub fn restore(
         &mut self,
         spec: &Spec,

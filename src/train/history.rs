@@ -1,5 +1,4 @@
-//! What a run has to show of its past: curves, evaluations, and what happened. Checkpoints hold it; training does not
-//! depend on it.
+//! A run's history: loss curves, evaluations and event log. Checkpoints contain it; training does not depend on it.
 
 use std::sync::Arc;
 
@@ -9,20 +8,20 @@ use super::evaluate::Evaluation;
 use super::score::Success;
 use crate::store::StoreError;
 
-/// Updates between two points of the curves at first.
+/// Initial number of updates between two points of the curves.
 const POINT_EVERY_UPDATES: u64 = 50;
 
-/// Most points kept; where there would be more, every other one goes.
+/// Maximum number of points; beyond it, every other point is dropped.
 const MOST_POINTS: usize = 2048;
 
-/// Most evaluations kept, likewise.
+/// Maximum number of evaluations, thinned likewise.
 const MOST_EVALUATIONS: usize = 1000;
 
-/// Most entries of the log kept, and characters of each; the oldest go.
+/// Maximum number of log entries (the oldest are dropped), and of characters per entry.
 pub const MOST_ENTRIES: usize = 1000;
 const MOST_CHARACTERS: usize = 500;
 
-/// Losses at one moment.
+/// Losses at one update.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LossPoint {
     /// Updates done.
@@ -31,18 +30,18 @@ pub struct LossPoint {
     pub losses: [f32; 3],
 }
 
-/// Something that happened.
+/// An event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogEntry {
-    /// Seconds since the run, or the program that goes on with it, was opened.
+    /// Seconds since the run was started or resumed.
     pub seconds: f64,
     /// Updates done by then.
     pub updates: u64,
-    /// What it was.
+    /// Description of the event.
     pub text: String,
 }
 
-/// The past of a run.
+/// The history of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct History {
     /// Updates between two points.
@@ -51,7 +50,7 @@ pub struct History {
     points: Arc<Vec<LossPoint>>,
     #[serde(with = "shared")]
     evaluations: Arc<Vec<(u64, Evaluation)>>,
-    /// What happened, oldest first.
+    /// Events, oldest first.
     pub log: Vec<LogEntry>,
 }
 
@@ -80,7 +79,7 @@ impl History {
         let evaluations = Arc::make_mut(&mut self.evaluations);
         evaluations.push((updates, evaluation));
         if evaluations.len() > MOST_EVALUATIONS {
-            // The latest one stays.
+            // Always keeps the latest one.
             let last = evaluations.len() - 1;
             let mut i = 0;
             evaluations.retain(|_| {
@@ -90,25 +89,25 @@ impl History {
         }
     }
 
-    /// Losses, oldest first.
+    /// Returns the loss curve, oldest point first.
     pub fn points(&self) -> &Arc<Vec<LossPoint>> {
         &self.points
     }
 
-    /// Updates and results of evaluations, oldest first.
+    /// Returns the evaluations with their updates, oldest first.
     pub fn evaluations(&self) -> &Arc<Vec<(u64, Evaluation)>> {
         &self.evaluations
     }
 
-    /// The latest evaluation in brief.
+    /// Returns the summary of the latest evaluation.
     pub fn success(&self) -> Option<Success> {
         self.evaluations.last().map(|(updates, evaluation)| evaluation.success(*updates))
     }
 
-    /// Checks what came from a file.
+    /// Checks a history read from a file.
     ///
     /// # Errors
-    /// What is out of its range.
+    /// A value is out of range.
     pub fn check(&self) -> Result<(), StoreError> {
         let short = |entry: &LogEntry| entry.seconds.is_finite() && entry.text.chars().count() <= MOST_CHARACTERS;
         let sound = self.every > 0
@@ -124,13 +123,13 @@ impl History {
 }
 
 impl LogEntry {
-    /// An entry, its text shortened to what is kept.
+    /// Creates an entry, truncating the text to the maximum length.
     pub fn new(seconds: f64, updates: u64, text: &str) -> Self {
         Self { seconds, updates, text: crate::text::shortened(text, MOST_CHARACTERS) }
     }
 }
 
-/// Shared lists are stored as plain ones.
+/// Serialises shared lists as plain ones.
 mod shared {
     use std::sync::Arc;
 

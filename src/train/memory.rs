@@ -1,4 +1,4 @@
-//! Whether a run fits into memory, checked before it begins: a process that runs out of memory is ended without a word.
+//! Checks that a run fits into memory before it starts: a process that runs out of memory is killed without a message.
 
 use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
 
@@ -7,40 +7,41 @@ use super::registry::Registry;
 use super::run::Run;
 use crate::env::Environment;
 
-/// Copies of the networks' parameters that a run keeps: the value, its average and two moments; these four again as they
-/// were good last; packed ones; gradients of the parts of a batch; frozen copies for graphs, evaluations and the screen.
-/// And while it is saved, four more of the first four: as numbers, as bytes, as a file, and read back.
-/// (Measured with 1024 hidden units: 30.)
+/// Copies of the network parameters in a run: value, average and two moments; the last good copy of these four; packed
+/// weights; gradients of the batch shards; frozen copies for graphs, evaluations and the screen. Saving adds four more
+/// copies of the first four: as numbers, as bytes, as a file, and read back. (Measured with 1024 hidden units: 30.)
 const COPIES_OF_PARAMETERS: u64 = 36;
 
-/// Memory for each bridge candidate: the ways from it, edges and distilled distances, in all their copies.
+/// Memory per bridge candidate: observed paths from it, edges and distilled distances, including all copies.
 const BYTES_PER_CANDIDATE: u64 = 20_000;
 
 /// The program itself, its threads and buffers.
 const BASE_BYTES: u64 = 60 << 20;
 
-/// Address space that threads and allocators reserve without using it, where that is what is limited.
+/// Address space that threads and allocators reserve but do not use; counts only where address space is limited.
 const RESERVED_BYTES: u64 = 600 << 20;
 
-/// The part of the free memory that a run may take.
+/// Fraction of the free memory that a run may use.
 const SHARE: f64 = 0.9;
 
-/// Estimated bytes that a run in `world` takes, including saving it; `parameters` is how many numbers its learner trains.
+/// Estimates the bytes that a run in `world` needs, including saving; `parameters` is the learner's number of trainable
+/// parameters.
 pub fn needed(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     let (learn, bridge) = (&run.settings.learn, &run.settings.bridge);
     let f32s = |count: u64| 4 * count;
     let spec = world.spec();
     let widest = learn.hidden.max(64) as u64;
-    // Activations and their gradients, for each of the networks that a part of a batch goes through.
+    // Activations and their gradients, for each network that a batch shard passes through.
     let batch = learn.batch_size as u64 * widest * (learn.layers as u64 + 2) * 12;
     let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
-    // Once as it is, twice on its way to a file.
+    // One live copy, and two more while saving.
     let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
     let candidates = bridge.max_candidates() as u64 * BYTES_PER_CANDIDATE;
     BASE_BYTES + f32s(parameters * COPIES_OF_PARAMETERS) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
 
-/// Estimated bytes this process can still allocate: the least that machine, container and process limits leave.
+/// Estimates the bytes this process can still allocate: the minimum of what machine, container and process limits
+/// leave.
 pub fn available() -> u64 {
     let mut system = System::new();
     system.refresh_memory();
@@ -57,7 +58,7 @@ pub fn available() -> u64 {
     least
 }
 
-/// Address space that this process has taken.
+/// Returns the size of this process's address space.
 #[cfg(unix)]
 fn address_space(system: &mut System) -> u64 {
     let Ok(own) = sysinfo::get_current_pid() else { return 0 };
@@ -66,10 +67,10 @@ fn address_space(system: &mut System) -> u64 {
     system.process(own).map_or(0, sysinfo::Process::virtual_memory)
 }
 
-/// Checks that a run fits.
+/// Checks that a run fits into memory.
 ///
 /// # Errors
-/// How much it needs and how much there is; or that its learner is not known.
+/// The run needs more memory than is available, or its learner is not registered.
 pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<(), TrainError> {
     let parameters = (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);
     let (needed, available) = (needed(run, world, parameters), available());

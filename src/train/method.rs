@@ -1,4 +1,4 @@
-//! What is trained: a learner and a planner, and from which settings they start.
+//! Methods (a learner and a planner) and presets of their settings.
 
 use std::fmt;
 use std::str::FromStr;
@@ -9,16 +9,16 @@ use super::settings::{Settings, TrainSettings};
 use crate::bridge::{BridgeSettings, Planner};
 use crate::learn::LearnSettings;
 
-/// A learner, which learns D and acts, and a planner, which walks through D.
+/// A learner, which learns D and acts, and a planner, which plans over D.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Method {
     /// The name of the learner's [`crate::learn::LearnerKind`].
     pub learner: String,
-    /// What walks through its distance.
+    /// The planner over the learned distance.
     pub planner: Planner,
 }
 
-/// A combination that has a name.
+/// A named combination.
 #[derive(Clone, Copy, Debug)]
 pub struct NamedMethod {
     /// Its name on the command line and in records.
@@ -27,11 +27,11 @@ pub struct NamedMethod {
     pub learner: &'static str,
     /// The planner.
     pub planner: Planner,
-    /// What it is, in a few words.
+    /// Short description.
     pub about: &'static str,
 }
 
-/// The combinations that have a name, the default one first. Any other is called `LEARNER+PLANNER`.
+/// The named combinations, default first. Any other is called `LEARNER+PLANNER`.
 pub const METHODS: [NamedMethod; 4] = [
     NamedMethod {
         name: "gdg-bridge",
@@ -59,7 +59,7 @@ pub const METHODS: [NamedMethod; 4] = [
     },
 ];
 
-/// A text that names no method.
+/// Error for a text that does not name a method.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no method {0:?}")]
 pub struct UnknownMethod(String);
@@ -77,7 +77,7 @@ impl From<&NamedMethod> for Method {
 }
 
 impl Method {
-    /// Its name on the command line and in records.
+    /// Returns the name used on the command line and in records.
     pub fn name(&self) -> String {
         match METHODS.iter().find(|named| Self::from(*named) == *self) {
             Some(named) => named.name.to_owned(),
@@ -85,12 +85,12 @@ impl Method {
         }
     }
 
-    /// Whether it plans over a graph at execution.
+    /// Whether it plans over a graph at execution time.
     pub fn plans(&self) -> bool {
         self.planner != Planner::None
     }
 
-    /// Whether it also explores and learns by bridges.
+    /// Whether it also uses bridges for exploration and learning.
     pub fn bridges(&self) -> bool {
         self.planner == Planner::Bridges
     }
@@ -99,7 +99,7 @@ impl Method {
 impl FromStr for Method {
     type Err = UnknownMethod;
 
-    /// The name of a combination, or `LEARNER+PLANNER`; whether there is such a learner is up to the registry.
+    /// Parses the name of a combination or `LEARNER+PLANNER`. Whether the learner exists is up to the registry.
     fn from_str(text: &str) -> Result<Self, UnknownMethod> {
         if let Some(named) = METHODS.iter().find(|named| named.name == text) {
             return Ok(named.into());
@@ -129,21 +129,21 @@ impl<'de> Deserialize<'de> for Method {
     }
 }
 
-/// A set of settings with a name.
+/// A named set of settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Preset {
-    /// Everything that measurement has shown to help.
+    /// Every addition that measurably helps.
     Default,
-    /// Algorithms 1 and 2 to the letter.
+    /// Algorithms 1 and 2 exactly as published.
     Paper,
 }
 
 impl Preset {
-    /// All of them.
+    /// All presets.
     pub const ALL: [Self; 2] = [Self::Default, Self::Paper];
 
-    /// Its name on the command line and in records.
+    /// Returns the name used on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
@@ -151,12 +151,12 @@ impl Preset {
         }
     }
 
-    /// The preset of that name.
+    /// Returns the preset called `name`.
     pub fn named(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|preset| preset.name() == name)
     }
 
-    /// What it is, in a few words.
+    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Default => "Everything that measurement has shown to help",
@@ -164,7 +164,7 @@ impl Preset {
         }
     }
 
-    /// Its settings.
+    /// Returns the preset's settings.
     pub fn settings(self) -> Settings {
         match self {
             Self::Default => Settings::default(),

@@ -1,4 +1,4 @@
-//! The worlds and learners that runs are made of.
+//! The registry of worlds and learners.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use crate::env::{Environment, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
 use crate::store::{Store, StoreError};
 
-/// Kinds of worlds and learners by name: the built-in ones, and those that a program adds.
+/// World and learner kinds by name: the built-in ones and those added by a program.
 #[derive(Clone, Debug)]
 pub struct Registry {
     worlds: Vec<WorldKind>,
@@ -15,12 +15,12 @@ pub struct Registry {
 }
 
 impl Registry {
-    /// The built-in worlds and learners.
+    /// Returns a registry of the built-in worlds and learners.
     pub fn builtin() -> Arc<Self> {
         Arc::new(Self { worlds: WORLDS.to_vec(), learners: LEARNERS.to_vec() })
     }
 
-    /// The same and one more world; of two that share a name, the later one counts.
+    /// Adds a world; it takes precedence over an earlier one of the same name.
     #[must_use]
     pub fn with_world(self: Arc<Self>, kind: WorldKind) -> Arc<Self> {
         let mut registry = Arc::unwrap_or_clone(self);
@@ -28,7 +28,7 @@ impl Registry {
         Arc::new(registry)
     }
 
-    /// The same and one more learner; of two that share a name, the later one counts.
+    /// Adds a learner; it takes precedence over an earlier one of the same name.
     #[must_use]
     pub fn with_learner(self: Arc<Self>, kind: LearnerKind) -> Arc<Self> {
         let mut registry = Arc::unwrap_or_clone(self);
@@ -36,20 +36,20 @@ impl Registry {
         Arc::new(registry)
     }
 
-    /// The worlds.
+    /// Returns the world kinds.
     pub fn worlds(&self) -> &[WorldKind] {
         &self.worlds
     }
 
-    /// The learners.
+    /// Returns the learner kinds.
     pub fn learners(&self) -> &[LearnerKind] {
         &self.learners
     }
 
-    /// The kind of learner called `name`.
+    /// Returns the learner kind called `name`.
     ///
     /// # Errors
-    /// That there is none.
+    /// No such learner is registered.
     pub fn learner(&self, name: &str) -> Result<&LearnerKind, TrainError> {
         let found = self.learners.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
@@ -58,12 +58,12 @@ impl Registry {
         })
     }
 
-    /// The world that was written to `store`, without agents.
+    /// Loads the world saved in `store`, without agents.
     ///
     /// # Errors
-    /// That its kind is not known, or what is wrong with it.
+    /// The kind of world is not registered, or the stored world is invalid.
     pub fn load_world(&self, store: &Store) -> Result<Box<dyn Environment>, StoreError> {
-        // Before there were other worlds, checkpoints did not name theirs.
+        // Old checkpoints do not name their world: mazes were the only kind.
         let name = store.text("world").unwrap_or("maze");
         match self.worlds.iter().find(|kind| kind.name == name) {
             Some(kind) => (kind.load)(store),

@@ -1,91 +1,91 @@
-//! What the user can do. Keys, footer, help and command palette all come from this one table.
+//! User actions. Keys, footer, help and command palette all come from this one table.
 
 use super::editor::Tool;
 use super::layers::Overlay;
 use super::panes::Pane;
 
-/// Something the user can ask for.
+/// A user action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Action {
-    /// Pause training, or go on.
+    /// Pause or resume training.
     TogglePause,
-    /// Do one update and pause.
+    /// Run one update, then pause.
     StepUpdate,
-    /// Train until an episode ends and pause.
+    /// Train until an episode ends, then pause.
     StepEpisode,
-    /// Fewer updates a second.
+    /// Fewer updates per second.
     Slower,
-    /// More updates a second.
+    /// More updates per second.
     Faster,
-    /// Keep the screen as it is while training goes on, or let it go on too.
+    /// Freeze the screen while training continues, or unfreeze it.
     Freeze,
-    /// Begin anew with another seed.
+    /// Restart with another seed.
     NewSeed,
     /// Change a setting.
     Settings,
-    /// Go on with another method.
+    /// Continue with another method.
     Method,
-    /// Go on with the settings of a preset.
+    /// Continue with a preset's settings.
     Preset,
-    /// A random goal.
+    /// Set a random goal.
     NewGoal,
-    /// Move the goal, or the cursor, by one cell: columns to the right, rows down.
+    /// Move the goal or the cursor by one cell, given as (columns to the right, rows down).
     Move(isize, isize),
-    /// The goal where the cursor is.
+    /// Put the goal at the cursor.
     GoalHere,
-    /// The walking agent where the cursor is, or else where the goal is.
+    /// Put the walking agent at the cursor, or else at the goal.
     StartHere,
-    /// A random place for the walking agent.
+    /// Put the walking agent at a random place.
     NewStart,
-    /// What the walking agent does when it has arrived.
+    /// Change what the walking agent does when it arrives.
     Tour,
-    /// Follow the next agent that explores.
+    /// Follow the next exploring agent.
     Follow,
-    /// Colour the map by the next, or the one before, of what there is.
+    /// Colour the map by the next (`true`) or the previous field.
     Field(bool),
-    /// Show or hide something on the map.
+    /// Show or hide an overlay.
     Toggle(Overlay),
     /// Draw the map with other characters.
     Marker,
-    /// Closer.
+    /// Zoom in.
     ZoomIn,
-    /// Farther.
+    /// Zoom out.
     ZoomOut,
-    /// The whole map.
+    /// Show the whole map.
     ZoomOff,
-    /// Move the part of the map that is shown.
+    /// Move the visible part of the map.
     Pan(isize, isize),
-    /// A cursor that tells about its cell, or none.
+    /// Show or hide a cursor that describes its cell.
     Inspect,
-    /// Other colours.
+    /// Change the colours.
     Theme,
-    /// Show a pane.
+    /// Select a pane.
     Show(Pane),
-    /// Show the next pane.
+    /// Select the next pane.
     NextPane,
-    /// Give the pane all the room, or take it back.
+    /// Maximise the selected pane, or restore it.
     Maximise,
-    /// Back or forth in curves and log.
+    /// Scroll curves and log back or forward.
     Scroll(isize),
-    /// Curves on a logarithmic scale, or not.
+    /// Switch curves between linear and logarithmic scales.
     LogScale,
     /// Open or close the map editor.
     ToggleEdit,
-    /// Draw with another tool.
+    /// Select an editor tool.
     Tool(Tool),
     /// Use the tool at the cursor.
     Apply,
-    /// Take the latest edit back.
+    /// Undo the latest edit.
     Undo,
-    /// Make the edit taken back last again.
+    /// Redo the edit undone last.
     Redo,
     /// Write the map to a file.
     SaveMap,
     /// Open another map.
     OpenMap,
-    /// An empty map.
+    /// Create an empty map.
     NewMap,
-    /// The same map, larger or smaller.
+    /// Resize the map.
     ResizeMap,
     /// Save a checkpoint.
     Save,
@@ -93,60 +93,60 @@ pub enum Action {
     SaveAs,
     /// Load a checkpoint.
     Load,
-    /// Save every so many minutes.
+    /// Set the interval of automatic checkpoints.
     Autosave,
-    /// Write what is seen to a file.
+    /// Export the map, the curves or the screen to a file.
     Export,
-    /// Find an action by its name.
+    /// Find an action by name.
     Palette,
     /// Show or hide the help.
     Help,
-    /// Close what is open on top.
+    /// Close whatever is on top.
     Close,
-    /// Stop the program until the shell lets it go on.
+    /// Stop the program until the shell resumes it.
     Suspend,
-    /// Leave.
+    /// Quit.
     Quit,
 }
 
-/// When a binding's keys count.
+/// When a binding's keys are active.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum When {
     /// Always.
     Always,
-    /// As long as the editor is open.
+    /// While the editor is open.
     Editing,
-    /// As long as it is not.
+    /// While the editor is closed.
     Watching,
 }
 
-/// One line of the table.
+/// One entry of the table.
 #[derive(Debug)]
 pub struct Binding {
-    /// What happens.
+    /// The action performed.
     pub action: Action,
     /// Its name in the configuration.
     pub name: &'static str,
-    /// When the keys count.
+    /// When the keys are active.
     pub when: When,
-    /// Keys that do it, unless the configuration says otherwise.
+    /// Default keys, which the configuration can replace.
     pub keys: &'static [&'static str],
-    /// One word for the footer; empty to leave it out there.
+    /// One word for the footer; empty to omit it there.
     pub short: &'static str,
-    /// A line for help and palette.
+    /// Description for help and palette.
     pub long: &'static str,
 }
 
-/// Bindings of one kind.
+/// A group of bindings.
 #[derive(Debug)]
 pub struct Section {
-    /// What they are about.
+    /// The group's title.
     pub title: &'static str,
     /// The bindings.
     pub bindings: &'static [Binding],
 }
 
-/// All bindings.
+/// Returns all bindings.
 pub fn bindings() -> impl Iterator<Item = &'static Binding> {
     SECTIONS.iter().flat_map(|section| section.bindings)
 }
@@ -162,18 +162,18 @@ const fn bind(
 }
 
 impl Binding {
-    /// The same as long as the editor is open.
+    /// Limits the binding to while the editor is open.
     const fn editing(self) -> Self {
         Self { when: When::Editing, ..self }
     }
 
-    /// The same as long as it is not.
+    /// Limits the binding to while the editor is closed.
     const fn watching(self) -> Self {
         Self { when: When::Watching, ..self }
     }
 }
 
-/// Every action.
+/// All actions, by section.
 pub const SECTIONS: &[Section] = &[
     Section {
         title: "training",

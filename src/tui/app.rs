@@ -1,4 +1,4 @@
-//! The controller: what events do to the screen, and to trainer and viewer.
+//! The controller: applies events to the screen, the trainer and the viewer.
 
 mod act;
 mod answer;
@@ -31,32 +31,32 @@ use crate::view::{Field, Request, View, Viewer};
 pub use saving::Files;
 use saving::Saving;
 
-/// Passes on what the user does to trainer and viewer, and what these publish to the screen.
+/// Forwards user input to trainer and viewer, and what they publish to the screen.
 pub struct App {
     engine: Engine,
     viewer: Viewer,
-    /// What a frame is drawn from.
+    /// The state a frame is drawn from.
     pub screen: Screen,
-    /// The number of the latest request for a goal.
+    /// The number of the latest goal request.
     goals_asked: u64,
-    /// Where the map was taken hold of to be moved.
+    /// The mouse position the map is being dragged from.
     dragged_from: Option<Position>,
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
     saving: Saving,
-    /// What failed inside the program.
+    /// Internal errors so far.
     failures: Vec<Failure>,
     rng: ChaCha8Rng,
     done: bool,
-    /// The program is to be stopped until the shell lets it continue.
+    /// Whether to suspend the program until the shell resumes it.
     suspending: bool,
-    /// What is to be written to a file.
+    /// The pending export.
     export: Option<What>,
 }
 
 impl App {
-    /// The screen at its start: the map's own goal, or a random one.
+    /// Opens the screen, with the map's own goal or a random one.
     pub fn new(engine: Engine, viewer: Viewer, (config, keymap): (UiConfig, Keymap), files: Files) -> Self {
         let snapshot = engine.snapshots().borrow().clone();
         let view = viewer.views().borrow().clone();
@@ -79,7 +79,7 @@ impl App {
         app
     }
 
-    /// Turns to a run that is new to the screen.
+    /// Resets the screen for a new run.
     fn begin(&mut self) {
         let snapshot = self.screen.snapshot.clone();
         let (run, map) = (&snapshot.run, snapshot.scene.maze().map);
@@ -100,38 +100,38 @@ impl App {
         self.set_goal(goal);
     }
 
-    /// The engine's snapshots.
+    /// Returns the engine's snapshots.
     pub fn snapshots(&self) -> watch::Receiver<Arc<Snapshot>> {
         self.engine.snapshots()
     }
 
-    /// The viewer's views.
+    /// Returns the viewer's views.
     pub fn views(&self) -> watch::Receiver<Arc<View>> {
         self.viewer.views()
     }
 
-    /// Whether the user wants to leave.
+    /// Returns whether the program is to quit.
     pub fn is_done(&self) -> bool {
         self.done
     }
 
-    /// Whether the program is to be stopped for now.
+    /// Returns whether the program is to be suspended.
     #[cfg(test)]
     pub fn suspends(&self) -> bool {
         self.suspending
     }
 
-    /// Whether the program is to be stopped for now; asked once for each time.
+    /// Returns whether the program is to be suspended, and clears the request.
     pub fn takes_suspension(&mut self) -> bool {
         std::mem::take(&mut self.suspending)
     }
 
-    /// What is to be written to a file; asked once for each time.
+    /// Returns the pending export, if any, and clears it.
     pub fn takes_export(&mut self) -> Option<What> {
         self.export.take()
     }
 
-    /// Passes a command on to the trainer; `false` where too many wait, which the user is told.
+    /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
     pub fn command(&mut self, command: Command) -> bool {
         let sent = self.engine.send(command);
         if !sent {
@@ -140,7 +140,7 @@ impl App {
         sent
     }
 
-    /// The user did something, or the terminal changed.
+    /// Handles a terminal event.
     pub fn on_event(&mut self, event: &Event) {
         match event {
             Event::Key(key) if key.kind != KeyEventKind::Release => self.on_key(*key),
@@ -157,7 +157,7 @@ impl App {
     fn on_key(&mut self, key: KeyEvent) {
         let interrupt = key.code == KeyCode::Char('c') && key.modifiers == KeyModifiers::CONTROL;
         if interrupt && !self.screen.dialogs.is_empty() {
-            // Twice leaves without further questions.
+            // A second Ctrl-C quits without further questions.
             self.done = true;
             return;
         }
@@ -183,7 +183,7 @@ impl App {
         cells[self.rng.random_range(0..cells.len())]
     }
 
-    /// The goal at `cell`, or at the free cell nearest to it.
+    /// Puts the goal at `cell`, or at the free cell nearest to it.
     pub fn set_goal(&mut self, cell: Cell) {
         if let Some(cell) = self.screen.map.nearest_free(cell) {
             self.screen.goal = cell;
@@ -192,13 +192,13 @@ impl App {
         }
     }
 
-    /// Asks about a cell, or no longer.
+    /// Starts inspecting a cell, or stops with `None`.
     fn inspect(&mut self, cell: Option<Cell>) {
         self.screen.inspecting = cell;
         self.viewer.ask(Request::Inspect(cell.or(self.screen.hovered)));
     }
 
-    /// The map is to be this from now on.
+    /// Switches to `map`, if given.
     fn change_map(&mut self, map: Option<Arc<Grid>>) {
         let Some(map) = map else { return };
         let world = PointMaze::new(map.clone(), 0);
@@ -211,12 +211,12 @@ impl App {
         }
     }
 
-    /// Tells the user something, and the log.
+    /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
         self.screen.log.add(text, self.screen.snapshot.counters.updates);
     }
 
-    /// A frame has been drawn: clicks go by where things are now, and the viewer computes the field for the map's pixels.
+    /// Handles a drawn frame: stores its places for clicks, and has the viewer compute the field for the map's pixels.
     pub fn drawn(&mut self, places: Places) {
         let before = std::mem::replace(&mut self.screen.places, places);
         let places = &mut self.screen.places;
@@ -228,7 +228,7 @@ impl App {
                 self.viewer.ask(Request::Frame(frame.raster, Arc::new(frame.arrows())));
             }
             Some(_) => {}
-            // Hidden behind a pane that fills the screen.
+            // The map is hidden behind a maximised pane.
             None => places.map = before.map,
         }
     }

@@ -1,4 +1,4 @@
-//! What can lie on top of the screen: the help, a list to pick from, a question to answer.
+//! Dialogs on top of the screen: the help, a list to pick from, a question to answer.
 
 pub mod lists;
 mod picker;
@@ -16,12 +16,12 @@ use super::theme::ThemeName;
 use crate::map::Grid;
 use crate::train::{Method, Preset};
 
-/// Something on top of the screen.
+/// A dialog on top of the screen.
 #[derive(Debug)]
 pub enum Dialog {
-    /// The help, and the first line that is shown.
+    /// The help, with the first line shown.
     Help(usize),
-    /// A list.
+    /// A list to pick from.
     Pick(Picker),
     /// A question.
     Ask(Prompt),
@@ -30,35 +30,35 @@ pub enum Dialog {
 /// What picking an item does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Choice {
-    /// As the action's key does.
+    /// Performs an action.
     Act(Action),
-    /// Asks for a value of this setting.
+    /// Asks for a setting's new value.
     Setting(String),
-    /// Goes on with a method.
+    /// Continues with a method.
     Method(Method),
-    /// Goes on with a preset's settings.
+    /// Continues with a preset's settings.
     Preset(Preset),
-    /// Other colours.
+    /// Changes the colours.
     Theme(ThemeName),
-    /// Looks into a folder.
+    /// Lists a folder.
     Folder(PathBuf),
     /// Opens a map file.
     OpenMap(PathBuf),
     /// Opens a built-in map.
     OpenBuiltin(&'static str),
-    /// A new run on a map of another size.
+    /// Starts a new run on a map.
     BeginOn(Arc<Grid>),
-    /// That map cut or filled up to the size of this one, with the same networks.
+    /// Continues with the same networks on another map of the current size.
     GoOnWith(Arc<Grid>),
     /// Loads a checkpoint.
     Load(PathBuf),
-    /// Writes a picture or numbers to a file.
+    /// Writes an export to a file.
     Export(What),
-    /// Leaves, saving before or not.
+    /// Quits, saving first or not.
     Quit {
         /// Whether to save.
         save: bool,
     },
-    /// Nothing.
+    /// Does nothing.
     Nothing,
 }

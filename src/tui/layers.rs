@@ -1,13 +1,13 @@
-//! What the map can show besides itself.
+//! Overlays on the map.
 
-/// Something drawn on top of the colours.
+/// Something drawn over the map's colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overlay {
-    /// Lines that join places equally far away, with their distances.
+    /// Contour lines of equal distance, labelled with it.
     Contours,
-    /// Where the actor would go.
+    /// Directions the actor would take.
     Directions,
-    /// Agents that explore, and where they come from.
+    /// Exploring agents and their trails.
     Agents,
     /// Bridge candidates.
     Candidates,
@@ -15,16 +15,16 @@ pub enum Overlay {
     Edges,
     /// The latest search for a bridge point.
     Search,
-    /// The path that the walking agent plans.
+    /// The path planned by the walking agent.
     Path,
 }
 
 impl Overlay {
-    /// All of them.
+    /// All overlays.
     pub const ALL: [Self; 7] =
         [Self::Contours, Self::Directions, Self::Agents, Self::Candidates, Self::Edges, Self::Search, Self::Path];
 
-    /// What it is called on the screen.
+    /// Returns the name shown on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Contours => "contours",
@@ -38,7 +38,7 @@ impl Overlay {
     }
 }
 
-/// Which overlays are shown.
+/// The set of overlays shown.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overlays([bool; Overlay::ALL.len()]);
 
@@ -50,12 +50,12 @@ impl Default for Overlays {
 }
 
 impl Overlays {
-    /// Whether `overlay` is shown.
+    /// Returns whether `overlay` is shown.
     pub fn has(self, overlay: Overlay) -> bool {
         self.0[overlay as usize]
     }
 
-    /// Shows or hides `overlay`; whether it is shown now.
+    /// Shows or hides `overlay`; returns whether it is now shown.
     pub fn toggle(&mut self, overlay: Overlay) -> bool {
         self.0[overlay as usize] = !self.0[overlay as usize];
         self.0[overlay as usize]

@@ -1,28 +1,28 @@
-//! What of the screen can be written to files.
+//! What can be exported to files.
 
-/// What can be written.
+/// A kind of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum What {
-    /// The map pane as a picture of pixels.
+    /// The map pane as a bitmap.
     MapPng,
-    /// The map pane as a drawing.
+    /// The map pane as a vector drawing.
     MapSvg,
-    /// The whole screen as a picture.
+    /// The whole screen as a bitmap.
     ScreenPng,
-    /// The whole screen as a drawing.
+    /// The whole screen as a vector drawing.
     ScreenSvg,
-    /// The curves as a drawing.
+    /// The curves as a vector drawing.
     CurvesSvg,
-    /// The curves as a table of numbers.
+    /// The curves as a table.
     CurvesCsv,
 }
 
 impl What {
-    /// All of it.
+    /// All kinds.
     pub const ALL: [Self; 6] =
         [Self::MapPng, Self::MapSvg, Self::ScreenPng, Self::ScreenSvg, Self::CurvesSvg, Self::CurvesCsv];
 
-    /// What it is called on the screen.
+    /// Returns the name shown on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::MapPng => "the map as a picture",
@@ -34,7 +34,7 @@ impl What {
         }
     }
 
-    /// The file's name without map and update.
+    /// Returns the part of the file name that follows map and update.
     pub fn stem(self) -> &'static str {
         match self {
             Self::MapPng | Self::MapSvg => "map",
@@ -43,7 +43,7 @@ impl What {
         }
     }
 
-    /// The file's extension.
+    /// Returns the file extension.
     pub fn file_type(self) -> &'static str {
         match self {
             Self::MapPng | Self::ScreenPng => "png",

@@ -1,4 +1,4 @@
-//! Where things were drawn: clicks are understood by it.
+//! Where things were drawn, so that clicks can be resolved.
 
 use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
@@ -10,74 +10,74 @@ use super::raster::MapFrame;
 /// What a click does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Click {
-    /// As the action's key.
+    /// Performs an action.
     Act(Action),
-    /// Takes what is picked or typed in the dialog on top.
+    /// Accepts the answer to the topmost dialog.
     Answer,
-    /// Closes the dialog on top.
+    /// Closes the topmost dialog.
     Close,
 }
 
 /// Where things were drawn.
 #[derive(Clone, Debug, Default)]
 pub struct Places {
-    /// Everything.
+    /// The whole screen.
     pub screen: Rect,
     /// The map.
     pub map: Option<MapFrame>,
     /// The pane with the map and the line below it.
     pub map_pane: Rect,
-    /// The whole map in the corner, where there is one.
+    /// The minimap in the corner, if shown.
     pub minimap: Option<MapFrame>,
-    /// What lies on top.
+    /// The topmost dialog.
     pub dialog: Rect,
-    /// The rows of the list on top, and the number of the first of them.
+    /// The rows of the topmost list, and the index of the first item shown.
     pub rows: (Rect, usize),
-    /// The first line of the help that is shown.
+    /// The first line of the help shown.
     pub help_line: Option<usize>,
     clicks: Vec<(Rect, Click)>,
 }
 
 impl Places {
-    /// Nothing yet, on a screen of this size.
+    /// Creates an empty record for a screen of this size.
     pub fn on(screen: Rect) -> Self {
         Self { screen, ..Self::default() }
     }
 
-    /// Forgets what could be clicked on.
+    /// Removes all clickable areas.
     pub fn forget_clicks(&mut self) {
         self.clicks.clear();
     }
 
-    /// Clicking in `area` does this.
+    /// Makes `area` clickable.
     pub fn add(&mut self, area: Rect, click: Click) {
         self.clicks.push((area, click));
     }
 
-    /// What a click there does.
+    /// Returns what a click at `at` does.
     pub fn click(&self, at: Position) -> Option<Click> {
         self.clicks.iter().find(|(area, _)| area.contains(at)).map(|(_, click)| *click)
     }
 }
 
-/// A line of which parts can be clicked on.
+/// A line with clickable parts.
 #[derive(Debug, Default)]
 pub struct Bar {
     parts: Vec<(Span<'static>, Option<Click>)>,
 }
 
 impl Bar {
-    /// Columns it takes.
+    /// Returns the width in columns.
     pub fn width(&self) -> usize {
         self.parts.iter().map(|(span, _)| span.width()).sum()
     }
 
-    /// Adds a part.
+    /// Adds a part, clickable if `click` is given.
     pub fn push(&mut self, span: Span<'static>, click: impl Into<Option<Click>>) {
         self.parts.push((span, click.into()));
     }
 
-    /// Draws it from the left edge of `area` on; what does not fit is cut off.
+    /// Draws the line from the left edge of `area`, cutting off what does not fit.
     pub fn draw(self, frame: &mut Frame, area: Rect, places: &mut Places) {
         let mut at = area.x;
         let mut line = Line::default();

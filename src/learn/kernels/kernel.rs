@@ -5,7 +5,6 @@
 //! uses what the CPU supports.
 #![allow(unsafe_code)]
 
-use multiversion::multiversion;
 use pulp::Arch;
 
 /// Side of the blocks that [`transpose`] handles in registers.
@@ -85,75 +84,81 @@ fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f
 }
 
 /// Sets `d[i] = 0` where the unit's output `y[i]` is 0 (the backward pass of ReLU).
-#[multiversion(targets = "simd")]
 pub fn relu_backward(d: &mut [f32], y: &[f32]) {
-    for (d, y) in d.iter_mut().zip(y) {
-        // Multiply instead of branching: a branch becomes a masked store, which takes some processors a cycle per
-        // number.
-        *d *= f32::from(*y > 0.0);
-    }
+    Arch::new().dispatch(|| {
+        for (d, y) in d.iter_mut().zip(y) {
+            // Multiply instead of branching: a branch becomes a masked store, which takes some processors a cycle per
+            // number.
+            *d *= f32::from(*y > 0.0);
+        }
+    });
 }
 
 /// Computes `sums[c] = sum over rows of x[r][c]`.
-#[multiversion(targets = "simd")]
 pub fn column_sums(x: &[f32], sums: &mut [f32]) {
-    sums.fill(0.0);
-    for row in x.chunks_exact(sums.len()) {
-        for (s, v) in sums.iter_mut().zip(row) {
-            *s += v;
+    Arch::new().dispatch(|| {
+        sums.fill(0.0);
+        for row in x.chunks_exact(sums.len()) {
+            for (s, v) in sums.iter_mut().zip(row) {
+                *s += v;
+            }
         }
-    }
+    });
 }
 
 /// Computes `sum += part`, element by element.
-#[multiversion(targets = "simd")]
 pub fn add_into(sum: &mut [f32], part: &[f32]) {
-    for (s, p) in sum.iter_mut().zip(part) {
-        *s += p;
-    }
+    Arch::new().dispatch(|| {
+        for (s, p) in sum.iter_mut().zip(part) {
+            *s += p;
+        }
+    });
 }
 
 /// Computes a layer with few outputs: `y[r][o] = bias[o] + sum_h x[r][h] w[o][h]`, with `w` `(outputs, inputs)`. `gemm`
 /// runs at a tenth of its speed on matrices with 1 to 4 columns.
-#[multiversion(targets = "simd")]
 pub fn thin_forward(x: &[f32], w: &[f32], bias: &[f32], y: &mut [f32]) {
-    let inputs = w.len() / bias.len();
-    for (x, y) in x.chunks_exact(inputs).zip(y.chunks_exact_mut(bias.len())) {
-        for ((y, b), w) in y.iter_mut().zip(bias).zip(w.chunks_exact(inputs)) {
-            *y = b + dot(x, w);
+    Arch::new().dispatch(|| {
+        let inputs = w.len() / bias.len();
+        for (x, y) in x.chunks_exact(inputs).zip(y.chunks_exact_mut(bias.len())) {
+            for ((y, b), w) in y.iter_mut().zip(bias).zip(w.chunks_exact(inputs)) {
+                *y = b + dot(x, w);
+            }
         }
-    }
+    });
 }
 
 /// Computes `dx[r][h] = sum_o dy[r][o] w[o][h]`, the thin layer's gradient with respect to its input.
-#[multiversion(targets = "simd")]
 pub fn thin_backward_input(dy: &[f32], w: &[f32], outputs: usize, dx: &mut [f32]) {
-    let inputs = w.len() / outputs;
-    for (dx, dy) in dx.chunks_exact_mut(inputs).zip(dy.chunks_exact(outputs)) {
-        dx.fill(0.0);
-        for (dy, w) in dy.iter().zip(w.chunks_exact(inputs)) {
-            for (dx, w) in dx.iter_mut().zip(w) {
-                *dx += dy * w;
+    Arch::new().dispatch(|| {
+        let inputs = w.len() / outputs;
+        for (dx, dy) in dx.chunks_exact_mut(inputs).zip(dy.chunks_exact(outputs)) {
+            dx.fill(0.0);
+            for (dy, w) in dy.iter().zip(w.chunks_exact(inputs)) {
+                for (dx, w) in dx.iter_mut().zip(w) {
+                    *dx += dy * w;
+                }
             }
         }
-    }
+    });
 }
 
 /// Computes `dw[o][h] = sum_r dy[r][o] x[r][h]` and `db[o] = sum_r dy[r][o]`.
-#[multiversion(targets = "simd")]
 pub fn thin_backward_weights(dy: &[f32], x: &[f32], dw: &mut [f32], db: &mut [f32]) {
-    let outputs = db.len();
-    let inputs = dw.len() / outputs;
-    dw.fill(0.0);
-    db.fill(0.0);
-    for (x, dy) in x.chunks_exact(inputs).zip(dy.chunks_exact(outputs)) {
-        for ((dy, dw), db) in dy.iter().zip(dw.chunks_exact_mut(inputs)).zip(db.iter_mut()) {
-            *db += dy;
-            for (dw, x) in dw.iter_mut().zip(x) {
-                *dw += dy * x;
+    Arch::new().dispatch(|| {
+        let outputs = db.len();
+        let inputs = dw.len() / outputs;
+        dw.fill(0.0);
+        db.fill(0.0);
+        for (x, dy) in x.chunks_exact(inputs).zip(dy.chunks_exact(outputs)) {
+            for ((dy, dw), db) in dy.iter().zip(dw.chunks_exact_mut(inputs)).zip(db.iter_mut()) {
+                *db += dy;
+                for (dw, x) in dw.iter_mut().zip(x) {
+                    *dw += dy * x;
+                }
             }
         }
-    }
+    });
 }
 
 /// Returns the dot product, using sixteen partial sums so that it vectorises (a single sum may not be reordered).
@@ -186,11 +191,12 @@ pub const BETA: (f32, f32) = (0.9, 0.999);
 const MOMENT_FLOOR: f32 = 1e-20;
 
 /// Takes one Adam step (Kingma and Ba 2015, algorithm 1 in the efficient form of section 2) on `w`.
-#[multiversion(targets = "simd")]
 pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
-    for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
-        adam_one(w, m, v, *g, rate);
-    }
+    Arch::new().dispatch(|| {
+        for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
+            adam_one(w, m, v, *g, rate);
+        }
+    });
 }
 
 /// Does the same as [`adam`] for a handful of numbers, where the run-time dispatch would cost more than the step.

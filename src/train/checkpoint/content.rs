@@ -1,4 +1,4 @@
-//! A checkpoint's bytes: a store in the safetensors format, under a checksum.
+//! The bytes of a checkpoint: a store in safetensors format with a checksum.
 
 use std::collections::{BTreeMap, HashMap};
 
@@ -7,26 +7,25 @@ use serde::Deserialize;
 
 use crate::store::{Array, Store, StoreError};
 
-/// What the metadata calls this kind of file. Format 1 had neither a checksum nor a history, formats 1 and 2 named no
-/// world.
+/// Format name in the metadata. Format 1 had neither checksum nor history; formats 1 and 2 did not name the world.
 const FORMAT: &str = "gdg-tui checkpoint 3";
 const WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
 const WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
 
-/// The names of the format and the checksum among the texts.
+/// Metadata keys of the format and the checksum.
 const FORMAT_NAME: &str = "format";
 const CHECKSUM: &str = "checksum";
 
-/// What is wrong with a checkpoint's bytes.
+/// Error in a checkpoint's bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum ContentError {
-    /// Another kind of file.
+    /// Not a safetensors file.
     #[error("is not a safetensors file: {0}")]
     Foreign(#[from] SafeTensorError),
-    /// A header that is cut off or no JSON.
+    /// The header is truncated or not JSON.
     #[error("is not a safetensors file")]
     Header,
-    /// A format that this version does not know.
+    /// A format unknown to this version.
     #[error("is of the format {format:?}, written by version {version}; this one reads {FORMAT:?}")]
     Format {
         /// The format.
@@ -34,15 +33,15 @@ pub enum ContentError {
         /// The version of this program that wrote it.
         version: String,
     },
-    /// Contents that have changed since they were written.
+    /// The contents do not match the checksum.
     #[error("is damaged: its checksum is not that of its contents")]
     Damaged,
-    /// Contents that are missing or do not fit.
+    /// Contents are missing or invalid.
     #[error(transparent)]
     Store(#[from] StoreError),
 }
 
-/// A tensor as it stands in a file.
+/// A tensor as stored in the file.
 struct Tensor {
     dtype: Dtype,
     bytes: Vec<u8>,
@@ -60,7 +59,7 @@ impl From<Array> for Tensor {
     }
 }
 
-/// The numbers of a tensor; `None` for types that no store has.
+/// Returns the numbers of a tensor, or `None` for a type that a store does not support.
 fn array(view: &TensorView) -> Option<Array> {
     fn numbers<T, const N: usize>(bytes: &[u8], parse: fn([u8; N]) -> T) -> Vec<T> {
         bytes.as_chunks::<N>().0.iter().map(|bytes| parse(*bytes)).collect()
@@ -75,10 +74,10 @@ fn array(view: &TensorView) -> Option<Array> {
     })
 }
 
-/// The bytes of a file that holds `store`.
+/// Serialises `store` to the bytes of a checkpoint file.
 ///
 /// # Errors
-/// What the format does not allow.
+/// The format cannot represent the store.
 pub fn to_bytes(store: Store) -> Result<Vec<u8>, ContentError> {
     let (arrays, mut texts) = store.into_parts();
     texts.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
@@ -86,13 +85,13 @@ pub fn to_bytes(store: Store) -> Result<Vec<u8>, ContentError> {
     sealed(&arrays.into_iter().map(|(name, array)| (name, array.into())).collect(), texts)
 }
 
-/// The bytes of a file with these contents, and a checksum over all.
+/// Serialises tensors and texts with a checksum over both.
 fn sealed(tensors: &BTreeMap<String, Tensor>, mut texts: BTreeMap<String, String>) -> Result<Vec<u8>, ContentError> {
     let parts = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.dtype, tensor.bytes.as_slice()));
     let sum = checksum(texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), parts);
     texts.insert(CHECKSUM.to_owned(), sum);
     let views = tensors.iter().map(|(name, Tensor { dtype, bytes })| {
-        // Types of less than a byte are never ours.
+        // Checkpoints never contain types smaller than a byte.
         let size = (dtype.bitsize() / 8).max(1);
         TensorView::new(*dtype, vec![bytes.len() / size], bytes).map(|view| (name.as_str(), view))
     });
@@ -100,13 +99,13 @@ fn sealed(tensors: &BTreeMap<String, Tensor>, mut texts: BTreeMap<String, String
     Ok(safetensors::serialize(views, Some(texts.into_iter().collect()))?)
 }
 
-/// CRC-32 of texts and tensors, each in the order of their names: so that it does not depend on the order in a file.
+/// Returns the CRC-32 of texts and tensors, each in order of name so that it does not depend on the order in the file.
 fn checksum<'a>(
     texts: impl Iterator<Item = (&'a str, &'a str)>,
     tensors: impl Iterator<Item = (&'a str, Dtype, &'a [u8])>,
 ) -> String {
     let mut hasher = crc32fast::Hasher::new();
-    // Lengths part names and contents from each other.
+    // Length prefixes delimit names and contents.
     let mut add = |bytes: &[u8]| {
         hasher.update(&(bytes.len() as u64).to_le_bytes());
         hasher.update(bytes);
@@ -123,10 +122,10 @@ fn checksum<'a>(
     format!("{:08x}", hasher.finalize())
 }
 
-/// The store that a file's bytes hold.
+/// Parses the bytes of a checkpoint file into a store.
 ///
 /// # Errors
-/// What is wrong with the bytes.
+/// The bytes are not a valid checkpoint.
 pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
     let (_, header) = SafeTensors::read_metadata(bytes)?;
     let tensors = SafeTensors::deserialize(bytes)?;
@@ -153,17 +152,17 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
     Ok(store)
 }
 
-/// The texts of a checkpoint that begins with these bytes, without its tensors: they need not be there.
+/// Parses the texts of a checkpoint from its header alone; the tensors need not be present.
 ///
 /// # Errors
-/// That it is none of this program, or of a format that is not known.
+/// The header is not from a checkpoint of this program, or the format is unknown.
 pub fn texts_from_header(header: &[u8]) -> Result<Store, ContentError> {
     #[derive(Deserialize)]
     struct Header {
         #[serde(rename = "__metadata__")]
         metadata: Option<HashMap<String, String>>,
     }
-    // The library wants the whole file before it reads the header.
+    // The safetensors library needs the whole file to read the header.
     let header: Header = serde_json::from_slice(header).map_err(|_| ContentError::Header)?;
     let mut store = Store::default();
     texts_of(header.metadata)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
@@ -180,7 +179,8 @@ fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String
     Err(ContentError::Format { format: format.clone(), version })
 }
 
-/// The same checkpoint with a checksum that is right: for tests of what comes behind it. `None` where it is none.
+/// Returns the checkpoint with its checksum recomputed, for tests of the checks after it; `None` if it is not a
+/// checkpoint.
 pub fn resealed(bytes: &[u8]) -> Option<Vec<u8>> {
     let (_, header) = SafeTensors::read_metadata(bytes).ok()?;
     let read = SafeTensors::deserialize(bytes).ok()?;

@@ -1,4 +1,4 @@
-//! What a front end can ask of an engine, and how it is carried out.
+//! Commands from a front end to an engine, and their execution.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
@@ -15,39 +15,39 @@ use crate::train::memory;
 use crate::train::run::{Limits, Run};
 use crate::train::trainer::Trainer;
 
-/// Checkpoints saved without being asked for that are kept.
+/// Number of autosaved checkpoints to keep.
 const AUTOSAVES_KEPT: usize = 3;
 
-/// What a front end can ask for.
+/// A command from a front end.
 pub enum Command {
-    /// Stop training until told otherwise.
+    /// Pause training until it is resumed.
     Pause,
-    /// Go on; beyond the limits where these have been reached.
+    /// Resume training; lifts the limits if they have been reached.
     Resume,
     /// Do one step and pause.
     Step(Step),
-    /// No more than so many updates a second, or as many as there can be.
+    /// Limit the updates per second; `None` removes the limit.
     LimitSpeed(Option<f64>),
-    /// Tell how this agent fares.
+    /// Follow this agent, or none.
     Follow(Option<usize>),
-    /// Save a checkpoint, with what the front end has to say of the run's past.
+    /// Save a checkpoint with the front end's event log.
     Save(SaveTo, Vec<LogEntry>),
-    /// Save a checkpoint to a file of its own, named after this one; of such files the newest few are kept.
+    /// Save a checkpoint to a separate file named after this one; only the newest few are kept.
     Autosave(PathBuf, Vec<LogEntry>),
-    /// Go on in an edited world.
+    /// Continue in an edited world.
     ChangeWorld(Box<dyn Environment>),
-    /// Go on with other settings, method or preset; the data and, where they fit, the networks are kept.
+    /// Continue with other settings, method or preset; keeps the data and, where they fit, the networks.
     Change(Box<Run>),
-    /// Begin anew, perhaps in another world.
+    /// Start a new run, possibly in another world.
     Begin(Box<Run>, Box<dyn Environment>),
-    /// Go on with a checkpoint's run.
+    /// Load a checkpoint and continue its run.
     Load(PathBuf),
 }
 
-/// Why a command was not carried out.
+/// Why a command failed.
 #[derive(Debug, thiserror::Error)]
 enum CommandError {
-    /// The trainer reports an error.
+    /// An error from the trainer.
     #[error(transparent)]
     Train(#[from] TrainError),
     /// A checkpoint could not be written.
@@ -59,18 +59,18 @@ enum CommandError {
 }
 
 impl Worker {
-    /// Goes on in an edited world; what is to be said of it, or against it.
+    /// Continues in an edited world and returns a notice for the user.
     fn change_world(&mut self, world: &dyn Environment) -> Result<String, CommandError> {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
-        // What is being found out about the world as it was says nothing of the one that there is now.
+        // A running evaluation of the old world says nothing about the new one.
         (self.evaluation, self.rested) = (None, None);
         self.renew(true)?;
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
-        Ok(format!("{}, {} transitions forgotten{warning}", change.what, change.transitions_removed))
+        Ok(format!("{}, {} transitions removed{warning}", change.what, change.transitions_removed))
     }
 
-    /// Goes on with other settings; what was kept.
+    /// Continues with other settings and returns a notice of what was kept.
     fn change(&mut self, run: Run) -> Result<String, CommandError> {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let kept = self.trainer.change_run(run)?;
@@ -78,13 +78,13 @@ impl Worker {
         (self.evaluation, self.rested) = (None, None);
         self.renew(true)?;
         Ok(match (kept.networks, kept.agents) {
-            (true, true) => "changed; training goes on".to_owned(),
-            (true, false) => "changed; networks and replay go on, agents began anew".to_owned(),
+            (true, true) => "changed; training continues".to_owned(),
+            (true, false) => "changed; networks and replay are kept, agents restarted".to_owned(),
             (false, _) => "changed; the networks are fresh, the replay is kept".to_owned(),
         })
     }
 
-    /// Goes on with another run altogether.
+    /// Switches to another run.
     fn adopt(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         self.trainer = trainer;
         (self.evaluation, self.rested, self.next_update, self.follow, self.fresh) = (None, None, None, None, None);
@@ -98,9 +98,9 @@ impl Worker {
         self.renew(true)
     }
 
-    /// Saves a checkpoint; what is to be said of it.
+    /// Saves a checkpoint and returns a notice for the user.
     fn save(&mut self, to: SaveTo, log: Vec<LogEntry>) -> Result<String, CommandError> {
-        // What was asked for before the front end knew where it went.
+        // The request may predate the front end's learning which file the previous save went to.
         let to = match (&self.fresh, to) {
             (Some((asked, went)), SaveTo::Fresh(path)) if *asked == path => SaveTo::Own(went.clone()),
             (_, to) => to,
@@ -120,7 +120,7 @@ impl Worker {
         Ok(text)
     }
 
-    /// Saves a checkpoint beside those that the user asked for.
+    /// Saves a checkpoint in addition to those requested by the user.
     fn autosave(&mut self, named_after: &Path, log: Vec<LogEntry>) -> Result<String, CommandError> {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let updates = self.trainer.counters().updates;
@@ -129,7 +129,7 @@ impl Worker {
         let text = format!("autosaved {} at update {updates}", path.display());
         self.autosaved.push(path);
         while self.autosaved.len() > AUTOSAVES_KEPT {
-            // One that somebody has removed already is gone as well.
+            // Ignored: the file may already have been removed by someone else.
             let _ = std::fs::remove_file(self.autosaved.remove(0));
         }
         self.current.autosaves = Arc::new(self.autosaved.clone());
@@ -137,7 +137,7 @@ impl Worker {
     }
 
     fn write(&mut self, to: &SaveTo, log: Vec<LogEntry>) -> Result<PathBuf, CommandError> {
-        // Having gone back for the last time, it has good networks all the same.
+        // Even when no rollbacks are left, the networks are good and can be saved.
         let diverged = self.trainer.ensure_finite().err();
         self.tell_recovery();
         self.trainer.history_mut().log = log;
@@ -148,13 +148,13 @@ impl Worker {
         Ok(path)
     }
 
-    /// Carries out a command. A panic on the way is reported, and the run is repaired as far as possible.
+    /// Runs a command. A panic is reported, and the run is repaired as far as possible.
     pub(super) fn carry_out(&mut self, command: Command) {
         let saves = matches!(command, Command::Save(..));
         if catch_unwind(AssertUnwindSafe(|| self.carry_out_at_once(command))).is_err() {
             self.mend("a command");
             if saves {
-                let text = "saving failed by an internal error".to_owned();
+                let text = "saving failed with an internal error".to_owned();
                 self.current.save_failed = (self.current.save_failed.0 + 1, text);
             }
             self.publish();
@@ -202,7 +202,7 @@ impl Worker {
         self.publish();
     }
 
-    /// Begins a new run.
+    /// Starts a new run.
     fn begin(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
         let begin = || {
             let registry = self.trainer.registry();
@@ -211,7 +211,7 @@ impl Worker {
         };
         let trainer = begin()?;
         self.adopt(trainer)?;
-        Ok("a new run has begun".to_owned())
+        Ok("a new run has started".to_owned())
     }
 
     fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {

@@ -1,4 +1,4 @@
-//! What an engine tells its front end.
+//! Snapshots that an engine publishes for its front end.
 
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -26,7 +26,7 @@ pub enum Step {
 pub enum Phase {
     /// Training.
     Running,
-    /// Training up to the end of a step.
+    /// Training until the end of a step.
     Stepping(Step),
     /// Waiting to be resumed.
     Paused,
@@ -37,7 +37,7 @@ pub enum Phase {
 }
 
 impl Phase {
-    /// Whether it trains.
+    /// Whether training is running.
     pub fn trains(&self) -> bool {
         matches!(self, Self::Running | Self::Stepping(_))
     }
@@ -46,39 +46,39 @@ impl Phase {
 /// The state of a run at one moment.
 #[derive(Clone)]
 pub struct Snapshot {
-    /// What is run.
+    /// Definition of the run.
     pub run: Arc<Run>,
-    /// How many runs there have been on this engine: curves of one do not go on with another's.
+    /// Number of runs on this engine so far: curves of different runs must not be joined.
     pub generation: u64,
-    /// What its world is called.
+    /// Title of the world.
     pub title: Arc<str>,
-    /// What there is to be drawn of the world, renewed with the networks.
+    /// Drawable contents of the world, updated with the networks.
     pub scene: Scene,
-    /// What it is doing.
+    /// What the trainer is doing.
     pub phase: Phase,
-    /// How far it has come.
+    /// Progress of the run.
     pub counters: Counters,
-    /// When it ends.
+    /// Limits of the run.
     pub limits: Limits,
     /// Training time, in seconds.
     pub seconds: f64,
-    /// Updates and environment steps per second of the last moments.
+    /// Recent updates and environment steps per second.
     pub rates: (f64, f64),
-    /// The most updates a second, if that is limited.
+    /// Maximum updates per second, if limited.
     pub speed: Option<f64>,
-    /// Where the time has gone.
+    /// Time per training stage.
     pub profile: Profile,
     /// Running means of the losses.
     pub losses: Losses,
-    /// Slots of the replay: used, and in all.
+    /// Replay buffer slots: used and total.
     pub replay: (usize, usize),
     /// Agents' states, `(agents, state_dim)`.
     pub agents: Arc<Vec<f32>>,
     /// The latest states of each agent's episode, oldest first, `(states, state_dim)`.
     pub trails: Arc<Vec<Vec<f32>>>,
-    /// How the agent that is followed fares.
+    /// State of the followed agent.
     pub followed: Option<Arc<Followed>>,
-    /// Networks and bridge candidates, renewed now and then.
+    /// Networks and bridge candidates, updated less often.
     pub networks: Arc<Networks>,
     /// The latest bridge search.
     pub search: Option<Arc<SearchOutcome>>,
@@ -86,59 +86,59 @@ pub struct Snapshot {
     pub curve: Arc<Vec<LossPoint>>,
     /// Evaluations so far: updates and result.
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
-    /// What the checkpoint says happened before the run was loaded.
+    /// Event log of the checkpoint that the run was loaded from.
     pub log: Arc<Vec<LogEntry>>,
-    /// Updates up to which the run is saved, and where.
+    /// Update of the latest save, and its file.
     pub saved: Option<(u64, Arc<PathBuf>)>,
-    /// How often saving failed, and why it did last.
+    /// Number of failed saves, and the latest reason.
     pub save_failed: (u64, String),
-    /// Files that were saved without being asked for and are still there.
+    /// Autosaved files that are still kept.
     pub autosaves: Arc<Vec<PathBuf>>,
-    /// What happened last that is worth telling, and how often something did.
+    /// Number of notices so far, and the latest one.
     pub notice: (u64, String),
 }
 
-/// What has been learned, and the bridge candidates.
+/// The learned networks and the bridge candidates.
 pub struct Networks {
     /// D and mu.
     pub policy: Arc<dyn Policy>,
-    /// Candidates and what was seen between them.
+    /// Candidates and observed paths between them.
     pub candidates: Arc<Candidates>,
 }
 
 impl Networks {
-    /// Those of `trainer` at this moment.
+    /// Copies the current networks and candidates of `trainer`.
     pub(super) fn of(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
         Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.candidates().frozen() }))
     }
 }
 
-/// An agent that explores, in the midst of its episode.
+/// An exploring agent in its current episode.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Followed {
-    /// Which agent.
+    /// Index of the agent.
     pub agent: usize,
-    /// Where its episode began, as far back as the replay knows, `(state_dim)`.
+    /// First state of its episode that the replay buffer still holds, `(state_dim)`.
     pub start: Vec<f32>,
-    /// Where it is, `(state_dim)`.
+    /// Current state, `(state_dim)`.
     pub state: Vec<f32>,
-    /// Steps of its episode.
+    /// Steps of its episode so far.
     pub steps: u32,
-    /// What it pursues at this moment: its goal, or a waypoint, `(goal_dim)`.
+    /// Current target: the goal or a waypoint, `(goal_dim)`.
     pub aim: Vec<f32>,
-    /// What it pursues in the end, `(goal_dim)`.
+    /// Final goal, `(goal_dim)`.
     pub goal: Vec<f32>,
     /// D to both, in steps.
     pub distances: (f32, f32),
-    /// Whether it walks through the bridge graph.
+    /// Whether it follows a plan through the bridge graph.
     pub planned: bool,
 }
 
 impl Snapshot {
-    /// The present state of `trainer`, as if it had just begun to train.
+    /// Captures the current state of `trainer`, as if training had just started.
     ///
     /// # Errors
-    /// What the learner reports.
+    /// The learner fails.
     pub fn of(trainer: &Trainer) -> Result<Self, TrainError> {
         Ok(Self {
             run: Arc::new(trainer.run().clone()),

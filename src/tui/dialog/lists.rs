@@ -1,4 +1,4 @@
-//! What there is to pick from.
+//! The lists to pick from.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,34 +16,34 @@ use crate::tui::keymap::Keymap;
 use crate::tui::output::What;
 use crate::tui::theme::ThemeName;
 
-/// Everything that can be done, by its name.
+/// Lists all actions by name.
 pub fn actions(keymap: &Keymap) -> Picker {
     let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
     let item = |b: &Binding| Item::new(b.long, keymap.shown(b).join(" "), Choice::Act(b.action));
     Picker::new("find anything", bindings().filter(named).map(item).collect())
 }
 
-/// Colours.
+/// Lists the themes.
 pub fn themes(now: ThemeName) -> Picker {
     let items = ThemeName::ALL.map(|name| Item::new(name.name(), "", Choice::Theme(name))).to_vec();
     Picker::new("colours", items).selecting(|choice| *choice == Choice::Theme(now))
 }
 
-/// Methods.
+/// Lists the methods.
 pub fn methods(now: &Method) -> Picker {
     let item = |named: &NamedMethod| Item::new(named.name, named.about, Choice::Method(named.into()));
     let title = "go on with method (data and networks are kept)";
     Picker::new(title, METHODS.iter().map(item).collect()).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
 
-/// Presets.
+/// Lists the presets.
 pub fn presets(now: Preset) -> Picker {
     let items = Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
     let title = "go on with preset (data is kept, networks begin anew)";
     Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
-/// Settings, group by group: their values, what they do, and what a change of them costs.
+/// Lists the settings by group: their values, what they do, and what changing them costs.
 pub fn settings(settings: &Settings) -> Picker {
     let defaults = list_settings(&Settings::default());
     let items = list_settings(settings).into_iter().zip(defaults).map(|((name, value), (_, default))| {
@@ -58,13 +58,13 @@ pub fn settings(settings: &Settings) -> Picker {
     Picker::new("change a setting", items.collect())
 }
 
-/// What can be written to a file.
+/// Lists the kinds of exports.
 pub fn exports() -> Picker {
     let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what)));
     Picker::new("write to a file", items.to_vec())
 }
 
-/// Whether to save before leaving.
+/// Asks whether to save before quitting.
 pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
     let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
     let items = vec![
@@ -79,17 +79,17 @@ pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
     Picker::new("quit?", items)
 }
 
-/// What to do when something has failed.
+/// Asks what to do after a failure.
 pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
-        // All of the selected item is shown below the list.
+        // A long detail is fine: the selected item is shown in full below the list.
         Item::new("save and quit", format!("to {}; {what}; {hint}", file.display()), Choice::Quit { save: true }),
         Item::new("stay", "look around, save, change a setting, load a checkpoint", Choice::Nothing),
     ];
     Picker::new(title, items)
 }
 
-/// What to do with the networks on another map than `now`; `fitted` is the new one at the size of `now`.
+/// Asks how to switch from map `now` to `map`; `fitted` is `map` at the size of `now`.
 pub fn ways_to_turn_to(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
     let mut items = vec![Item::new(
         "begin a new run on it",
@@ -109,8 +109,8 @@ pub fn ways_to_turn_to(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Pic
     Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
 }
 
-/// Maps in `folder`, of which these are the `entries` (and whether each is a folder). The recent and built-in ones come
-/// first where there are `recent` ones to be told of.
+/// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is given, recent and
+/// built-in maps come first.
 pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf]>) -> Picker {
     let mut items = Vec::new();
     if let Some(recent) = recent {
@@ -131,7 +131,7 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf
     Picker::new(format!("open a map: {}", folder.display()), items)
 }
 
-/// Checkpoints, the latest first, with dates as they are in `zone`; those that cannot be loaded last, and why.
+/// Lists checkpoints, latest first, with dates in `zone`; those that cannot be loaded come last, with the reason.
 pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &TimeZone) -> Picker {
     found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
     let name = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
@@ -142,7 +142,7 @@ pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &
     Picker::new("load a checkpoint", found.iter().map(item).collect())
 }
 
-/// What the list says of a checkpoint.
+/// Describes a checkpoint.
 fn about(d: &Description, zone: &TimeZone) -> String {
     let success = d.success.map_or("not evaluated".to_owned(), |s| match s.planned {
         Some(planned) => format!("success {planned:.2}/{:.2}", s.greedy),

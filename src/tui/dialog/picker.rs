@@ -8,74 +8,74 @@ use tui_input::backend::crossterm::EventHandler;
 
 use super::Choice;
 
-/// Rows that Page Up and Page Down move by.
+/// Rows that Page Up and Page Down move the selection by.
 const PAGE: isize = 10;
 
 /// One line of a list.
 #[derive(Clone, Debug)]
 pub struct Item {
-    /// What it is.
+    /// The item's name.
     pub label: String,
-    /// What else is to be said of it.
+    /// Further details.
     pub detail: String,
     /// What picking it does.
     pub choice: Choice,
 }
 
 impl Item {
-    /// An item.
+    /// Creates an item.
     pub fn new(label: impl Into<String>, detail: impl Into<String>, choice: Choice) -> Self {
         Self { label: label.into(), detail: detail.into(), choice }
     }
 }
 
-/// The list, what has been typed, and what is selected.
+/// A list with its search text and selection.
 #[derive(Debug)]
 pub struct Picker {
-    /// What is picked.
+    /// The title.
     pub title: String,
     items: Vec<Item>,
     typed: Input,
-    /// The items that match what has been typed, best first.
+    /// Indices of the items that match the search text, best first.
     shown: Vec<usize>,
     selected: usize,
 }
 
 impl Picker {
-    /// All of `items`, the first selected.
+    /// Creates a list of all `items`, with the first one selected.
     pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
         let shown = (0..items.len()).collect();
         Self { title: title.into(), items, typed: Input::default(), shown, selected: 0 }
     }
 
-    /// The same with the first item selected of which `is` holds.
+    /// Selects the first item whose choice satisfies `is`.
     #[must_use]
     pub fn selecting(mut self, is: impl Fn(&Choice) -> bool) -> Self {
         self.selected = self.items.iter().position(|item| is(&item.choice)).unwrap_or(0);
         self
     }
 
-    /// What has been typed, and the cursor's column in it.
+    /// Returns the search text and the cursor's column in it.
     pub fn typed(&self) -> (&str, usize) {
         (self.typed.value(), self.typed.visual_cursor())
     }
 
-    /// The items shown, best first, and which of them is selected.
+    /// Returns the items shown, best first, and the index of the selected one.
     pub fn shown(&self) -> (impl Iterator<Item = &Item>, usize) {
         (self.shown.iter().map(|i| &self.items[*i]), self.selected)
     }
 
-    /// All items, shown or not.
+    /// Returns all items, shown or not.
     pub fn items(&self) -> impl Iterator<Item = &Item> {
         self.items.iter()
     }
 
-    /// What the selected item does.
+    /// Returns the selected item's choice.
     pub fn choice(&self) -> Option<&Choice> {
         self.shown.get(self.selected).map(|i| &self.items[*i].choice)
     }
 
-    /// Selects the item on row `row` of those shown.
+    /// Selects the shown item on row `row`; returns whether there is one.
     pub fn select(&mut self, row: usize) -> bool {
         let there = row < self.shown.len();
         if there {
@@ -90,7 +90,7 @@ impl Picker {
         self.selected = self.selected.saturating_add_signed(by).min(last);
     }
 
-    /// Takes a key.
+    /// Handles a key.
     pub fn on_key(&mut self, key: KeyEvent) {
         match key.code {
             KeyCode::Up => self.turn(-1),
@@ -104,7 +104,7 @@ impl Picker {
         }
     }
 
-    /// Takes pasted text.
+    /// Inserts pasted text.
     pub fn paste(&mut self, text: &str) {
         super::prompt::type_in(&mut self.typed, text);
         self.narrow();
@@ -115,7 +115,7 @@ impl Picker {
         let mut matcher = Matcher::new(Config::DEFAULT);
         let mut buffer = Vec::new();
         let mut score = |item: &Item| {
-            // What it is counts more than what is said of it.
+            // A match in the label counts more than one in the detail.
             let of = |text: &str, matcher: &mut Matcher, buffer: &mut Vec<char>| {
                 pattern.score(Utf32Str::new(text, buffer), matcher)
             };
@@ -149,7 +149,7 @@ mod tests {
     }
 
     #[test]
-    fn typing_narrows_the_list_to_what_fits_best_first() {
+    fn typing_narrows_the_list_to_the_best_matches() {
         let mut picker = picker();
         press(&mut picker, "lrt");
         assert_eq!(picker.choice(), Some(&Choice::Setting("learning_rate".to_owned())));
@@ -161,7 +161,7 @@ mod tests {
     }
 
     #[test]
-    fn the_selection_stays_on_the_list() {
+    fn the_selection_stays_within_the_list() {
         let mut picker = picker();
         picker.turn(-5);
         assert_eq!(picker.shown().1, 0);

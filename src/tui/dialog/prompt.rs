@@ -1,10 +1,10 @@
-//! A question that is answered by a line of text.
+//! A question answered with a line of text.
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
-/// The longest answer that is taken.
+/// The longest answer accepted, in characters.
 const MOST_CHARACTERS: usize = 500;
 
 /// What the answer is for.
@@ -18,32 +18,32 @@ pub enum Question {
     SaveMap,
     /// Width and height of an empty map.
     NewMap,
-    /// Width and height to make the map larger or smaller to.
+    /// The map's new width and height.
     ResizeMap,
     /// The seed of a new run.
     Seed,
-    /// Minutes between checkpoints.
+    /// Minutes between automatic checkpoints.
     Autosave,
 }
 
-/// The question and what has been typed.
+/// A question and the answer typed so far.
 #[derive(Debug)]
 pub struct Prompt {
-    /// What is asked.
+    /// The question's text.
     pub title: String,
-    /// What would be right.
+    /// What a valid answer looks like.
     pub hint: String,
-    /// What was wrong with the answer given last.
+    /// What was wrong with the last answer.
     pub error: Option<String>,
-    /// What it is for.
+    /// What the answer is for.
     pub question: Question,
     typed: Input,
-    /// Nobody has touched the answer to begin with: typing replaces it.
+    /// The initial answer has not been edited: typing replaces it.
     untouched: bool,
 }
 
 impl Prompt {
-    /// A question with an answer to begin with.
+    /// Creates a question with an initial answer.
     pub fn new(
         question: Question,
         title: impl Into<String>,
@@ -60,17 +60,17 @@ impl Prompt {
         }
     }
 
-    /// What has been typed, and the cursor's column in it.
+    /// Returns the text typed so far and the cursor's column in it.
     pub fn typed(&self) -> (&str, usize) {
         (self.typed.value(), self.typed.visual_cursor())
     }
 
-    /// Whether typing replaces what is there.
+    /// Returns whether typing replaces the current text.
     pub fn is_untouched(&self) -> bool {
         self.untouched && !self.typed.value().is_empty()
     }
 
-    /// Takes a key.
+    /// Handles a key.
     pub fn on_key(&mut self, key: KeyEvent) {
         self.error = None;
         let types = matches!(key.code, KeyCode::Char(_)) && !key.modifiers.contains(KeyModifiers::CONTROL);
@@ -86,14 +86,14 @@ impl Prompt {
         }
     }
 
-    /// Takes pasted text.
+    /// Inserts pasted text.
     pub fn paste(&mut self, text: &str) {
         self.touch(true);
         type_in(&mut self.typed, text);
     }
 }
 
-/// Types the first line of `text`, as far as there is room.
+/// Inserts the first line of `text`, as much of it as fits.
 pub fn type_in(input: &mut Input, text: &str) {
     let room = MOST_CHARACTERS.saturating_sub(input.value().chars().count());
     for c in text.lines().next().unwrap_or_default().chars().filter(|c| !c.is_control()).take(room) {
@@ -110,7 +110,7 @@ mod tests {
     }
 
     #[test]
-    fn typing_replaces_the_answer_to_begin_with_unless_it_is_edited() {
+    fn typing_replaces_the_initial_answer_unless_it_was_edited() {
         let prompt = || Prompt::new(Question::Seed, "seed", "", "12");
         let mut typed = prompt();
         press(&mut typed, KeyCode::Char('7'));

@@ -1,34 +1,35 @@
-//! A process that gives the terminal back when the program can no longer do so itself: killed, or aborted because
-//! memory ran out.
+//! A process that restores the terminal when the program cannot do so itself: killed, or aborted because memory ran
+//! out.
 //!
-//! It is this program once more, waiting at a pipe. An orderly end sends a word through the pipe; an end of the pipe
-//! without one is the end of the program, and the terminal is put back as it was when the guard began.
+//! The guard is a second process of this program, reading from a pipe. On an orderly exit the program sends a word
+//! through the pipe. If the pipe closes without that word, the program has died, and the guard restores the terminal to
+//! its state when the guard started.
 
 use std::io::{Read, Write};
 use std::process::{Child, Command, Stdio};
 
-/// Sent by a program that has given the terminal back itself.
+/// Sent by a program that has restored the terminal itself.
 const DISMISSED: &[u8] = b"dismissed";
 
-/// Sent by the guard once it knows the terminal's modes.
+/// Sent by the guard once it has read the terminal's modes.
 const READY: &[u8] = b"r";
 
-/// The guard, seen from the program.
+/// The program's handle on the guard.
 pub struct Guard(Child);
 
 impl Guard {
-    /// Starts it. Where that cannot be, the program goes on without.
+    /// Starts the guard; `None` if that fails, and the program runs without one.
     pub fn start() -> Option<Self> {
         if cfg!(not(unix)) {
             return None;
         }
-        // The program's file may have been replaced since it began.
+        // The program's file may have been replaced since it started.
         let own = std::path::Path::new("/proc/self/exe");
         let program = if own.exists() { own.to_owned() } else { std::env::current_exe().ok()? };
         let mut command = Command::new(program);
         command.arg("terminal-guard").stdin(Stdio::piped()).stdout(Stdio::inherit()).stderr(Stdio::piped());
         let mut child = command.spawn().ok()?;
-        // Only after that may the modes change.
+        // The terminal's modes may change only once the guard has read them.
         let mut word = [0; READY.len()];
         let ready = child.stderr.take().is_some_and(|mut from| from.read_exact(&mut word).is_ok());
         if !ready {
@@ -49,13 +50,14 @@ impl Drop for Guard {
     }
 }
 
-/// The guard's own life.
+/// Runs the guard.
 #[cfg(unix)]
 pub fn watch() {
     use nix::sys::signal::SigSet;
     use nix::sys::termios::{SetArg, tcgetattr, tcsetattr};
 
-    // It outlives what ends the program, and may change the modes of a terminal whose foreground it is no longer in.
+    // With signals blocked, the guard outlives what ends the program, and can set the terminal's modes even from the
+    // background.
     let _ = SigSet::all().thread_block();
     let modes = tcgetattr(std::io::stdout()).ok();
     let told = std::io::stderr().write_all(READY);
@@ -70,6 +72,6 @@ pub fn watch() {
     }
 }
 
-/// The guard's own life.
+/// Does nothing: there is no guard on this platform.
 #[cfg(not(unix))]
 pub fn watch() {}
