@@ -1,8 +1,7 @@
-//! A world and a learner of your own: a bead on a wire, and a table.
+//! A custom world and learner: a bead on a wire, and a Q-table.
 //!
-//! Neither is known to the library. The bead has a speed that the learner does not see; the table learns D by
-//! Q-learning on intervals of the wire. Everything else is the library's: exploration, bridges, evaluation, checkpoints,
-//! records.
+//! The library knows neither. The bead has a speed that is hidden from the learner; the table learns D by Q-learning on
+//! intervals of the wire. The library does everything else: exploration, bridges, evaluation, checkpoints, records.
 //!
 //! ```sh
 //! cargo run --release --example own_world -- bead --no-ui --method table+bridges --max-updates 5000
@@ -21,10 +20,10 @@ use gdg_tui::{headless, setup};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// The length of the wire.
+/// Length of the wire.
 const LENGTH: f32 = 20.0;
 
-/// The built-in worlds and learners, and these two.
+/// Returns the built-in worlds and learners plus these two.
 pub fn registry() -> Arc<Registry> {
     let bead = WorldKind {
         name: "bead",
@@ -41,7 +40,7 @@ pub fn registry() -> Arc<Registry> {
     Registry::builtin().with_world(bead).with_learner(table)
 }
 
-/// Beads that are pushed along a wire and roll on a little.
+/// Beads pushed along a wire, with some momentum.
 struct Bead {
     spec: Spec,
     positions: Vec<f32>,
@@ -115,15 +114,15 @@ impl Environment for Bead {
     fn save(&self, _: &mut Store) {}
 }
 
-/// Actions that the table knows, and intervals of the wire.
+/// The table's actions, and its number of intervals of the wire.
 const ACTIONS: [f32; 3] = [-1.0, 0.0, 1.0];
 const INTERVALS: usize = 40;
 
-/// The part of an error that an update takes away, and transitions that it looks at.
+/// Learning rate, and transitions per update.
 const RATE: f32 = 0.2;
 const BATCH: usize = 64;
 
-/// Steps Q(s, a, g) from interval s by action a to the middle of interval g.
+/// Q(s, a, g): steps from interval s by action a to the middle of interval g.
 #[derive(Clone)]
 struct Table {
     spec: Spec,
@@ -143,7 +142,7 @@ impl Table {
         (Self::interval(position) * ACTIONS.len() + action) * INTERVALS + goal
     }
 
-    /// The best action, and D = min Q.
+    /// Returns the best action and D = min Q.
     fn best(&self, position: f32, goal: usize) -> (f32, f32) {
         let all = ACTIONS.iter().enumerate().map(|(i, action)| (*action, self.steps[Self::at(position, i, goal)]));
         all.min_by(|a, b| a.1.total_cmp(&b.1)).unwrap_or((0.0, 0.0))

@@ -14,23 +14,23 @@ use crate::train::{Limits, METHODS, Method, Preset};
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui                                    watch an agent learn the four rooms
-  gdg-tui city --seed 3                      the city, another seed
+  gdg-tui city --seed 3                      the city with another seed
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
-  gdg-tui --resume saves/my.safetensors      go on where it stopped
-  gdg-tui --record run.cast                  record the screen; gdg-tui frames draws moments of it
+  gdg-tui --resume saves/my.safetensors      resume where it stopped
+  gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
 
-Exit status: 0 done; 1 failed while running; 2 bad usage or input; 3 --require-success not reached;
-129, 130 or 143 ended by a hang-up, Ctrl-C or SIGTERM, after saving; a second signal ends at once, without.";
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not reached;
+129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM, with saving; a second signal exits at once, without saving.";
 
-/// Watch an agent learn distance, and find its way without any reward.
+/// Watch an agent learn distance and find its way without any reward.
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 pub struct Cli {
-    /// A command besides training.
+    /// Subcommand; trains if there is none.
     #[command(subcommand)]
     pub command: Option<Command>,
-    /// Everything about a training run.
+    /// Options of a training run.
     #[command(flatten)]
     pub train: TrainArgs,
 }
@@ -38,39 +38,39 @@ pub struct Cli {
 /// Commands besides training.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// List the built-in maps: size, free cells, farthest distance; or print a random map
+    /// List the built-in maps with size, free cells and farthest distance, or print a random map
     Maps {
         /// Print a random map of this kind as plain ASCII
         #[arg(long, value_name = "KIND", value_enum)]
         random: Option<KindArg>,
-        /// Which one: same seed, same map
+        /// Seed of the random map: same seed, same map
         #[arg(long, default_value_t = 0, requires = "random")]
         seed: u64,
     },
-    /// Print the reference of all settings, in Markdown
+    /// Print the reference of all settings in Markdown
     Settings,
-    /// Measure what each piece of the default preset is worth, by switching it off
+    /// Ablation study: measure the effect of switching off each component of the default preset
     Ablate(AblateArgs),
-    /// Measure the learner's speed on this machine, side by side with plain candle-nn
+    /// Benchmark the learner on this machine against plain candle-nn
     Bench {
         /// Print JSON instead of a table
         #[arg(long)]
         json: bool,
-        /// Threads to hold against one [default: this machine's cores]
+        /// Threads to compare with a single one [default: this machine's cores]
         #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
         threads: Option<u16>,
-        /// Turns of each comparison, of which the median is told
+        /// Repetitions of each comparison; the median is reported
         #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(1..=1000))]
         runs: u16,
     },
-    /// Draw moments of a recording of the screen as PNG files
+    /// Render frames of a screen recording as PNG files
     #[cfg(feature = "tui")]
     Frames(FramesArgs),
-    /// Gives the terminal back should its parent be killed (started by the interface)
+    /// Restores the terminal if the parent process is killed (started by the interface)
     #[cfg(feature = "tui")]
     #[command(hide = true)]
     TerminalGuard,
-    /// Print completions for a shell
+    /// Print shell completions
     Completions {
         /// The shell
         #[arg(value_enum)]
@@ -82,56 +82,56 @@ pub enum Command {
     Check {
         /// Map (.map or plain ASCII) or scenario (.scen)
         file: PathBuf,
-        /// The map of a scenario, where it does not lie beside it
+        /// Map of the scenario, if it is not beside it
         #[arg(long, value_name = "FILE")]
         map: Option<PathBuf>,
     },
 }
 
-/// What `gdg-tui ablate` is asked for.
+/// Options of `gdg-tui ablate`.
 #[derive(Debug, Args)]
 pub struct AblateArgs {
     /// Built-in map or map file
     #[arg(default_value = "fourrooms", value_name = "MAP")]
     pub map: String,
-    /// Updates of each run
+    /// Updates per run
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub updates: u64,
-    /// Runs of each variant: seeds 1, 2, ...
+    /// Runs per variant, with seeds 1, 2, ...
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: u64,
-    /// Evaluation tasks for each of six distances
+    /// Evaluation tasks at each of six distances
     #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub eval_tasks: u32,
-    /// Runs side by side, each on one thread [default: this machine's cores]
+    /// Parallel runs, each on one thread [default: this machine's cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub jobs: Option<u16>,
-    /// Write all results as JSON too
+    /// Also write all results to this file as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,
-    /// Replace the JSON file if it is there already
+    /// Replace the JSON file if it exists
     #[arg(long, requires = "json")]
     pub overwrite: bool,
 }
 
-/// What to draw.
+/// Options of `gdg-tui frames`.
 #[cfg(feature = "tui")]
 #[derive(Debug, Args)]
 pub struct FramesArgs {
-    /// A recording, as --record makes them
+    /// Recording made with --record
     pub cast: PathBuf,
-    /// Moments to draw, in seconds from its beginning
+    /// Times to render, in seconds from the start of the recording
     #[arg(long, value_name = "S", value_delimiter = ',', required = true, value_parser = seconds)]
     pub at: Vec<f64>,
-    /// Where the pictures go: one FILE-SECONDS.png for each moment
+    /// Output folder: one FILE-SECONDS.png per time
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub out: PathBuf,
-    /// Replace pictures that are there already
+    /// Replace existing pictures
     #[arg(long)]
     pub overwrite: bool,
 }
 
-/// Everything about a training run.
+/// Options of a training run.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
     /// Built-in map or map file
@@ -142,19 +142,19 @@ pub struct TrainArgs {
     #[arg(long)]
     pub no_ui: bool,
 
-    /// What is learned and how agents act: one of these, or LEARNER+PLANNER
+    /// Learner and planner: one of these methods, or LEARNER+PLANNER
     #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods())]
     pub method: Method,
 
-    /// Settings to start from
+    /// Preset to start from
     #[arg(long, default_value = "default", value_parser = preset_parser())]
     pub preset: Preset,
 
-    /// Seed of everything random: same seed, same run
+    /// Random seed: same seed, same run
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
 
-    /// Settings file: a JSON object as --print-config prints it
+    /// Settings file: a JSON object as printed by --print-config
     #[arg(long, value_name = "FILE")]
     pub config: Option<PathBuf>,
 
@@ -162,31 +162,31 @@ pub struct TrainArgs {
     #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
 
-    /// Print all settings as JSON and stop
+    /// Print all settings as JSON and exit
     #[arg(long)]
     pub print_config: bool,
 
-    /// Stop after so many updates since the beginning of training
+    /// Stop after N updates, counted from the start of training
     #[arg(long, value_name = "N")]
     pub max_updates: Option<u64>,
 
-    /// Stop after so many seconds of training (evaluation not counted)
+    /// Stop after S seconds of training, not counting evaluation
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub max_seconds: Option<f64>,
 
-    /// Stop after so many episodes
+    /// Stop after N episodes
     #[arg(long, value_name = "N")]
     pub max_episodes: Option<u64>,
 
-    /// Evaluate whenever so many updates have been done
+    /// Evaluate every N updates
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
     pub eval_every_updates: Option<u64>,
 
-    /// Go on with another map of the same size from that update on, 0 for the beginning (repeatable; without the interface)
+    /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires --no-ui)
     #[arg(long, value_name = "UPDATES:FILE", value_parser = edit_at, requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
-    /// Evaluation tasks for each of six distances
+    /// Evaluation tasks at each of six distances
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub eval_tasks: u32,
 
@@ -194,27 +194,27 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub scen: Option<PathBuf>,
 
-    /// Threads that share an update's work; results do not depend on it [default: this machine's cores]
+    /// Threads per update; results do not depend on their number [default: this machine's cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
 
-    /// Save checkpoints to this file, at the end and on the way; where another run's file is there already, beside it
+    /// Save checkpoints to this file during training and at the end, or beside it if it belongs to another run
     #[arg(long, value_name = "FILE")]
     pub save: Option<PathBuf>,
 
-    /// Minutes between checkpoints on the way; 0 for none [default: 5 with --save; with the interface see its settings]
+    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface: see its settings]
     #[arg(long, value_name = "MINUTES", value_parser = minutes, requires = "no_ui")]
     pub save_every: Option<f64>,
 
-    /// Replace files that are there already: recordings, and with --save checkpoints of other runs
+    /// Replace existing files: recordings and, with --save, checkpoints of other runs
     #[arg(long)]
     pub overwrite: bool,
 
-    /// Least severity that is written to the log file; the help (?) shows where it is
+    /// Minimum severity written to the log file; the help screen (?) shows its path
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
     pub log_level: LogLevel,
 
-    /// Go on from a checkpoint, which carries its map and settings
+    /// Resume from a checkpoint, which contains its map and settings
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "method", "preset", "seed", "config", "set"])]
     pub resume: Option<PathBuf>,
 
@@ -223,27 +223,27 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
     pub record: Option<PathBuf>,
 
-    /// Your own theme, keys and so on, instead of those in the usual place
+    /// Configuration file for theme, keys etc., instead of the default one
     #[cfg(feature = "tui")]
     #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
     pub ui_config: Option<PathBuf>,
 
-    /// Print a file of your own theme, keys and so on, and where it belongs, and stop
+    /// Print a template of the configuration file for theme, keys etc. with its default path, and exit
     #[cfg(feature = "tui")]
     #[arg(long)]
     pub print_config_template: bool,
 
-    /// Exit with status 3 unless the final evaluation's success reaches this
+    /// Exit with status 3 unless the final evaluation's success rate is at least X
     #[arg(long, value_name = "X", value_parser = share)]
     pub require_success: Option<f64>,
 }
 
-/// A map to change to, and when.
+/// A scheduled change of the map.
 #[derive(Clone, Debug)]
 pub struct EditAt {
-    /// After so many updates.
+    /// Number of updates after which to switch.
     pub updates: u64,
-    /// The map's file.
+    /// The map file.
     pub file: PathBuf,
 }
 
@@ -255,7 +255,7 @@ fn edit_at(text: &str) -> Result<EditAt, String> {
 }
 
 impl TrainArgs {
-    /// When the run ends.
+    /// Returns the limits of the run.
     pub fn limits(&self) -> Limits {
         Limits { updates: self.max_updates, seconds: self.max_seconds, episodes: self.max_episodes }
     }
@@ -264,7 +264,7 @@ impl TrainArgs {
 /// [`Kind`] on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum KindArg {
-    /// Rooms of 4 by 4 cells joined by doors, thin walls between
+    /// Rooms of 4 by 4 cells with thin walls, connected by doors
     Maze,
     /// Streets between blocks, about a third of them closed
     City,
@@ -279,22 +279,22 @@ impl From<KindArg> for Kind {
     }
 }
 
-/// What goes to the log file.
+/// Severity of messages for the log file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum LogLevel {
     /// No log file
     Off,
-    /// What failed
+    /// Errors
     Error,
-    /// What went wrong and was mended, too
+    /// Also problems that were recovered from
     Warn,
-    /// What was begun, saved, loaded and changed, too
+    /// Also runs started, saved, loaded and changed
     Info,
     /// Everything
     Debug,
 }
 
-/// Reads a method, and lists those that have names.
+/// Parses a method and lists the named ones.
 #[derive(Clone)]
 struct MethodParser;
 
@@ -305,7 +305,7 @@ impl TypedValueParser for MethodParser {
         if let Some(method) = value.to_str().and_then(|text| text.parse().ok()) {
             return Ok(method);
         }
-        // An error that suggests the nearest name.
+        // Gives an error that suggests the nearest name.
         let name = PossibleValuesParser::new(METHODS.map(|named| named.name)).parse_ref(command, arg, value)?;
         Ok(name.parse().unwrap_or_default())
     }
@@ -315,19 +315,19 @@ impl TypedValueParser for MethodParser {
     }
 }
 
-/// The help of `--method`: what combinations are made of.
+/// Returns the long help of `--method`, which lists learners and planners.
 fn methods() -> String {
     let list = |entries: Vec<(&str, &str)>| {
         entries.iter().map(|(name, about)| format!("  {name:<8} {about}\n")).collect::<String>()
     };
     format!(
-        "What is learned and how agents act: one of these, or LEARNER+PLANNER\n\nLearners:\n{}\nPlanners:\n{}",
+        "Learner and planner: one of these methods, or LEARNER+PLANNER\n\nLearners:\n{}\nPlanners:\n{}",
         list(LEARNERS.iter().map(|kind| (kind.name, kind.about)).collect()),
         list(Planner::ALL.iter().map(|planner| (planner.name(), planner.about())).collect())
     )
 }
 
-/// Reads a preset.
+/// Returns the parser of presets.
 fn preset_parser() -> impl TypedValueParser<Value = Preset> {
     let values = Preset::ALL.map(|preset| PossibleValue::new(preset.name()).help(preset.about()));
     PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))

@@ -21,17 +21,17 @@ use progress::Progress;
 use records::Record;
 use saver::Saver;
 
-/// Updates between progress records: about a second's worth. Counted in updates, so that the same run prints the
-/// same records.
+/// Updates between progress records, about a second's worth. Counted in updates so that the same run prints the same
+/// records.
 const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 
 /// Exit status when `--require-success` is not reached.
 const NOT_REACHED: u8 = 3;
 
-/// Runs to its end; the exit status.
+/// Runs training to its end and returns the exit status.
 ///
 /// # Errors
-/// What goes wrong while running: training, writing records, saving.
+/// Training, writing records or saving fails.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let ending = Ending::listen(|| {})?;
     if let Some(warning) = &setup.warning {
@@ -40,7 +40,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
     let mut session = Session { setup, args, progress: Progress::new(args), saver, ending };
     let ended = session.run();
-    // Whatever happened, what was learned is kept.
+    // Saves what was learned, even after an error.
     let saved = session.save_at_end();
     let (reason, evaluation) = ended?;
     saved?;
@@ -69,7 +69,7 @@ fn print(record: &Record) -> Result<(), Report> {
     writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
 }
 
-/// Success by the method's own way of acting.
+/// Returns the success rate with planning, or of the actor alone if the method does not plan.
 fn success(evaluation: &Evaluation) -> f64 {
     evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).success
 }
@@ -83,7 +83,7 @@ struct Session<'a> {
 }
 
 impl Session<'_> {
-    /// Trains, saves, and evaluates at the end. A panic on the way becomes an error, so that saving is still tried.
+    /// Trains, saves and runs the final evaluation. A panic becomes an error so that saving is still attempted.
     fn run(&mut self) -> Result<(EndReason, Option<Evaluation>), Report> {
         let run = |session: &mut Self| {
             let Some(facts) = session.facts()? else { return Ok((EndReason::Interrupted, None)) };
@@ -92,7 +92,7 @@ impl Session<'_> {
             if reason == EndReason::Interrupted {
                 return Ok((reason, None));
             }
-            // An evaluation takes a while, in which the machine may go down.
+            // The machine may go down during the evaluation, which takes a while.
             session.save_on_the_way();
             match session.evaluate()? {
                 Some(evaluation) => Ok((reason, Some(evaluation))),
@@ -106,13 +106,13 @@ impl Session<'_> {
         })
     }
 
-    /// Facts about the world, some of which take a while to find out; `None` where a signal came first.
+    /// Returns facts about the world, some of which are slow to compute; `None` if a signal arrives first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
         let world = self.setup.trainer.world().fork(0);
         aside("world", &self.ending, move || world.facts())
     }
 
-    /// Trains until a limit or a signal ends it.
+    /// Trains until a limit is reached or a signal arrives.
     fn train(&mut self) -> Result<EndReason, Report> {
         self.edit()?;
         loop {
@@ -147,7 +147,7 @@ impl Session<'_> {
         }
     }
 
-    /// Saves with more training or an evaluation to come: a failure is reported, and the next save may succeed.
+    /// Saves in the middle of a run: a failure is only reported, as the next save may succeed.
     fn save_on_the_way(&mut self) {
         if let Err(error) = self.save() {
             tracing::warn!("{error}");
@@ -155,7 +155,7 @@ impl Session<'_> {
         }
     }
 
-    /// Saves where `--save` says, if it does.
+    /// Saves to the path given by `--save`, if any.
     fn save(&mut self) -> Result<(), Report> {
         let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else { return Ok(()) };
         match saver.save(trainer)? {
@@ -164,7 +164,7 @@ impl Session<'_> {
         }
     }
 
-    /// Saves for the last time: somewhere else where it cannot be saved where `--save` says, which is still an error.
+    /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still returns an error.
     fn save_at_end(&mut self) -> Result<(), Report> {
         self.save().map_err(|error| match &self.saver {
             Some(saver) => match rescue(&self.setup.trainer, saver.path()) {
@@ -175,7 +175,7 @@ impl Session<'_> {
         })
     }
 
-    /// Applies the edits of the world that are due at the current update.
+    /// Applies the edits of the world due at the current update.
     fn edit(&mut self) -> Result<(), Report> {
         let Setup { trainer, edits, .. } = &mut self.setup;
         let updates = trainer.counters().updates;
@@ -190,7 +190,7 @@ impl Session<'_> {
         self.setup.trainer.limit_reached(&self.args.limits())
     }
 
-    /// Evaluates, beside this thread so that a signal is obeyed at once; `None` where one came.
+    /// Evaluates on another thread so that signals are handled at once; returns `None` if one arrives.
     fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
         let job = self.setup.trainer.evaluation().into_diagnostic()?;
         let per_group = self.args.eval_tasks as usize;
@@ -209,7 +209,7 @@ impl Session<'_> {
     }
 }
 
-/// Rate of updates over the whole training.
+/// Returns the mean rate of updates over the whole training.
 fn updates_per_second(trainer: &Trainer) -> f64 {
     if trainer.seconds() > 0.0 { trainer.counters().updates as f64 / trainer.seconds() } else { 0.0 }
 }

@@ -15,10 +15,10 @@ use gdg_tui::{ablate, bench, facts, faults, headless, logging, report, setup};
 use gdg_tui::{frames, tui};
 use miette::Report;
 
-/// Exit status of what fails while running.
+/// Exit status of a failure while running.
 const FAILED: u8 = 1;
 
-/// Exit status of bad usage and bad input.
+/// Exit status of bad usage or input.
 const BAD_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
@@ -87,13 +87,13 @@ fn train(cli: &Cli) -> u8 {
     headless::run(setup, args).unwrap_or_else(|error| fail(error, FAILED))
 }
 
-/// Shows what is wrong with the arguments, or the help that they ask for.
+/// Prints the error in the arguments, or the requested help.
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.to_string();
     if plain_lines(&text) == text {
         let _ = error.print();
     } else {
-        // It quotes an argument that would act on the terminal.
+        // It quotes an argument that contains terminal control characters.
         tell(plain_lines(&text).trim_end());
     }
     ExitCode::from(error.exit_code() as u8)
@@ -103,7 +103,7 @@ fn printed(text: Result<String, Report>, status: u8) -> u8 {
     text.map_or_else(|error| fail(error, status), |text| print(&plain_lines(&text)))
 }
 
-/// Prints to standard output; one that is closed early (`| head`) is not an error of ours.
+/// Prints to standard output. An early close (`| head`) is not an error.
 fn print(text: &str) -> u8 {
     use std::io::Write;
     match std::io::stdout().write_all(text.as_bytes()) {

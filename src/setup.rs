@@ -1,4 +1,4 @@
-//! From the command line to a run that can begin: what both front ends need first.
+//! Prepares a run from the command line, for both front ends.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -15,31 +15,31 @@ use crate::map::{self, Grid, MapError};
 use crate::report::{of_checkpoint, of_config, of_map};
 use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, Trainer};
 
-/// A world to go on in.
+/// A scheduled change of the world.
 pub struct Edit {
-    /// After how many updates.
+    /// Number of updates after which to apply it.
     pub updates: u64,
     /// The edited world.
     pub world: Box<dyn Environment>,
 }
 
-/// A trainer, and what goes with it.
+/// A trainer and everything that goes with it.
 pub struct Setup {
-    /// The run, begun or resumed.
+    /// The run, new or resumed.
     pub trainer: Trainer,
-    /// Edits of the world that are to come.
+    /// Scheduled edits of the world.
     pub edits: Vec<Edit>,
     /// Threads that share an update's work.
     pub threads: usize,
-    /// Where the run is saved, if that is known.
+    /// Where to save the run, if given.
     pub save: Option<SaveTo>,
-    /// The checkpoint that it goes on from.
+    /// The checkpoint that the run was resumed from.
     pub resumed: Option<PathBuf>,
-    /// What is to be said of that checkpoint.
+    /// Warning about that checkpoint, if any.
     pub warning: Option<String>,
 }
 
-/// The settings that `args` ask for.
+/// Returns the settings given by `args`.
 ///
 /// # Errors
 /// See [`train::settings_from`].
@@ -48,13 +48,13 @@ pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
     train::settings_from(args.preset, &overrides).map_err(of_config)
 }
 
-/// Loads map, scenario and checkpoint and prepares the run, of a world and a learner from `registry`.
+/// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from `registry`.
 ///
 /// # Errors
-/// Whatever is wrong with the files or settings, as the user should see it.
+/// A file or setting is invalid; the report is meant for the user.
 pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Report> {
     let threads = threads(args.threads);
-    // Before anything is learned that could not be kept.
+    // Checked before training: otherwise, what was learned might be impossible to save.
     let save = args.save.as_deref().map(|path| save_to(path, args)).transpose()?;
     let Loaded { mut trainer, warning } = if let Some(path) = &args.resume {
         train::load(path, registry, threads).map_err(of_checkpoint)?
@@ -73,7 +73,7 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     Ok(Setup { trainer, edits, threads, save, resumed: args.resume.clone(), warning })
 }
 
-/// The world called `name`: one that needs no file, or the maze on a map.
+/// Opens the world called `name`: a kind that needs no file, or the maze on that map.
 fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
     let kind = registry.worlds().iter().find(|kind| kind.name == name);
     if let Some(create) = kind.and_then(|kind| kind.create) {
@@ -87,12 +87,12 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
     Ok(Box::new(PointMaze::new(map, 0)))
 }
 
-/// An option that is about mazes, in another world.
+/// Reports an option that applies only to mazes.
 fn not_a_maze(option: &str) -> Report {
     miette!(help = "give a map", "{option} is about maps: this world has none")
 }
 
-/// How `--save PATH` is meant: a file that another run wrote is left alone.
+/// Returns how to save to the path of `--save`: another run's file is not replaced.
 fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
     files::check_target(path).map_err(|error| {
         let help = "give --save a file in a folder that can be written to";
@@ -104,15 +104,15 @@ fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
     Ok(if own { SaveTo::Own(path.to_owned()) } else { SaveTo::Fresh(path.to_owned()) })
 }
 
-/// The number of threads asked for, else this machine's cores.
+/// Returns the requested number of threads, else the number of cores.
 pub fn threads(asked: Option<u16>) -> usize {
     asked.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
 
-/// The built-in map or the file called `name`.
+/// Loads the built-in map or the file called `name`.
 ///
 /// # Errors
-/// What is wrong with the file; of something that is neither, what would be.
+/// The file is invalid, or `name` is neither a built-in map nor a file.
 pub fn find_map(name: &str) -> Result<Grid, Report> {
     if let Some(grid) = map::builtin(name) {
         return Ok(grid);
@@ -131,7 +131,7 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
     map::load_map(path).map_err(of_map)
 }
 
-/// The maps that a run is to change to, and when; all are read before it begins, and it must come to them.
+/// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their updates.
 fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
     if args.edit_at.is_empty() {
         return Ok(Vec::new());
@@ -158,18 +158,18 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     args.edit_at.iter().map(load).collect()
 }
 
-/// Refuses the name of a file that is there already, unless it may be replaced.
+/// Rejects the path of an existing file unless it may be replaced.
 ///
 /// # Errors
-/// That it is there.
+/// The file exists.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     if overwrite || path.symlink_metadata().is_err() { Ok(()) } else { Err(taken(path)) }
 }
 
-/// Creates a file; one that is there already is emptied where it may be replaced.
+/// Creates a file, or truncates an existing one if it may be replaced.
 ///
 /// # Errors
-/// That it is there, or what the file system reports.
+/// The file exists, or cannot be created.
 pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     let file = if overwrite { File::create(path) } else { File::create_new(path) };
     file.map_err(|error| match error.kind() {
@@ -182,7 +182,7 @@ fn taken(path: &Path) -> Report {
     miette!(help = "give another name, or --overwrite", "{}: there is such a file", path.display())
 }
 
-/// Saves the run wherever it can be, when it cannot be saved at `path`: to `saves/`, or to a folder of the user's state.
+/// Saves a run that cannot be saved to `path` elsewhere: to `saves/`, or to the user's state folder.
 pub fn rescue(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
     let state = ProjectDirs::from("", "", "gdg-tui");
     let state = state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));

@@ -74,7 +74,7 @@ pub struct Prepared {
     recorder: Option<Recorder>,
 }
 
-/// Reads the configuration and starts the recording. Comes before anything else, since both can fail.
+/// Reads the configuration and starts the recording. Called before anything else, since both can fail.
 ///
 /// # Errors
 /// The configuration is invalid, or the recording exists already or cannot be written.

@@ -1,5 +1,5 @@
-//! What there is to see, computed off the trainer's and the screen's threads from copies of the networks: fields of
-//! distances, the bridge graph, the planned path, and an agent that walks to the goal.
+//! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, the
+//! bridge graph, the planned path, and an agent walking to the goal.
 
 mod field;
 mod raster;
@@ -25,70 +25,70 @@ pub use walk::{Tour, Walk};
 /// Time between two steps of the walking agent.
 const STEP: Duration = Duration::from_millis(70);
 
-/// Field and graph are computed anew at most this often. They run beside training, but on the same cores: each rests
-/// so many times as long as it took, less while training does not go on.
+/// Minimum interval between recomputations of field and graph, and the pause after each as a multiple of its duration.
+/// They run concurrently with training, but on the same cores, so they pause longer while it runs.
 const RENEW_EVERY: Duration = Duration::from_millis(250);
 const REST_WHILE_TRAINING: u32 = 80;
 const REST_OTHERWISE: u32 = 3;
 
-/// What the screen wants to see.
+/// A request from the screen.
 #[derive(Clone, Debug)]
 pub enum Request {
-    /// The goal that distances are shown to and the agent walks to, and the number of this request.
+    /// Goal of the displayed distances and of the walking agent, and the number of this request.
     Goal(Cell, u64),
-    /// The walking agent starts from there, or from a random place.
+    /// Start of the walking agent; `None` for a random one.
     Start(Option<Cell>),
-    /// What it does at the goal.
+    /// What the walking agent does at the goal.
     Tour(Tour),
-    /// The pixels that the map is shown by, and the positions at which the actor's directions are.
+    /// The pixels showing the map, and the positions at which to show the actor's directions.
     Frame(Raster, Arc<Vec<[f32; 2]>>),
-    /// What colours are to stand for.
+    /// The quantity to show by colours.
     Field(Field),
-    /// Whether the actor's directions are shown.
+    /// Whether to show the actor's directions.
     Directions(bool),
-    /// The cell to tell about.
+    /// The cell to inspect.
     Inspect(Option<Cell>),
 }
 
 /// A bridge candidate.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Candidate {
-    /// Where it is.
+    /// Its position.
     pub at: [f32; 2],
-    /// Edges that leave it, as a share of the most that leave any.
+    /// Its out-degree, relative to the largest of any candidate.
     pub degree: f32,
 }
 
-/// An edge between two places, and what practice says of it.
+/// An edge between two positions, and its record in practice.
 pub type ShownEdge = ([[f32; 2]; 2], Standing);
 
-/// What is known of a cell.
+/// Information about a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inspected {
     /// The cell.
     pub cell: Cell,
-    /// D from its middle to the goal.
+    /// D from its centre to the goal.
     pub learned: f32,
-    /// The true number of steps, if there is a way.
+    /// The true number of steps, if the goal is reachable.
     pub truth: Option<u32>,
-    /// How often agents were there.
+    /// Number of visits by agents.
     pub visits: u32,
 }
 
-/// What can be seen at one moment.
+/// What the screen shows at one moment.
 #[derive(Clone, Debug, Default)]
 pub struct View {
-    /// The goal, and the number of the request that it goes back to.
+    /// The goal, and the number of the request that set it.
     pub goal: (Option<Cell>, u64),
-    /// What the field's values are.
+    /// The quantity that the field shows.
     pub kind: Field,
     /// The value of each pixel, row by row; NaN at walls.
     pub field: Arc<Vec<f32>>,
-    /// The largest of them, at least 1.
+    /// The largest value, at least 1.
     pub farthest: f32,
     /// The pixels of the field.
     pub raster: Option<Raster>,
-    /// The actor's actions at some places.
+    /// Positions and the actor's actions there.
     pub directions: Arc<Vec<([f32; 2], [f32; 2])>>,
     /// Bridge candidates.
     pub candidates: Arc<Vec<Candidate>>,
@@ -96,27 +96,27 @@ pub struct View {
     pub edges: Arc<Vec<ShownEdge>>,
     /// Waypoints ahead of the walking agent, ending at the goal.
     pub path: Vec<[f32; 2]>,
-    /// Where the walking agent is, and where it was.
+    /// Recent positions of the walking agent, the current one last.
     pub trail: Vec<[f32; 2]>,
     /// Its journey.
     pub walk: Walk,
-    /// What is known of the cell under the cursor.
+    /// Information about the cell under the cursor.
     pub inspected: Option<Inspected>,
-    /// True steps from the exploring agent that is followed to its goal, if there is a way.
+    /// True steps from the followed exploring agent to its goal, if it is reachable.
     pub followed_steps: Option<u32>,
 }
 
-/// The thread that computes views.
+/// Handle to the thread that computes views.
 pub struct Viewer {
     requests: Sender<Request>,
     views: watch::Receiver<Arc<View>>,
 }
 
 impl Viewer {
-    /// Starts on what `engine` publishes.
+    /// Starts the thread on the snapshots of `engine`.
     ///
     /// # Errors
-    /// That the thread cannot be started.
+    /// The thread cannot be started.
     pub fn start(engine: &Engine) -> std::io::Result<Self> {
         let (requests, inbox) = channel();
         let (publish, views) = watch::channel(Arc::new(View::default()));
@@ -125,12 +125,12 @@ impl Viewer {
         Ok(Self { requests, views })
     }
 
-    /// Asks for something to be seen; it ends with the program, so that nothing is left to report.
+    /// Sends a request. Errors are ignored: the thread ends only with the program.
     pub fn ask(&self, request: Request) {
         let _ = self.requests.send(request);
     }
 
-    /// Views, always the latest.
+    /// Returns a receiver of the latest view.
     pub fn views(&self) -> watch::Receiver<Arc<View>> {
         self.views.clone()
     }
@@ -145,9 +145,9 @@ struct Worker {
     snapshots: watch::Receiver<Arc<Snapshot>>,
     inbox: Receiver<Request>,
     publish: watch::Sender<Arc<View>>,
-    /// What the graph was built of and the agent walks by.
+    /// Networks that the graph was built from and the walking agent uses.
     networks: Arc<Networks>,
-    /// What the field was computed by.
+    /// Networks that the field was computed from.
     shown: Arc<Networks>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
@@ -165,22 +165,22 @@ struct Worker {
     graph_age: Renewal,
 }
 
-/// When something was computed, and how long that took.
+/// When something was last computed, and how long it took.
 #[derive(Clone, Copy, Default)]
 struct Renewal(Option<(Instant, Duration)>);
 
 impl Renewal {
-    /// Whether it may be computed again, resting `times` as long as it took.
+    /// Whether it may be recomputed, after a pause of `times` its duration.
     fn is_due(self, times: u32) -> bool {
         self.0.is_none_or(|(at, took)| at.elapsed() >= RENEW_EVERY.max(took * times))
     }
 
-    /// Notes that it was computed since `began`.
+    /// Records a computation that started at `began`.
     fn done(&mut self, began: Instant) {
         self.0 = Some((Instant::now(), began.elapsed()));
     }
 
-    /// Asks for it at once.
+    /// Makes it due at once.
     fn ask(&mut self) {
         self.0 = None;
     }
@@ -231,7 +231,7 @@ impl Worker {
             match self.inbox.recv_timeout(wait) {
                 Ok(request) => {
                     self.take(request);
-                    // Everything that has come meanwhile, before anything is computed for it.
+                    // Handles all queued requests before computing anything for them.
                     while let Ok(request) = self.inbox.try_recv() {
                         self.take(request);
                     }
@@ -283,7 +283,7 @@ impl Worker {
         }
     }
 
-    /// Computes graph and field of the latest networks where they are due.
+    /// Recomputes graph and field from the latest networks if they are due.
     fn renew(&mut self) {
         let snapshot = self.snapshots.borrow().clone();
         if !Arc::ptr_eq(&snapshot.run, &self.run) {
@@ -313,13 +313,13 @@ impl Worker {
             self.renew_field(&snapshot);
             self.inspects_anew = true;
         }
-        // Once for all that the mouse has passed over meanwhile.
+        // Once for all cells that the mouse has passed over in the meantime.
         if std::mem::take(&mut self.inspects_anew) {
             self.inspect_cell();
         }
     }
 
-    /// Goes on with another map, or with this one as it was edited.
+    /// Switches to another map or to an edited version of this one.
     fn enter(&mut self, map: Arc<Grid>) {
         let at = self.position();
         let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
@@ -355,7 +355,7 @@ impl Worker {
             let most = degrees.iter().copied().max().unwrap_or(0).max(1) as f32;
             let candidate = |(i, degree): (usize, &u32)| Candidate { at: at(i), degree: *degree as f32 / most };
             self.view.candidates = Arc::new(degrees.iter().enumerate().map(candidate).collect());
-            // Candidates may have changed places: the walk is planned anew.
+            // Candidates may have moved, so the walk is replanned.
             if let (Some(goal), false) = (self.view.goal.0, self.view.walk.arrived) {
                 self.walker = Some(Walker::new(graph.route(&goal.centre(), policy, &mut self.scratch)));
             }
@@ -369,14 +369,14 @@ impl Worker {
         [self.world.states()[0], self.world.states()[1]]
     }
 
-    /// True steps between two cells, if there is a way.
+    /// Returns the true steps between two cells, if there is a path.
     fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
         let map = self.world.map();
         let steps = self.search.from(to)[map.index(from)];
         (steps != UNREACHABLE).then_some(steps)
     }
 
-    /// Finds out about the cell that is asked about.
+    /// Updates the information about the inspected cell.
     fn inspect_cell(&mut self) {
         self.changed = true;
         self.view.inspected = None;
@@ -393,7 +393,7 @@ impl Worker {
     }
 }
 
-/// The cell that a position lies in.
+/// Returns the cell that contains a position.
 fn cell_of(at: [f32; 2]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }

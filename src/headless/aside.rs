@@ -1,4 +1,4 @@
-//! Long work beside the main thread, which meanwhile listens for signals.
+//! Runs long work on another thread while the main thread listens for signals.
 
 use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::time::Duration;
@@ -10,17 +10,18 @@ use crate::signals::Ending;
 /// Polling interval for signals.
 const LOOK_EVERY: Duration = Duration::from_millis(50);
 
-/// Does `work` on a thread called `name`; `None` where a signal came first. The work is then left to end with the program.
+/// Runs `work` on a thread called `name`. Returns `None` if a signal arrives first; the thread then ends with the
+/// program.
 ///
 /// # Errors
-/// That the thread cannot be started, or panicked.
+/// The thread cannot be started, or panics.
 pub fn aside<T: Send + 'static>(
     name: &str,
     ending: &Ending,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<Option<T>, Report> {
     let (done, result) = channel();
-    // Sending fails only where a signal came and nobody waits any longer.
+    // Sending fails only if a signal arrived and nobody waits any longer.
     let work = move || drop(done.send(work()));
     std::thread::Builder::new().name(name.to_owned()).spawn(work).into_diagnostic()?;
     loop {

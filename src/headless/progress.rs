@@ -1,4 +1,4 @@
-//! The progress bar on standard error, where that is a terminal.
+//! The progress bar on standard error, if that is a terminal.
 
 use std::time::Duration;
 
@@ -8,20 +8,20 @@ use super::updates_per_second;
 use crate::cli::TrainArgs;
 use crate::train::Trainer;
 
-/// Shows how far training has come against the limit that is set.
+/// Shows training progress towards the limit.
 pub struct Progress {
     bar: ProgressBar,
-    /// Seconds are counted in thousandths.
+    /// Whether the position is training time in milliseconds instead of updates.
     by_seconds: bool,
     begun: bool,
 }
 
 impl Progress {
-    /// A bar towards `--max-updates`, else `--max-seconds`, else without an end.
+    /// Creates a bar towards `--max-updates`, else `--max-seconds`, else without an end.
     pub fn new(args: &TrainArgs) -> Self {
         let by_seconds = args.max_updates.is_none() && args.max_seconds.is_some();
         let length = args.max_updates.or(args.max_seconds.map(|s| (s * 1000.0) as u64));
-        // Indicatif draws nothing where standard error is no terminal.
+        // Indicatif draws nothing if standard error is not a terminal.
         let bar = ProgressBar::with_draw_target(length, ProgressDrawTarget::stderr());
         let template = match length {
             Some(_) => "{bar:32} {percent:>3} %  {msg}  {eta_precise} left",
@@ -33,13 +33,13 @@ impl Progress {
         Self { bar, by_seconds, begun: false }
     }
 
-    /// Shows the trainer's state.
+    /// Updates the bar to the trainer's state.
     pub fn show(&mut self, trainer: &Trainer) {
         let updates = trainer.counters().updates;
         self.bar.set_message(format!("{updates} updates, {:.0}/s", updates_per_second(trainer)));
         self.bar.set_position(if self.by_seconds { (trainer.seconds() * 1000.0) as u64 } else { updates });
         if !self.begun {
-            // A resumed run's earlier progress says nothing about the time that is left.
+            // A resumed run's earlier progress says nothing about the remaining time.
             self.begun = true;
             self.bar.reset_eta();
             self.bar.enable_steady_tick(Duration::from_millis(250));

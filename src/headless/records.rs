@@ -1,4 +1,4 @@
-//! The records of standard output, one JSON object a line.
+//! The records on standard output, one JSON object per line.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -9,14 +9,14 @@ use crate::train::{
     BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer, WorldChange,
 };
 
-/// One line.
+/// One record.
 #[derive(Debug, Serialize)]
 #[serde(tag = "event", rename_all = "kebab-case")]
 pub enum Record {
     Start {
         version: &'static str,
         world: &'static str,
-        /// What the world says about itself.
+        /// Facts reported by the world.
         #[serde(flatten)]
         facts: Map<String, Value>,
         method: String,
@@ -130,7 +130,7 @@ impl Record {
     }
 }
 
-/// Times and rates to the millisecond.
+/// Rounds times and rates to three decimals.
 fn round(value: f64) -> f64 {
     (value * 1000.0).round() / 1000.0
 }

@@ -1,4 +1,4 @@
-//! Checkpoints of a run without the interface: now and then, and at its end.
+//! Periodic and final checkpoints of a run without the interface.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
@@ -10,41 +10,41 @@ use crate::report::of_checkpoint;
 use crate::text::{plain, tell};
 use crate::train::{self, SaveTo, Trainer};
 
-/// Time between two checkpoints unless something else is asked for.
+/// Default time between checkpoints.
 const EVERY_MINUTES: f64 = 5.0;
 
-/// Where checkpoints go, and when.
+/// Where and when to save checkpoints.
 pub struct Saver {
     to: SaveTo,
-    /// Time between two; `None` for the end alone.
+    /// Time between checkpoints; `None` to save only at the end.
     every: Option<Duration>,
     saved: Instant,
-    /// The state that was saved last: updates, steps and evaluations.
+    /// The state saved last: updates, steps and evaluations.
     state: Option<(u64, u64, usize)>,
 }
 
 impl Saver {
-    /// Saves to `to`, every `every_minutes` (default 5; 0 saves at the end alone).
+    /// Creates a saver to `to`, every `every_minutes` (default 5; 0 saves only at the end).
     pub fn new(to: SaveTo, every_minutes: Option<f64>) -> Self {
         let minutes = every_minutes.unwrap_or(EVERY_MINUTES);
         let every = (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes));
         Self { to, every, saved: Instant::now(), state: None }
     }
 
-    /// The file that checkpoints go to.
+    /// Returns the path of the checkpoints.
     pub fn path(&self) -> &Path {
         self.to.path()
     }
 
-    /// Whether the next one is due.
+    /// Whether the next checkpoint is due.
     pub fn is_due(&self) -> bool {
         self.every.is_some_and(|every| self.saved.elapsed() >= every)
     }
 
-    /// Saves, unless exactly this is saved already; what is to be recorded.
+    /// Saves unless this state is already saved; returns the record to print.
     ///
     /// # Errors
-    /// Why it could not be saved.
+    /// The checkpoint cannot be saved.
     pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<Record>, Report> {
         self.saved = Instant::now();
         let counters = trainer.counters();
@@ -52,7 +52,7 @@ impl Saver {
         if self.state == state {
             return Ok(None);
         }
-        // Having gone back for the last time, it has good networks all the same; the next update fails again.
+        // Even when no rollbacks are left, the networks are good and can be saved; the next update fails again.
         let _ = trainer.ensure_finite();
         let path: PathBuf = train::save(trainer, &self.to).map_err(of_checkpoint)?;
         let asked = self.to.path();

@@ -422,7 +422,7 @@ impl Shared {
         part.critic_gradients(&self.shapes, &rows, &current);
         part.model.prepare(self.shapes.model.parameters());
         let transitions = (rows.from, rows.actions, rows.next);
-        let (gradient, ws) = (&mut part.model, &mut part.step);
+        let (gradient, ws) = (&mut part.model, &mut part.buffers.model);
         part.losses.model = self.shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
         Ok(())
     }
@@ -438,7 +438,7 @@ impl Shared {
         let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
         let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
         part.actor.prepare(self.shapes.actor.parameters());
-        let buffers = (&mut part.act, &mut part.step, &mut part.judge);
+        let buffers = &mut part.buffers;
         let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
         part.losses.actor = self.shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
         Ok(())

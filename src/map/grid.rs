@@ -1,12 +1,10 @@
 //! The grid itself: which cells are free, and which are marked as starts and goals.
 
-use serde::{Deserialize, Serialize};
-
 /// The maximum number of cells in a map (4096 x 4096).
 pub const MAX_CELLS: usize = 1 << 24;
 
 /// A cell at column `x` (rightwards) and row `y` (downwards), counted from the upper left.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Cell {
     /// Column, from 0 at the left.
     pub x: usize,
@@ -27,7 +25,7 @@ impl Cell {
 }
 
 /// A rectangular map of free and wall cells; everything outside it is wall.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Grid {
     name: String,
     width: usize,

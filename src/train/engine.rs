@@ -220,7 +220,8 @@ impl Worker {
         Ok(())
     }
 
-    /// Runs queued commands and blocks while training is paused. Returns `false` once the front end has disconnected.
+    /// Runs queued commands; blocks while training is paused or the speed limit holds it back. Returns `false` once the
+    /// front end has disconnected.
     fn obey(&mut self) -> bool {
         loop {
             let waiting = !self.current.phase.trains();

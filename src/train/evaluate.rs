@@ -273,7 +273,7 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
     policy.distances(&states, &goals, &mut learned, &mut scratch);
     let near: Vec<bool> = groups.iter().flat_map(|group| &group.near).copied().collect();
     let mean = |values: Vec<f64>| values.iter().sum::<f64>() / values.len().max(1) as f64;
-    // Relative errors of `distances`: over pairs drawn uniformly, and over pairs within `NEAR_STEPS`.
+    // Relative errors of `distances`: over pairs drawn at random, and over pairs within `NEAR_STEPS`.
     let errors = |distances: &[f32]| {
         let pairs = distances.iter().zip(&truth).zip(&near).map(|((d, t), near)| ((f64::from(*d) - t) / t, *t, *near));
         let pairs: Vec<_> = pairs.collect();
@@ -296,7 +296,7 @@ fn longest_true(distance: f32) -> f32 {
     2.0 * distance + 4.0
 }
 
-/// Counts candidates, edges and false edges, the latter by true distance.
+/// Counts candidates, edges and, by true distance, false edges.
 fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn Truth + '_)>) -> BridgeFacts {
     let false_edges = truth.map(|truth| {
         let of_candidate = |edges: &[crate::bridge::Edge]| {

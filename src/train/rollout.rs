@@ -1,4 +1,4 @@
-//! The agents: which goal each pursues, how it explores, and what is remembered of it.
+//! The exploring agents: their goals, exploration and stored experience.
 
 use std::sync::Arc;
 
@@ -16,25 +16,26 @@ use crate::store::StoreError;
 /// One agent's episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Agent {
-    /// What it pursues now.
+    /// Current goal.
     pub goal: Vec<f32>,
-    /// What it pursues once it has reached the bridge point that `goal` then is.
+    /// Goal to pursue after `goal`, which is a bridge point while this is set.
     pub after_bridge: Option<Vec<f32>>,
     /// Steps of the episode so far.
     pub steps: u32,
-    /// A random action that it holds, and for how many more steps.
+    /// Held random action and its remaining steps.
     held: Option<(Vec<f32>, u32)>,
 }
 
-/// An agent's way to a goal through the bridge graph; its waypoints are what it pursues.
+/// An agent's plan to a goal through the bridge graph; the agent pursues its waypoints.
 struct Plan {
     walker: Walker,
     goal: Vec<f32>,
-    /// Whether it moved at random since it set out for the waypoint: then being late says nothing of the edge.
+    /// Whether the agent has acted at random since setting out for the waypoint: being late then says nothing about the
+    /// edge.
     disturbed: bool,
 }
 
-/// A [`Plan`] for checkpoints.
+/// Checkpointed state of a [`Plan`].
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct PlanState {
     walker: WalkerState,
@@ -42,25 +43,25 @@ pub struct PlanState {
     disturbed: bool,
 }
 
-/// What a round of steps reads, and what it adds to.
+/// Inputs and outputs of a round of steps.
 pub struct StepContext<'a> {
-    /// Whether episodes are begun and walked by bridges.
+    /// Whether episodes use bridge points and plans.
     pub bridges: bool,
     /// How agents act.
     pub acting: Acting,
     /// All settings.
     pub settings: &'a Settings,
-    /// What has been learned by now.
+    /// The current policy.
     pub policy: &'a dyn Policy,
-    /// The bridge graph in use.
+    /// The current bridge graph.
     pub graph: Option<&'a BridgeGraph>,
-    /// Gets the transitions.
+    /// Receives the transitions.
     pub replay: &'a mut Replay,
-    /// Gets the states visited, and which hops between candidates succeeded.
+    /// Receives visited states and the outcomes of hops between candidates.
     pub candidates: &'a mut Candidates,
 }
 
-/// Agents in an environment, acting and remembering.
+/// Agents acting in an environment and storing their experience.
 pub struct Rollout {
     env: Box<dyn Environment>,
     agents: Vec<Agent>,
@@ -72,7 +73,7 @@ pub struct Rollout {
     last_search: Option<Arc<SearchOutcome>>,
 }
 
-/// What one round of steps brought.
+/// Result of one round of steps.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Round {
     /// Episodes that ended.
@@ -81,21 +82,21 @@ pub struct Round {
     pub reached: u64,
 }
 
-/// Agents' episodes and the random state, for checkpoints.
+/// Checkpointed episodes of the agents and RNG state.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct RolloutState {
     /// The agents.
     pub agents: Vec<Agent>,
     /// Their plans.
     pub plans: Vec<Option<PlanState>>,
-    /// Their whole states, one behind the other.
+    /// Their full states, concatenated.
     pub states: Vec<f64>,
-    /// The random state.
+    /// RNG state.
     pub rng: ChaCha8Rng,
 }
 
 impl Rollout {
-    /// Agents at random starts with random goals.
+    /// Places agents at random starts with random goals.
     pub fn new(mut env: Box<dyn Environment>, mut rng: ChaCha8Rng) -> Self {
         let goal_dim = env.spec().goal_dim();
         let agents = (0..env.agents()).map(|i| {
@@ -117,22 +118,22 @@ impl Rollout {
         }
     }
 
-    /// The environment.
+    /// Returns the environment.
     pub fn env(&self) -> &dyn Environment {
         &*self.env
     }
 
-    /// The environment, to change its settings and statistics.
+    /// Returns the environment mutably, to change its settings and statistics.
     pub fn env_mut(&mut self) -> &mut dyn Environment {
         &mut *self.env
     }
 
-    /// The agents.
+    /// Returns the agents.
     pub fn agents(&self) -> &[Agent] {
         &self.agents
     }
 
-    /// What agent `i` pursues in the end, and the waypoints of its plan between it and that, where it has one.
+    /// Returns agent `i`'s final goal and the waypoints ahead of it, if it has a plan.
     pub fn pursuit(&self, i: usize) -> (&[f32], Vec<usize>) {
         let agent = &self.agents[i];
         match (&self.plans[i], &agent.after_bridge) {
@@ -142,13 +143,13 @@ impl Rollout {
         }
     }
 
-    /// The latest bridge search.
+    /// Returns the latest bridge search.
     pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
         self.last_search.as_ref()
     }
 
-    /// Every agent takes one step, which is stored in the replay and noted in experience. `None`, and nothing of this,
-    /// where the actor's actions are not finite.
+    /// Steps every agent once and stores the transitions in replay buffer and candidates. Returns `None` without
+    /// stepping if the actor's actions are not finite.
     pub fn step(&mut self, around: &mut StepContext) -> Option<Round> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.follow_plans(around);
@@ -190,7 +191,7 @@ impl Rollout {
         Some(round)
     }
 
-    /// Agents with a plan pursue what it led to by themselves.
+    /// Drops all plans; their agents pursue the plans' goals directly.
     pub fn drop_plans(&mut self) {
         for (agent, plan) in self.agents.iter_mut().zip(&mut self.plans) {
             if let Some(plan) = plan.take() {
@@ -199,8 +200,8 @@ impl Rollout {
         }
     }
 
-    /// A start and a goal; with some probability the frontier or a bridge point (Algorithm 1's epsilon) comes first,
-    /// and the way leads through the bridge graph.
+    /// Starts an episode with a new start and goal. With given probabilities, a frontier candidate or a bridge point
+    /// (Algorithm 1's epsilon) is the first goal, and the agent follows a plan through the bridge graph.
     fn begin_episode(&mut self, i: usize, around: &StepContext) {
         self.env.restart(i, &mut self.rng);
         self.begin_afresh(i);
@@ -226,7 +227,7 @@ impl Rollout {
         }
     }
 
-    /// The published search for a bridge point on agent `i`'s way.
+    /// Runs the published search for a bridge point between agent `i` and its goal.
     fn search_bridge(&mut self, i: usize, around: &StepContext) -> Option<Vec<f32>> {
         let s = self.env.spec().state_dim();
         let (candidates, goal) = (&*around.candidates, &self.agents[i].goal);
@@ -243,7 +244,7 @@ impl Rollout {
         found
     }
 
-    /// Makes agent `i` walk to its goal through the graph, if there is one.
+    /// Plans agent `i`'s path to its goal through the graph, if there is one.
     fn plan(&mut self, i: usize, around: &StepContext) {
         let Some(graph) = around.graph else { return };
         let goal = self.agents[i].goal.clone();
@@ -251,7 +252,8 @@ impl Rollout {
         self.plans[i] = Some(Plan { walker, goal, disturbed: false });
     }
 
-    /// Puts all agents, where they are, into another environment of the same kind: their episodes end and others begin.
+    /// Moves all agents at their current states to another environment of the same kind, ending their episodes and
+    /// starting new ones.
     pub fn enter(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
         let s = env.spec().state_dim();
         let before = std::mem::replace(&mut self.env, env);
@@ -264,7 +266,7 @@ impl Rollout {
         }
     }
 
-    /// An episode from where agent `i` is now, to a random goal.
+    /// Starts an episode from agent `i`'s current state to a random goal.
     fn begin_afresh(&mut self, i: usize) {
         let agent = &mut self.agents[i];
         (agent.steps, agent.held, agent.after_bridge) = (0, None, None);
@@ -272,7 +274,7 @@ impl Rollout {
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
     }
 
-    /// Plans anew where there is a plan: the graph has been replaced.
+    /// Replaces all existing plans after a change of graph.
     pub fn plan_anew(&mut self, around: &StepContext) {
         for i in 0..self.plans.len() {
             if let Some(plan) = self.plans[i].take() {
@@ -282,7 +284,7 @@ impl Rollout {
         }
     }
 
-    /// Gives agents with a plan their next waypoint, and notes which hops succeeded.
+    /// Updates the waypoints of agents with a plan and records the outcomes of their hops.
     fn follow_plans(&mut self, around: &mut StepContext) {
         let Some(graph) = around.graph else { return };
         let s = self.env.spec().state_dim();
@@ -304,7 +306,7 @@ impl Rollout {
         }
     }
 
-    /// The actor's actions with noise, or a random direction held for a while.
+    /// Chooses actions: the actor's with noise, or a random direction held for several steps.
     fn choose_actions(&mut self, acting: Acting, settings: &Settings, policy: &dyn Policy) {
         let a = self.env.spec().action_dim;
         self.actions.resize(self.agents.len() * a, 0.0);
@@ -313,8 +315,8 @@ impl Rollout {
             self.goals.extend(self.agents.iter().flat_map(|agent| agent.goal.iter().copied()));
             policy.actions(self.env.states(), &self.goals, &mut self.actions, &mut self.scratch);
         }
-        // With holds of h steps on average, a share r of all steps is random when a hold begins with probability
-        // r / (r + (1 - r) h) at each free step.
+        // With a mean hold of h steps, a fraction r of all steps is random if each free step begins a hold with
+        // probability r / (r + (1 - r) h).
         let (share, hold) = match acting {
             Acting::AtRandom => (1.0, settings.train.random_hold_steps),
             Acting::Policy => (settings.train.random_actions, settings.train.random_hold_steps),
@@ -342,7 +344,7 @@ impl Rollout {
         }
     }
 
-    /// Everything that the next steps depend on, for a checkpoint.
+    /// Returns everything that the next steps depend on, for a checkpoint.
     pub fn state(&self) -> RolloutState {
         let plans = self.plans.iter().map(|plan| {
             plan.as_ref().map(|Plan { walker, goal, disturbed }| PlanState {
@@ -359,7 +361,7 @@ impl Rollout {
         }
     }
 
-    /// The same without plans: agents pursue the goals that these led to.
+    /// Returns the same as [`Self::state`] without plans: agents pursue the plans' goals directly.
     pub fn state_without_plans(&self) -> RolloutState {
         let mut state = self.state();
         for (agent, plan) in state.agents.iter_mut().zip(&mut state.plans) {
@@ -370,10 +372,10 @@ impl Rollout {
         state
     }
 
-    /// Takes up what [`Self::state`] gave.
+    /// Restores the state that [`Self::state`] returned.
     ///
     /// # Errors
-    /// Where it was not saved from as many agents in such an environment.
+    /// The state does not match the number of agents or the environment.
     pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), StoreError> {
         let (whole, g) = (self.env.whole(0).len(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;

@@ -1,4 +1,4 @@
-//! What a run is of, how far it has come, and when it ends.
+//! A run's definition, progress and limits.
 
 use serde::{Deserialize, Serialize};
 
@@ -7,12 +7,12 @@ use super::settings::Settings;
 use crate::bridge::BridgeSettings;
 use crate::store::StoreError;
 
-/// What a run is of: everything that its result depends on.
+/// Definition of a run: everything that its result depends on besides the world.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Run {
     /// How agents act and what is learned.
     pub method: Method,
-    /// Where the settings started from.
+    /// The preset that the settings are based on.
     pub preset: Preset,
     /// Seed of all random streams.
     pub seed: u64,
@@ -21,44 +21,44 @@ pub struct Run {
 }
 
 impl Run {
-    /// Settings of bridges as the method has them.
+    /// Returns the bridge settings, adjusted to the method's planner.
     pub fn bridge(&self) -> BridgeSettings {
         self.settings.bridge.of(self.method.planner)
     }
 }
 
-/// How far a run has come.
+/// Progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Updates of the networks (of the learner `random`: that would have been due).
+    /// Network updates (for the learner `random`: updates that would have been due).
     pub updates: u64,
-    /// Environment steps of all agents together.
+    /// Environment steps, summed over all agents.
     pub env_steps: u64,
     /// Episodes that ended.
     pub episodes: u64,
     /// Goals reached while exploring.
     pub goals_reached: u64,
-    /// Environment steps not yet paid for by updates.
+    /// Environment steps whose updates are due but not done.
     pub(super) owed: u64,
-    /// The part of these that waits for an episode to end.
+    /// Environment steps whose updates become due when an episode ends.
     pub(super) waiting: u64,
-    /// The update up to which targets go by behaviour alone.
+    /// The last update whose targets follow behaviour alone.
     pub(super) relearns_until: u64,
     /// Running means of the losses.
     pub(super) losses: [f64; 3],
-    /// How often the run has gone back to earlier networks.
+    /// Number of rollbacks to earlier networks.
     #[serde(default)]
     pub recoveries: u32,
 }
 
 impl Counters {
-    /// Counts beyond this come from no run.
+    /// Exclusive upper bound of plausible counts.
     const MOST: u64 = 1 << 53;
 
-    /// Checks what came from a file.
+    /// Checks counters read from a file.
     ///
     /// # Errors
-    /// That a number is out of range.
+    /// A number is out of range.
     pub(super) fn check(&self) -> Result<(), StoreError> {
         let counts = [self.updates, self.env_steps, self.episodes, self.goals_reached, self.owed, self.waiting];
         let sound = counts.iter().all(|n| *n < Self::MOST) && self.losses.iter().all(|loss| loss.is_finite());
@@ -75,14 +75,14 @@ pub enum Tick {
     Step,
 }
 
-/// When a run ends; counted from the beginning of training, resumed or not.
+/// Limits of a run, counted from the start of training, resumed or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// After so many updates.
+    /// Maximum number of updates.
     pub updates: Option<u64>,
-    /// After so many seconds of training.
+    /// Maximum training time in seconds.
     pub seconds: Option<f64>,
-    /// After so many episodes.
+    /// Maximum number of episodes.
     pub episodes: Option<u64>,
 }
 
@@ -90,12 +90,12 @@ pub struct Limits {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum EndReason {
-    /// The limit of updates.
+    /// The update limit was reached.
     MaxUpdates,
-    /// The limit of training time.
+    /// The limit of training time was reached.
     MaxSeconds,
-    /// The limit of episodes.
+    /// The episode limit was reached.
     MaxEpisodes,
-    /// A signal.
+    /// A signal arrived.
     Interrupted,
 }

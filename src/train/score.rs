@@ -6,19 +6,19 @@ use serde::{Deserialize, Serialize};
 
 use crate::env::TaskSet;
 
-/// How a run did in its latest evaluation: what lists of checkpoints show.
+/// Summary of a run's latest evaluation, as shown in checkpoint lists.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Success {
     /// The update at which it was evaluated.
     pub updates: u64,
-    /// Success of the actor alone.
+    /// Success rate of the actor alone.
     pub greedy: f64,
-    /// Success with planning, where the method plans.
+    /// Success rate with planning, if the method plans.
     pub planned: Option<f64>,
 }
 
 impl fmt::Display for Success {
-    /// As `planned 0.98, greedy 0.91`.
+    /// Formats as `planned 0.98, greedy 0.91`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         if let Some(planned) = self.planned {
             write!(f, "planned {planned:.2}, ")?;
@@ -27,34 +27,34 @@ impl fmt::Display for Success {
     }
 }
 
-/// How well a set of tasks was done.
+/// Scores on a set of tasks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// Share of all tasks whose goal was reached in time.
+    /// Fraction of all tasks whose goal was reached in time.
     pub success: f64,
-    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), where the shortest ways are known.
+    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), if the shortest paths are known.
     pub spl: Option<f64>,
-    /// Mean of steps / shortest over the tasks that were done; 0 if none was.
+    /// Mean of steps / shortest over the successful tasks; 0 if there are none.
     pub steps_ratio: Option<f64>,
-    /// The same for each distance.
+    /// Scores at each distance.
     pub by_distance: Vec<DistanceScore>,
 }
 
-/// How well the tasks of one distance were done.
+/// Scores on the tasks at one distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceScore {
-    /// Shortest number of steps of these tasks (of a range: their mean).
+    /// Shortest-path length of these tasks in steps (for a range: the mean).
     pub distance_steps: f64,
-    /// How many tasks there were.
+    /// Number of tasks.
     pub tasks: usize,
-    /// Share reached in time.
+    /// Fraction reached in time.
     pub success: f64,
-    /// Success weighted by path length, where the shortest ways are known.
+    /// Success weighted by path length, if the shortest paths are known.
     pub spl: Option<f64>,
 }
 
 impl Score {
-    /// The score of `set` whose tasks took `steps`, `None` where the goal was not reached in time.
+    /// Scores the tasks of `set` by their `steps`, which are `None` if the goal was not reached in time.
     pub fn new(set: &TaskSet, steps: &[Option<u32>]) -> Self {
         let known = set.tasks.iter().all(|task| task.shortest.is_some());
         let group = |distance_steps: &f64| DistanceScore {
@@ -70,7 +70,7 @@ impl Score {
             let Some(steps) = steps else { continue };
             group.success += 1.0;
             success += 1.0;
-            // A goal at the start is reached in no step, as shortly as can be.
+            // A goal at the start takes 0 steps, which is optimal.
             let shortest = task.shortest.unwrap_or_default().max(1);
             let weight = f64::from(shortest) / f64::from((*steps).max(shortest));
             group.spl = group.spl.map(|spl| spl + weight);
@@ -93,7 +93,7 @@ impl Score {
     }
 }
 
-/// Spearman's rank correlation; equal values share their mean rank. 0 where either is constant.
+/// Returns Spearman's rank correlation; ties share their mean rank. 0 if either input is constant.
 pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
     let (ra, rb) = (ranks(a), ranks(b));
     let mean = (a.len() as f64 - 1.0) / 2.0;
@@ -112,7 +112,7 @@ fn ranks(values: &[f64]) -> Vec<f64> {
     let mut ranks = vec![0.0; values.len()];
     let mut from = 0;
     while from < order.len() {
-        // By the same order as above: NaN equals itself there, and every round takes at least one.
+        // Uses the same order as above: NaN equals itself there, so every round takes at least one.
         let tied = order[from..].iter().take_while(|i| values[**i].total_cmp(&values[order[from]]).is_eq()).count();
         for i in &order[from..from + tied] {
             ranks[*i] = from as f64 + (tied as f64 - 1.0) / 2.0;

@@ -8,7 +8,7 @@ use crate::bridge::BridgeSettings;
 use crate::env::{EnvSettings, Restart};
 use crate::learn::{LearnSettings, OutOfRange};
 
-/// Every setting, in one flat list of names.
+/// All settings, serialised as one flat list of names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Settings {
     /// Networks, losses and batches.
@@ -22,19 +22,19 @@ pub struct Settings {
     pub train: TrainSettings,
 }
 
-/// What changing a setting during a run costs.
+/// Effect of changing a setting during a run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Effect {
-    /// Nothing.
+    /// Takes effect immediately.
     Immediate,
-    /// Agents and episodes begin again; networks and replay are kept.
+    /// Restarts agents and episodes; keeps networks and replay buffer.
     NewAgents,
-    /// The networks begin again; agents and replay are kept.
+    /// Resets the networks; keeps agents and replay buffer.
     NewNetworks,
 }
 
 impl Effect {
-    /// What is said of it.
+    /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
             Self::Immediate => "takes effect immediately",
@@ -44,7 +44,7 @@ impl Effect {
     }
 }
 
-/// When updates that are due get done.
+/// When due updates are run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum UpdateWhen {
@@ -57,29 +57,29 @@ pub enum UpdateWhen {
 /// Settings of agents, episodes and exploration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainSettings {
-    /// Agents that explore side by side.
+    /// Agents exploring in parallel.
     pub agents: usize,
-    /// Steps of an episode.
+    /// Steps per episode.
     pub episode_steps: u32,
     /// Where episodes begin.
     pub restart: Restart,
-    /// Environment steps (of all agents together) for each update.
+    /// Environment steps (summed over all agents) per update.
     pub env_steps_per_update: u64,
-    /// When updates that are due get done.
+    /// When due updates are run.
     pub update_when: UpdateWhen,
     /// Environment steps before the first update.
     #[serde(alias = "warmup_env_steps")]
     pub learning_starts: u64,
-    /// Share of steps that follow a random direction held for a while instead of the actor.
+    /// Fraction of steps that follow a held random direction instead of the actor.
     pub random_actions: f32,
-    /// Mean number of steps for which a random direction is held.
+    /// Mean number of steps that a random direction is held.
     pub random_hold_steps: f32,
     /// Standard deviation of the Gaussian noise on the actor's actions.
     #[serde(alias = "action_noise")]
     pub exploration_noise: f32,
     /// Whether an agent that reaches its goal gets a new one within the episode.
     pub new_goal_when_reached: bool,
-    /// Standard deviation of the noise that the environment itself adds to every action.
+    /// Standard deviation of the noise that the environment adds to every action.
     pub env_noise: f32,
 }
 
@@ -102,7 +102,7 @@ impl Default for TrainSettings {
 }
 
 impl TrainSettings {
-    /// The preset `paper`: one agent, and after each episode of T steps T updates.
+    /// Returns the preset `paper`: one agent, and T updates after each episode of T steps.
     pub fn paper() -> Self {
         Self {
             agents: 1,
@@ -114,7 +114,7 @@ impl TrainSettings {
         }
     }
 
-    /// Those of the world.
+    /// Returns the settings of the environment.
     pub fn env(&self) -> EnvSettings {
         EnvSettings { restart: self.restart, noise: self.env_noise }
     }
@@ -122,7 +122,7 @@ impl TrainSettings {
     /// Checks every value's range.
     ///
     /// # Errors
-    /// The name of the first setting out of range, and what would be right.
+    /// The name of the first setting out of range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         let noise = |v: f32| (0.0..=100.0).contains(&v);
         let checks = [
@@ -139,10 +139,10 @@ impl TrainSettings {
 }
 
 impl Settings {
-    /// Checks every value's range, and that the parts fit each other.
+    /// Checks every value's range and the constraints between settings.
     ///
     /// # Errors
-    /// The name of the first setting out of range, and what would be right.
+    /// The name of the first setting out of range.
     pub fn check(&self) -> Result<(), OutOfRange> {
         self.learn.check()?;
         self.bridge.check()?;

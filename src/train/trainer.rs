@@ -1,4 +1,4 @@
-//! One training run: agents and updates in lockstep, in an order that depends on nothing but seed and settings.
+//! One training run: agent steps and updates, interleaved in an order that depends only on seed and settings.
 
 mod change;
 mod recovery;
@@ -30,14 +30,14 @@ pub use change::{Kept, WorldChange};
 use recovery::LastGood;
 pub use recovery::Recovery;
 
-/// The names of what a saved run holds: bridge candidates; the bridge graph in use, and the one to come.
+/// Names in the store: bridge candidates, and the current and the next bridge graph.
 const CANDIDATES: &str = "bridge";
 const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
 /// Losses are reported as running means over about this many updates.
 const LOSS_MEMORY_UPDATES: f64 = 500.0;
 
-/// Random streams of a run, one for each purpose, so that none disturbs another.
+/// Random streams of a run, one per purpose, so that they do not affect each other.
 #[derive(Clone, Copy)]
 enum Stream {
     Initial = 0,
@@ -47,16 +47,16 @@ enum Stream {
     Graph = 4,
 }
 
-/// What a checkpoint holds of a trainer besides networks, replay and candidates.
+/// Checkpointed state of a trainer besides networks, replay buffer and candidates.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub struct TrainerState {
-    /// How far it has come.
+    /// Progress of the run.
     pub counters: Counters,
     /// Training time so far, in seconds.
     pub seconds: f64,
-    /// Agents and their random state.
+    /// The agents and their RNG state.
     pub rollout: RolloutState,
-    /// The random state of batches.
+    /// RNG state for batches.
     pub batch_rng: ChaCha8Rng,
 }
 
@@ -75,10 +75,10 @@ pub struct Trainer {
     profile: Profile,
     threads: usize,
     history: History,
-    /// The networks to go back to when numbers are no longer finite, and the latest way back.
+    /// The networks to roll back to when numbers are no longer finite, and the latest rollback.
     last_good: LastGood,
     recovery: Option<Recovery>,
-    /// Whether an update is under way: one that a panic ended has left the networks half stepped.
+    /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
 }
 
@@ -90,13 +90,13 @@ fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
 
 type Result<T> = std::result::Result<T, TrainError>;
 
-/// A fresh learner for `run` in a world of `spec`.
+/// Creates a fresh learner for `run` in a world with `spec`.
 fn learner_of(run: &Run, spec: &Spec, registry: &Registry, threads: usize) -> Result<Box<dyn Learner>> {
     let kind = registry.learner(&run.method.learner)?;
     Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
 }
 
-/// `world` for the agents of `run`.
+/// Forks and configures `world` for the agents of `run`.
 fn world_of(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
     let mut world = world.fork(run.settings.train.agents);
     world.configure(&run.settings.train.env());
@@ -109,10 +109,10 @@ fn replay_of(run: &Run, spec: &Spec) -> Replay {
 }
 
 impl Trainer {
-    /// A run in `world` that has not begun; `threads` share the work of each update, without changing its result.
+    /// Creates a new run in `world`. `threads` share the work of each update without changing its result.
     ///
     /// # Errors
-    /// That the method's learner is not in the registry, or what making it reports.
+    /// The method's learner is not registered or cannot be created.
     pub fn new(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
         let (world, spec) = (world_of(&run, world), world.spec());
         let learner = learner_of(&run, spec, registry, threads)?;
@@ -136,83 +136,83 @@ impl Trainer {
         })
     }
 
-    /// Threads that share an update's work.
+    /// Returns the number of threads that share an update's work.
     pub fn threads(&self) -> usize {
         self.threads
     }
 
-    /// What is run.
+    /// Returns the definition of the run.
     pub fn run(&self) -> &Run {
         &self.run
     }
 
-    /// The worlds and learners that the run may be changed to.
+    /// Returns the registry of worlds and learners that the run may be changed to.
     pub fn registry(&self) -> &Arc<Registry> {
         &self.registry
     }
 
-    /// The world with the agents that explore it.
+    /// Returns the world with the exploring agents.
     pub fn world(&self) -> &dyn Environment {
         self.rollout.env()
     }
 
-    /// The same, to change what evaluation asks of it.
+    /// Returns the world mutably, to change its evaluation tasks.
     pub fn world_mut(&mut self) -> &mut dyn Environment {
         self.rollout.env_mut()
     }
 
-    /// What states, goals and actions are.
+    /// Returns the specification of states, goals and actions.
     pub fn spec(&self) -> &Spec {
         self.world().spec()
     }
 
-    /// How far it has come.
+    /// Returns the progress of the run.
     pub fn counters(&self) -> Counters {
         self.counters
     }
 
-    /// Training time so far, in seconds; evaluation is not counted.
+    /// Returns the training time so far, in seconds, without evaluation.
     pub fn seconds(&self) -> f64 {
         self.seconds
     }
 
-    /// Where the time of this process has gone.
+    /// Returns the time that this process has spent per training stage.
     pub fn profile(&self) -> &Profile {
         &self.profile
     }
 
-    /// Running means of the losses.
+    /// Returns the running means of the losses.
     pub fn losses(&self) -> Losses {
         let [critic, model, actor] = self.counters.losses.map(|l| l as f32);
         Losses { critic, model, actor }
     }
 
-    /// The agents.
+    /// Returns the agents.
     pub fn rollout(&self) -> &Rollout {
         &self.rollout
     }
 
-    /// The learner.
+    /// Returns the learner.
     pub fn learner(&self) -> &dyn Learner {
         &*self.learner
     }
 
-    /// The replay.
+    /// Returns the replay buffer.
     pub fn replay(&self) -> &Replay {
         &self.replay
     }
 
-    /// Bridge candidates and what was seen between them.
+    /// Returns the bridge candidates and observed paths between them.
     pub fn candidates(&self) -> &Candidates {
         &self.candidates
     }
 
-    /// The latest bridge search.
+    /// Returns the latest bridge search.
     pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
         self.rollout.last_search()
     }
 
-    /// The first of `limits` that has been reached.
+    /// Returns the first of `limits` that has been reached.
     pub fn limit_reached(&self, limits: &Limits) -> Option<EndReason> {
         let reached = [
             (limits.updates.is_some_and(|n| self.counters.updates >= n), EndReason::MaxUpdates),
@@ -222,13 +222,13 @@ impl Trainer {
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
-    /// One update if one is due, else one step of every agent.
+    /// Runs one update if one is due, else one step of every agent.
     ///
     /// # Errors
-    /// What the learner reports, or that the run has diverged for the last time.
+    /// The learner fails, or the run has diverged with no rollbacks left.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
-        // Without a warm-up an update can be due before any agent's second state is known.
+        // Without a warm-up, an update can be due before any agent's second state is known.
         let due = self.counters.owed >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions();
         let tick = if due { self.update()? } else { self.step()? };
         if tick == Tick::Step {
@@ -259,7 +259,7 @@ impl Trainer {
         Ok(Tick::Step)
     }
 
-    /// Lets the agents do something with what surrounds them.
+    /// Calls `act` with the agents and their step context.
     fn with_step_context<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut StepContext) -> R) -> Result<R> {
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
@@ -300,7 +300,7 @@ impl Trainer {
         Ok(Tick::Update)
     }
 
-    /// Takes up the bridge graph that counts from now on, and begins to build the next one where that is due.
+    /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
     fn renew_graph(&mut self) -> Result<()> {
         let Settings { learn, bridge, .. } = &self.run.settings;
         let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon > 0.0;
@@ -324,38 +324,38 @@ impl Trainer {
         Ok(())
     }
 
-    /// Draws what a graph whose build began at update `at` distils.
+    /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.
     fn graph_rng(&self, at: u64) -> ChaCha8Rng {
         let mut rng = stream(self.run.seed, Stream::Graph);
         rng.set_word_pos(u128::from(at) << 34);
         rng
     }
 
-    /// A frozen copy of the networks, as planning and evaluation use them.
+    /// Returns a frozen copy of the networks for planning and evaluation.
     ///
     /// # Errors
-    /// What the learner reports.
+    /// The learner fails.
     pub fn policy(&self) -> Result<Arc<dyn Policy>> {
         Ok(self.learner.policy(self.run.settings.bridge.averaged_weights)?)
     }
 
-    /// Tasks for an evaluation at this moment, `per_group` at each distance: the same ones however often was evaluated
-    /// before.
+    /// Draws `per_group` tasks at each distance for an evaluation of the current state, independently of the number of
+    /// earlier evaluations.
     pub fn tasks(&self, per_group: usize) -> TaskSet {
         self.world().tasks(per_group, &mut self.evaluation_rng(1))
     }
 
     fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
         let mut rng = stream(self.run.seed, Stream::Evaluate);
-        // A piece of 2^34 words of the stream for each evaluation and purpose.
+        // Each evaluation and purpose gets its own 2^34 words of the stream.
         rng.set_word_pos(u128::from(2 * self.counters.updates + purpose) << 34);
         rng
     }
 
-    /// An evaluation of this moment; the training goes on as if it had not happened.
+    /// Prepares an evaluation of the current state, which does not affect training.
     ///
     /// # Errors
-    /// What the learner reports.
+    /// The learner fails.
     pub fn evaluation(&self) -> Result<EvaluationJob> {
         Ok(EvaluationJob {
             run: self.run.clone(),
@@ -369,28 +369,28 @@ impl Trainer {
         })
     }
 
-    /// Evaluates against the truth.
+    /// Evaluates against ground truth.
     ///
     /// # Errors
-    /// What the learner reports.
+    /// The learner fails.
     pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
         Ok(self.evaluation()?.carry_out(tasks))
     }
 
-    /// Curves, evaluations, and what happened.
+    /// Returns the history: loss curves, evaluations and event log.
     pub fn history(&self) -> &History {
         &self.history
     }
 
-    /// The same, to be added to.
+    /// Returns the history mutably, to add to it.
     pub fn history_mut(&mut self) -> &mut History {
         &mut self.history
     }
 
-    /// Everything that the run needs to go on as if it had never stopped.
+    /// Returns everything needed to resume the run exactly where it stopped.
     ///
     /// # Errors
-    /// What the learner reports; numbers that are not finite.
+    /// The learner fails, or numbers are not finite.
     pub fn save(&self) -> Result<Store> {
         let mut store = Store::default();
         self.learner.save(&mut store)?;
@@ -414,10 +414,10 @@ impl Trainer {
         Ok(store)
     }
 
-    /// The run that [`Self::save`] saved.
+    /// Restores the run that [`Self::save`] saved.
     ///
     /// # Errors
-    /// What of the store is missing, or does not fit; a run that does not fit into memory.
+    /// The store is incomplete or inconsistent, or the run does not fit into memory.
     pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
         let run: Run = store.json("run")?;
         let range = |OutOfRange(name)| {
@@ -435,7 +435,7 @@ impl Trainer {
         trainer.rollout.env_mut().restore_statistics(store)?;
         let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
         let graphs = [current?, next?];
-        // The first format had none.
+        // Format 1 has no history.
         let history = if store.texts().contains_key("history") { store.json("history")? } else { History::default() };
         trainer.restore(state, &graphs, history)?;
         Ok(trainer)

@@ -162,12 +162,12 @@ const fn bind(
 }
 
 impl Binding {
-    /// Limits the binding to while the editor is open.
+    /// Makes the binding active only while the editor is open.
     const fn editing(self) -> Self {
         Self { when: When::Editing, ..self }
     }
 
-    /// Limits the binding to while the editor is closed.
+    /// Makes the binding active only while the editor is closed.
     const fn watching(self) -> Self {
         Self { when: When::Watching, ..self }
     }

@@ -1,4 +1,4 @@
-//! Pixels, and how characters show them.
+//! Pixels, and their rendering as characters.
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Position;
@@ -7,15 +7,15 @@ use ratatui::style::{Color, Style};
 use super::raster::{MapFrame, Marker};
 use super::theme::{Depth, Rgb, Theme, blend};
 
-/// A picture of the map before it becomes characters.
+/// The map as pixels, before it becomes characters.
 #[derive(Clone, Debug)]
 pub struct Canvas {
     columns: usize,
     /// Colour of each pixel; `None` outside the map.
     pixels: Vec<Option<Rgb>>,
-    /// What a terminal without colours shows there.
+    /// What a terminal without colours shows for each pixel.
     marks: Vec<char>,
-    /// Pixels changed since all was painted.
+    /// Pixels changed since the last full paint.
     changed: Vec<usize>,
 }
 
@@ -26,18 +26,18 @@ const MOST_PIXELS: usize = 8;
 pub const WALL_MARK: char = '#';
 
 impl Canvas {
-    /// An empty picture for `place`.
+    /// Creates an empty canvas for `place`.
     pub fn new(place: &MapFrame) -> Self {
         let (columns, rows) = place.raster.pixels;
         Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows], changed: Vec::new() }
     }
 
-    /// Pixels in all.
+    /// Returns the number of pixels.
     pub fn len(&self) -> usize {
         self.pixels.len()
     }
 
-    /// Pixels in a row.
+    /// Returns the number of pixels in a row.
     pub fn columns(&self) -> usize {
         self.columns
     }
@@ -48,31 +48,31 @@ impl Canvas {
         self.changed.push(i);
     }
 
-    /// Whether pixel `i` shows wall.
+    /// Returns whether pixel `i` shows wall.
     pub fn is_wall(&self, i: usize) -> bool {
         self.marks[i] == WALL_MARK
     }
 
-    /// The pixel of a position on the map.
+    /// Returns the pixel of a position on the map.
     pub fn at(&self, place: &MapFrame, at: [f32; 2]) -> Option<usize> {
         place.raster.pixel_of(at).map(|(column, row)| row * self.columns + column)
     }
 
-    /// A dot.
+    /// Draws a dot.
     pub fn dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
         if let Some(i) = self.at(place, at) {
             self.set(i, Some(rgb), mark);
         }
     }
 
-    /// A dot, but not on a wall that its pixel shows.
+    /// Draws a dot unless its pixel shows wall.
     pub fn ground_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
         if let Some(i) = self.at(place, at).filter(|i| !self.is_wall(*i)) {
             self.set(i, Some(rgb), mark);
         }
     }
 
-    /// A dot through which `1 - share` of the ground is seen.
+    /// Blends a dot into the ground with opacity `share`, unless its pixel shows wall.
     pub fn faint_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, share: f32) {
         if let Some(i) = self.at(place, at).filter(|i| !self.is_wall(*i)) {
             self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
@@ -83,7 +83,7 @@ impl Canvas {
         }
     }
 
-    /// Straight lines; `share` of them covers the ground, only once where several cross.
+    /// Draws straight lines with opacity `share`, blended only once where several cross.
     pub fn lines(
         &mut self,
         place: &MapFrame,
@@ -101,7 +101,7 @@ impl Canvas {
         }
     }
 
-    /// Notes the pixels of a straight line.
+    /// Marks the pixels of a straight line in `covered`.
     fn cover(&self, place: &MapFrame, [from, to]: [[f32; 2]; 2], covered: &mut [bool]) {
         let pixels_a_cell = place.scale() * place.marker.pixels().0.max(place.marker.pixels().1 / 2) as f32;
         let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
@@ -125,7 +125,7 @@ impl Canvas {
         }
     }
 
-    /// Writes the characters of which pixels have changed since all was painted.
+    /// Writes the characters whose pixels have changed since the last full paint.
     pub fn paint_changes(&mut self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
         let (across, down) = place.marker.pixels();
         let character = |i: usize| ((i % self.columns / across) as u16, (i / self.columns / down) as u16);
@@ -146,7 +146,7 @@ impl Canvas {
         let at = Position::new(place.area.x + column, place.area.y + row);
         let Some(cell) = buffer.cell_mut(at) else { return };
         if theme.depth == Depth::Mono {
-            // The most telling of them.
+            // Show the most informative mark.
             let marks = (0..count).map(|n| self.marks[own(n)]);
             cell.set_char(marks.max_by_key(|mark| telling(*mark)).unwrap_or(' '));
             return;
@@ -159,7 +159,7 @@ impl Canvas {
     }
 }
 
-/// How much a mark says: nothing, contours, wall, anything else.
+/// Ranks a mark by how informative it is: nothing, contours, wall, anything else.
 fn telling(mark: char) -> u8 {
     match mark {
         ' ' => 0,
@@ -169,10 +169,11 @@ fn telling(mark: char) -> u8 {
     }
 }
 
-/// The two colours that a character's pixels are shown by, and which of them show the front one (bit 0 the first).
+/// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the first pixel), the
+/// front colour and the back colour.
 ///
-/// The two pixels farthest apart stand for all others, each group by its mean. Where some pixels lie outside the map,
-/// these are the background.
+/// Pixels are grouped around the first one and the one most different from it, and each group is shown by its mean.
+/// Pixels outside the map, if any, are the background.
 fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     let first = colours[0];
     let all = ((1u16 << colours.len()) - 1) as u8;
@@ -205,7 +206,7 @@ fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     (mask, mean(mask), mean(all & !mask))
 }
 
-/// The character whose parts in `mask` are in front: row by row, bit 0 the upper left.
+/// Returns the character with the parts in `mask` in front: row by row, bit 0 at the upper left.
 fn glyph(marker: Marker, mask: u8) -> char {
     const QUADRANTS: [char; 16] = [
         ' ', '\u{2598}', '\u{259d}', '\u{2580}', '\u{2596}', '\u{258c}', '\u{259e}', '\u{259b}', '\u{2597}',
@@ -215,7 +216,7 @@ fn glyph(marker: Marker, mask: u8) -> char {
         Marker::Auto | Marker::HalfBlock => [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)],
         Marker::Quadrant => QUADRANTS[usize::from(mask & 15)],
         Marker::Braille => {
-            // Unicode counts the dots of the left column first, and the lowest row last.
+            // Unicode numbers the dots of the left column first, and the bottom row last.
             const DOTS: [u32; 8] = [0x01, 0x08, 0x02, 0x10, 0x04, 0x20, 0x40, 0x80];
             let dots: u32 = (0..8).filter(|i| mask >> i & 1 == 1).map(|i| DOTS[i]).sum();
             char::from_u32(0x2800 + dots).unwrap_or(' ')
@@ -239,7 +240,7 @@ mod tests {
     }
 
     #[test]
-    fn four_pixels_are_grouped_by_likeness() {
+    fn four_pixels_are_grouped_by_similarity() {
         let pixels = [(0, 0, 0), (250, 250, 250), (10, 10, 10), (255, 255, 255)].map(Some);
         let (mask, front, back) = two_colours(&pixels);
         assert_eq!(mask, 0b0101);
@@ -248,7 +249,7 @@ mod tests {
     }
 
     #[test]
-    fn braille_dots_lie_where_their_pixels_do() {
+    fn braille_dots_match_their_pixels() {
         assert_eq!(glyph(Marker::Braille, 0b0000_0001), '\u{2801}');
         assert_eq!(glyph(Marker::Braille, 0b0000_0010), '\u{2808}');
         assert_eq!(glyph(Marker::Braille, 0b1100_0000), '\u{28c0}');

@@ -1,5 +1,4 @@
-//! What users set for themselves: theme, marker, autosave and keys, from a TOML file in the platform's folder for
-//! configuration.
+//! User configuration: theme, marker, autosave and keys, from a TOML file in the platform's configuration folder.
 
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
@@ -16,17 +15,17 @@ use super::theme::ThemeName;
 use crate::files;
 use crate::text::{Excerpt, plain, plain_lines, shortened};
 
-/// The file's contents.
+/// The contents of the configuration file.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct UiConfig {
     /// Colours.
     pub theme: ThemeName,
-    /// What the map is drawn with.
+    /// The characters the map is drawn with.
     pub marker: Marker,
-    /// Minutes between checkpoints that are saved by themselves; 0 for none.
+    /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
-    /// Keys of actions, by the actions' names.
+    /// Keys by action name.
     keys: BTreeMap<String, toml::Spanned<Vec<String>>>,
 }
 
@@ -36,7 +35,7 @@ impl Default for UiConfig {
     }
 }
 
-/// The largest file that is read, and the most characters of it that an error quotes.
+/// The largest file that is read, in bytes, and the most characters of it that an error quotes.
 const MAX_BYTES: u64 = 1 << 20;
 const QUOTED: usize = 300;
 
@@ -52,29 +51,29 @@ pub struct UiConfigError {
     pub excerpt: Option<Excerpt>,
 }
 
-/// The folder for configuration, unless there is no home.
+/// Returns the platform's folders, or `None` without a home directory.
 fn folders() -> Option<ProjectDirs> {
     ProjectDirs::from("", "", "gdg-tui")
 }
 
-/// Where the configuration is looked for.
+/// Returns the default path of the configuration.
 pub fn default_path() -> Option<PathBuf> {
     folders().map(|dirs| dirs.config_dir().join("config.toml"))
 }
 
-/// Where recently opened maps are remembered.
+/// Returns the path of the list of recently opened maps.
 pub fn recent_path() -> Option<PathBuf> {
-    // Tests leave alone what belongs to whoever runs them.
+    // Tests must not touch the files of the user who runs them.
     if cfg!(test) {
         return None;
     }
     folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recent.json"))
 }
 
-/// The configuration in `file`, or in the usual place if there is one there.
+/// Reads the configuration from `file`, or from the default path if that exists.
 ///
 /// # Errors
-/// A file that cannot be read, or something in it that is not as it should be.
+/// The file cannot be read, or something in it is invalid.
 pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
     let path = file.map(Path::to_owned).or_else(default_path);
     let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
@@ -86,10 +85,10 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     parse(&name, &text)
 }
 
-/// The configuration in the text of a file called `name`.
+/// Parses the text of a configuration file called `name`.
 ///
 /// # Errors
-/// Something in it that is not as it should be.
+/// Something in the text is invalid.
 pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
     let hint = "--print-config-template prints a file with everything that can be set";
     let config: UiConfig = toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
@@ -99,9 +98,9 @@ pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigE
         return Err(error(name, text, at, &what, "a number of minutes, 0 for never"));
     }
     let keys = config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
-    let keymap = Keymap::new(&keys).map_err(|(action, what, right)| {
-        let span = config.keys.get(&action).map(toml::Spanned::span);
-        error(name, text, span, &format!("{action}: {what}"), &right)
+    let keymap = Keymap::new(&keys).map_err(|e| {
+        let span = config.keys.get(&e.binding).map(toml::Spanned::span);
+        error(name, text, span, &e.to_string(), &e.right)
     })?;
     Ok((config, keymap))
 }
@@ -117,7 +116,7 @@ fn error(name: &str, text: &str, span: Option<Range<usize>>, what: &str, right: 
     Box::new(UiConfigError { place, what, right, excerpt })
 }
 
-/// A file with everything that can be set, as it is without one.
+/// Returns a file with all settings at their defaults.
 pub fn template() -> String {
     let default = UiConfig::default();
     let names = |names: Vec<&str>| names.join(", ");
@@ -150,7 +149,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_template_says_what_holds_without_it() {
+    fn the_template_shows_the_defaults() {
         let template = template();
         assert!(parse("template", &template).is_ok(), "as it is printed");
         let lines = template.lines().filter(|line| line.contains(" = ") || line.starts_with('['));
@@ -161,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_told_with_line_and_column() {
+    fn mistakes_are_reported_with_line_and_column() {
         for (text, place) in [
             ("theme = \"drak\"\n", "f:1:9: "),
             ("\nautosave_minutes = -1\n", "f:2:1: "),

@@ -7,7 +7,7 @@ use ratatui::layout::Position;
 use super::raster::MapFrame;
 use crate::map::{Cell, Grid};
 
-/// What a press of the button, or of the key, does.
+/// A drawing tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tool {
     /// Draws walls.
@@ -15,24 +15,24 @@ pub enum Tool {
     Pencil,
     /// Draws floor.
     Eraser,
-    /// A straight wall.
+    /// Draws a straight wall.
     Line,
-    /// Walls around a rectangle.
+    /// Draws walls around a rectangle.
     Rectangle,
     /// Fills an area of floor with wall, or of wall with floor.
     Fill,
-    /// Puts a start, moves it or takes it away.
+    /// Adds, moves or removes a start.
     Start,
-    /// Puts a goal, moves it or takes it away.
+    /// Adds, moves or removes a goal.
     Goal,
 }
 
 impl Tool {
-    /// All of them, in the order of their keys.
+    /// All tools, in the order of their keys.
     pub const ALL: [Self; 7] =
         [Self::Pencil, Self::Eraser, Self::Line, Self::Rectangle, Self::Fill, Self::Start, Self::Goal];
 
-    /// Its name.
+    /// Returns the tool's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Pencil => "wall",
@@ -46,51 +46,51 @@ impl Tool {
     }
 }
 
-/// The editor's state; strokes are made of it while it is open, undo and redo last.
+/// The editor's state. Strokes exist only while it is open; undo and redo outlast closing it.
 #[derive(Default)]
 pub struct Editor {
-    /// Where the keyboard draws, while the editor is open.
+    /// Where the keyboard draws; `None` while the editor is closed.
     pub cursor: Option<Cell>,
-    /// What is drawn with.
+    /// The selected tool.
     pub tool: Tool,
     stroke: Option<Stroke>,
     undone: Vec<Arc<Grid>>,
     done: Vec<Arc<Grid>>,
 }
 
-/// What has been begun: by a button that is still pressed, or by the first of two key presses.
+/// An unfinished stroke: the mouse button is still down, or the second of two key presses is still to come.
 struct Stroke {
     free: bool,
     /// Cells drawn freehand.
     cells: Vec<Cell>,
     from: Cell,
     to: Cell,
-    /// Where the mouse was last.
+    /// The last position of the mouse; `None` for a stroke by keyboard.
     at: Option<Position>,
 }
 
 impl Editor {
-    /// Whether it is open.
+    /// Returns whether the editor is open.
     pub fn is_open(&self) -> bool {
         self.cursor.is_some()
     }
 
-    /// Takes another tool; what was begun with the one before is given up.
+    /// Selects a tool and discards any unfinished stroke.
     pub fn take(&mut self, tool: Tool) {
         (self.tool, self.stroke) = (tool, None);
     }
 
-    /// Closes it; what was begun is given up.
+    /// Closes the editor and discards any unfinished stroke.
     pub fn close(&mut self) {
         (self.cursor, self.stroke) = (None, None);
     }
 
-    /// Forgets all edits: the map is another one.
+    /// Forgets all edits, because the map was replaced.
     pub fn forget(&mut self) {
         *self = Self { tool: self.tool, ..Self::default() };
     }
 
-    /// Cells that what was begun would change, and whether they are to be free.
+    /// Returns the cells that the unfinished stroke would change, and whether they become free.
     pub fn preview(&self) -> Option<(Vec<Cell>, bool)> {
         self.stroke.as_ref().map(|stroke| (self.cells_of(stroke), stroke.free))
     }
@@ -104,7 +104,7 @@ impl Editor {
         }
     }
 
-    /// A button goes down, or is dragged on, at a place on the screen; the second button draws floor.
+    /// Handles a button press or drag at a screen position; the second button draws floor.
     pub fn draw(&mut self, to: Position, second: bool, frame: &MapFrame, map: &Grid) {
         let Some(cell) = frame.cell_at(to, map) else { return };
         let free = second || self.tool == Tool::Eraser;
@@ -125,14 +125,14 @@ impl Editor {
         }
     }
 
-    /// The button is let go: the map as it is then, if anything changed.
+    /// Handles a button release; returns the new map if anything changed.
     pub fn finish(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
-        // A line begun by the keyboard waits for its second press.
+        // A line started by keyboard waits for its second key press.
         let stroke = self.stroke.take_if(|stroke| stroke.at.is_some())?;
         self.change(map, &stroke)
     }
 
-    /// The tool is used at the cursor: the map as it is then, if anything changed.
+    /// Uses the tool at the cursor; returns the new map if anything changed.
     pub fn apply(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
         let cell = self.cursor?;
         if matches!(self.tool, Tool::Line | Tool::Rectangle) {
@@ -147,7 +147,7 @@ impl Editor {
         self.change(map, &Stroke { free, cells: vec![cell], from: cell, to: cell, at: None })
     }
 
-    /// The cursor moves by a cell; a line that was begun follows it.
+    /// Moves the cursor by a cell; an unfinished line follows it.
     pub fn move_cursor(&mut self, (dx, dy): (isize, isize), map: &Grid) {
         let Some(at) = self.cursor else { return };
         let to = beside(at, (dx, dy), map);
@@ -168,7 +168,7 @@ impl Editor {
         self.remember(map, new?)
     }
 
-    /// The new map, if it differs; the old one can be taken back.
+    /// Returns the new map if it differs, and records the old one for undo.
     pub fn remember(&mut self, map: &Arc<Grid>, new: Grid) -> Option<Arc<Grid>> {
         if new == **map {
             return None;
@@ -178,14 +178,14 @@ impl Editor {
         Some(Arc::new(new))
     }
 
-    /// The map before the latest change.
+    /// Returns the map before the latest change.
     pub fn undo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
         let before = self.done.pop()?;
         self.undone.push(map.clone());
         Some(before)
     }
 
-    /// The map before the latest undo.
+    /// Returns the map before the latest undo.
     pub fn redo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
         let after = self.undone.pop()?;
         self.done.push(map.clone());
@@ -193,13 +193,13 @@ impl Editor {
     }
 }
 
-/// The cell so many columns and rows from `at`, or the last one before the map's edge.
+/// Returns the cell `dx` columns and `dy` rows from `at`, clamped to the map.
 pub fn beside(at: Cell, (dx, dy): (isize, isize), map: &Grid) -> Cell {
     let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
     Cell::new(to.x.min(map.width() - 1), to.y.min(map.height() - 1))
 }
 
-/// Marks after a press at `from` that was let go at `to`: moved, taken away or put.
+/// Returns the marks after a press at `from` and a release at `to`: one is moved, removed or added.
 fn moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
     let mut marks = marks.to_vec();
     match marks.iter().position(|m| *m == from) {
@@ -212,7 +212,7 @@ fn moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
     marks
 }
 
-/// Cells on a straight line, each beside the one before.
+/// Returns the cells on a straight line, each adjacent to the one before.
 fn line(from: Cell, to: Cell) -> Vec<Cell> {
     let (dx, dy) = (to.x as isize - from.x as isize, to.y as isize - from.y as isize);
     let n = dx.abs().max(dy.abs()).max(1);
@@ -220,13 +220,13 @@ fn line(from: Cell, to: Cell) -> Vec<Cell> {
     (0..=n).map(|i| Cell::new(along(from.x, dx, i), along(from.y, dy, i))).collect()
 }
 
-/// Cells around a rectangle.
+/// Returns the cells on a rectangle's outline.
 fn rectangle(a: Cell, b: Cell) -> Vec<Cell> {
     let corners = [a, Cell::new(b.x, a.y), b, Cell::new(a.x, b.y)];
     (0..4).flat_map(|i| line(corners[i], corners[(i + 1) % 4])).collect()
 }
 
-/// The cells of the same kind that hang together with `from` by their sides.
+/// Returns the cells of the same kind that are connected to `from` by their sides.
 fn area(map: &Grid, from: Cell) -> Vec<Cell> {
     let free = map.is_free(from);
     let mut seen = vec![false; map.free().len()];
@@ -277,7 +277,7 @@ mod tests {
     }
 
     #[test]
-    fn undo_and_redo_lead_back_and_forth_without_limit() {
+    fn undo_and_redo_have_no_limit() {
         let first = Arc::new(parse_map("room", ROOM.as_bytes()).expect("a map"));
         let mut editor = Editor::default();
         let mut now = first.clone();

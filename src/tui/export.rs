@@ -1,4 +1,4 @@
-//! What is seen, as files: pictures of map and screen, curves as a drawing and as numbers.
+//! Exports to files: pictures of map and screen, curves as a drawing and as a table.
 
 mod curves;
 mod picture;
@@ -18,53 +18,73 @@ use super::theme::{Rgb, Theme, ThemeName};
 use crate::files::{self, write_whole};
 pub use picture::png_of;
 
-/// Where exports go.
+/// Folder for exports.
 const FOLDER: &str = "exports";
 
-/// Writes what was asked for to a file of its own; what is to be said of it.
+/// Why an export fails.
+#[derive(Debug, thiserror::Error)]
+pub enum ExportError {
+    /// The window has no room for what is exported.
+    #[error("there is nothing to be seen: the window is too small")]
+    Empty,
+    /// The file system, or drawing in memory, reports an error.
+    #[error(transparent)]
+    Io(#[from] std::io::Error),
+    /// The picture cannot be encoded.
+    #[error(transparent)]
+    Png(#[from] png::EncodingError),
+    /// The curves cannot be drawn.
+    #[error(transparent)]
+    Drawing(#[from] plotters::drawing::DrawingAreaErrorKind<std::io::Error>),
+    /// The table cannot be written.
+    #[error(transparent)]
+    Csv(#[from] csv::Error),
+}
+
+/// Writes an export to a new file; returns the notice for the user.
 pub fn write(what: What, screen: &Screen) -> String {
     let (map, updates) = (screen.map().name(), screen.snapshot.counters.updates);
     let name = format!("{map}-{updates}-{}", what.stem());
     let path = unused(Path::new(FOLDER), &name, what.file_type());
-    let written = contents(what, screen).and_then(|bytes| write_whole(&path, &bytes).map_err(|e| e.to_string()));
+    let written = contents(what, screen).and_then(|bytes| Ok(write_whole(&path, &bytes)?));
     match written {
         Ok(()) => format!("wrote {}", path.display()),
         Err(error) => format!("{} cannot be written: {error}", path.display()),
     }
 }
 
-/// A file that is not there yet: of a paused run there may be several pictures.
+/// Returns a file that does not exist yet: a paused run may be exported several times.
 fn unused(folder: &Path, name: &str, file_type: &str) -> PathBuf {
     files::unused(&folder.join(format!("{name}.{file_type}")))
 }
 
-/// The file's contents.
+/// Returns the file's contents.
 ///
 /// # Errors
-/// What cannot be drawn or written.
-pub fn contents(what: What, screen: &Screen) -> Result<Vec<u8>, String> {
+/// What cannot be drawn or encoded.
+pub fn contents(what: What, screen: &Screen) -> Result<Vec<u8>, ExportError> {
     match what {
         What::CurvesSvg => curves::svg(screen),
         What::CurvesCsv => curves::csv(screen),
         What::MapPng | What::MapSvg | What::ScreenPng | What::ScreenSvg => {
-            let (drawn, map_pane) = draw(screen).map_err(|e| e.to_string())?;
+            let (drawn, map_pane) = draw(screen)?;
             let area = match what {
                 What::MapPng | What::MapSvg => map_pane.intersection(drawn.area),
                 _ => drawn.area,
             };
             if area.is_empty() {
-                return Err("there is nothing to be seen: the window is too small".to_owned());
+                return Err(ExportError::Empty);
             }
             let paper = Paper::of(&screen.theme);
             match what {
-                What::MapPng | What::ScreenPng => png_of(&drawn, area, paper).map_err(|e| e.to_string()),
+                What::MapPng | What::ScreenPng => Ok(png_of(&drawn, area, paper)?),
                 _ => Ok(vector::svg_of(&drawn, area, paper).into_bytes()),
             }
         }
     }
 }
 
-/// The screen as it is without dialogs, and where the map's pane lies.
+/// Draws the screen without dialogs; returns it with the area of the map pane.
 fn draw(screen: &Screen) -> std::io::Result<(Buffer, Rect)> {
     let Rect { width, height, .. } = screen.places.screen;
     let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1))).map_err(std::io::Error::other)?;
@@ -75,17 +95,17 @@ fn draw(screen: &Screen) -> std::io::Result<(Buffer, Rect)> {
     Ok((terminal.backend().buffer().clone(), map_pane))
 }
 
-/// The colours of text and ground where a terminal's own would be.
+/// The colours that replace a terminal's default text and background.
 #[derive(Clone, Copy, Debug)]
 pub struct Paper {
     /// Text.
     pub ink: Rgb,
-    /// Ground.
+    /// Background.
     pub ground: Rgb,
 }
 
 impl Paper {
-    /// What goes with a theme.
+    /// Returns the colours that go with a theme.
     pub fn of(theme: &Theme) -> Self {
         match theme.name {
             ThemeName::Light => Self { ink: (30, 30, 34), ground: (252, 252, 252) },

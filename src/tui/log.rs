@@ -1,25 +1,25 @@
-//! What happened, and the notice of what happened last.
+//! The log, and the notice of its latest entry.
 
 use std::time::{Duration, Instant};
 
 use crate::train::{LogEntry, MOST_ENTRIES};
 
-/// How long a notice is shown, and for how long it then fades.
+/// How long a notice is shown, and how long it then fades.
 const SHOWN: Duration = Duration::from_secs(4);
 const FADING: Duration = Duration::from_secs(2);
 
-/// Everything that happened.
+/// The log of everything that happened.
 #[derive(Debug)]
 pub struct Log {
     began: Instant,
-    /// Seconds of the run's log before this program went on with it.
+    /// Seconds covered by the run's log before this program resumed it.
     before: f64,
     entries: Vec<LogEntry>,
-    /// Entries ever made.
+    /// Number of entries ever made.
     count: usize,
-    /// Since when a notice is shown, and how many entries there were with it.
+    /// Since when a notice is shown, and the number of entries including it.
     notice: Option<(Instant, usize)>,
-    /// Whether it was seen to fade.
+    /// Whether the notice was fading at the last tick.
     fades: bool,
 }
 
@@ -30,7 +30,7 @@ impl Default for Log {
 }
 
 impl Log {
-    /// Turns to a run, of which this happened before.
+    /// Starts the log of a run, with its past entries.
     pub fn begin(&mut self, past: &[LogEntry]) {
         if past.is_empty() {
             return;
@@ -41,13 +41,13 @@ impl Log {
         self.count = self.entries.len();
     }
 
-    /// Takes note of something that is worth a notice.
+    /// Logs an event and shows it as a notice.
     pub fn add(&mut self, text: &str, updates: u64) {
         self.note(text, updates);
         self.notice = Some((Instant::now(), self.count));
     }
 
-    /// Takes note of something.
+    /// Logs an event.
     pub fn note(&mut self, text: &str, updates: u64) {
         if self.entries.len() >= MOST_ENTRIES {
             self.entries.remove(0);
@@ -57,19 +57,19 @@ impl Log {
         self.count += 1;
     }
 
-    /// All entries, oldest first.
+    /// Returns all entries, oldest first.
     pub fn entries(&self) -> &[LogEntry] {
         &self.entries
     }
 
-    /// The notice shown now, and whether it fades.
+    /// Returns the current notice, and whether it is fading.
     pub fn notice(&self) -> Option<(&str, bool)> {
         let (since, count) = self.notice?;
         let entry = self.entries.len().checked_sub(1 + self.count - count).map(|i| &self.entries[i])?;
         Some((&entry.text, since.elapsed() > SHOWN))
     }
 
-    /// Time has passed; whether the notice began to fade or went.
+    /// Handles the passing of time; returns whether the notice began to fade or disappeared.
     pub fn on_tick(&mut self) -> bool {
         let Some((since, _)) = self.notice else { return false };
         let age = since.elapsed();

@@ -1,4 +1,4 @@
-//! The interface without a terminal, to measure what it costs.
+//! The interface without a terminal, to measure its cost.
 
 use std::collections::BTreeMap;
 use std::io::{Sink, sink};
@@ -18,7 +18,7 @@ use super::{ANSWER, Pace, render};
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
 use crate::view::{View, Viewer};
 
-/// A run with the interface open on a screen that nobody sees.
+/// A run with the interface open on an invisible screen.
 pub struct Watched {
     app: App,
     cache: render::Cache,
@@ -27,23 +27,23 @@ pub struct Watched {
     views: watch::Receiver<Arc<View>>,
 }
 
-/// What happened while a run was watched.
+/// Measurements of a watched run.
 pub struct Watching {
-    /// Updates a second.
+    /// Updates per second.
     pub updates_per_second: f64,
-    /// Time that each frame took, in microseconds.
+    /// Time taken by each frame, in microseconds.
     pub frames_us: Vec<f64>,
 }
 
 impl Watched {
-    /// Opens the interface on `trainer`, with `columns` and `rows` of characters; training is paused.
+    /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters; training is paused.
     ///
     /// # Errors
-    /// What the learner reports, or that a thread cannot be started.
+    /// Errors of the learner, or a thread that cannot be started.
     pub fn open(trainer: Trainer, (columns, rows): (u16, u16)) -> Result<Self, TrainError> {
         let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
-        let keymap = Keymap::new(&BTreeMap::new()).map_err(|(_, what, _)| std::io::Error::other(what))?;
+        let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
         app.screen.theme = Theme::new(ThemeName::Dark, Depth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
@@ -54,10 +54,10 @@ impl Watched {
         Ok(watched)
     }
 
-    /// Lets it train for `time`, drawing as the interface does.
+    /// Trains for `time`, drawing as the interface does.
     ///
     /// # Errors
-    /// What the screen reports.
+    /// Errors of the screen.
     pub fn watch(&mut self, time: Duration) -> std::io::Result<Watching> {
         let mut frames_us = Vec::new();
         let mut pace = Pace::default();
@@ -87,7 +87,7 @@ impl Watched {
         Ok(Watching { updates_per_second: updates as f64 / began.elapsed().as_secs_f64(), frames_us })
     }
 
-    /// Gives a command and waits until it is carried out.
+    /// Sends a command and waits until training is in phase `then`.
     fn command(&mut self, command: Command, then: &Phase) {
         self.app.command(command);
         while self.snapshots.borrow_and_update().phase != *then {

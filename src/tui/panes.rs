@@ -1,4 +1,4 @@
-//! What the panel beside the map can show.
+//! The panes of the panel beside the map.
 
 /// A pane of the panel.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -8,19 +8,19 @@ pub enum Pane {
     Training,
     /// Success, losses and errors over time.
     Curves,
-    /// The agent that is followed.
+    /// The followed agent.
     Walk,
     /// What the map shows, and in which colours.
     Legend,
-    /// What happened.
+    /// The log.
     Log,
 }
 
 impl Pane {
-    /// All of them, in the order of their keys.
+    /// All panes, in the order of their keys.
     pub const ALL: [Self; 5] = [Self::Training, Self::Curves, Self::Walk, Self::Legend, Self::Log];
 
-    /// Its name.
+    /// Returns the pane's name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Training => "train",
@@ -31,7 +31,7 @@ impl Pane {
         }
     }
 
-    /// The next one.
+    /// Returns the next pane.
     #[must_use]
     pub fn next(self) -> Self {
         Self::ALL[(self as usize + 1) % Self::ALL.len()]

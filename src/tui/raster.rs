@@ -9,26 +9,26 @@ use crate::view::Raster;
 /// Characters between two arrows, across and down.
 const ARROWS_APART: (usize, usize) = (4, 2);
 
-/// What the map is drawn with.
+/// The characters the map is drawn with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Marker {
-    /// Half blocks where a cell has room for one, quadrants on maps that are shrunken.
+    /// Half blocks if a cell has room for one, quadrants on maps that are scaled down.
     #[default]
     Auto,
-    /// Two pixels a character, one above the other: square ones.
+    /// Two square pixels per character, one above the other.
     HalfBlock,
-    /// Two by two.
+    /// Two by two pixels per character.
     Quadrant,
-    /// Two by four dots.
+    /// Two by four dots per character.
     Braille,
 }
 
 impl Marker {
-    /// All of them.
+    /// All markers.
     pub const ALL: [Self; 4] = [Self::Auto, Self::HalfBlock, Self::Quadrant, Self::Braille];
 
-    /// Its name in the configuration and on the screen.
+    /// Returns the name used in the configuration and on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
@@ -38,7 +38,7 @@ impl Marker {
         }
     }
 
-    /// What it stands for where a cell of the map has room for `scale` half blocks.
+    /// Resolves `Auto` for a map on which a cell has room for `scale` half blocks.
     #[must_use]
     pub fn resolved(self, scale: f32) -> Self {
         match self {
@@ -48,7 +48,7 @@ impl Marker {
         }
     }
 
-    /// Columns and rows of pixels in a character.
+    /// Returns the columns and rows of pixels in a character.
     pub fn pixels(self) -> (usize, usize) {
         match self {
             Self::Auto | Self::HalfBlock => (1, 2),
@@ -58,12 +58,12 @@ impl Marker {
     }
 }
 
-/// Which part of the map is asked for.
+/// The part of the map to show.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Viewport {
-    /// How many times as large as the whole map would be shown; 1 for the whole map.
+    /// Magnification compared to showing the whole map; 1 for the whole map.
     pub zoom: f32,
-    /// The position in the middle, where not all is shown.
+    /// The position in the middle, if only a part is shown.
     pub centre: [f32; 2],
 }
 
@@ -80,20 +80,20 @@ pub struct MapFrame {
     pub area: Rect,
     /// What its pixels show.
     pub raster: Raster,
-    /// What it is drawn with.
+    /// The characters it is drawn with.
     pub marker: Marker,
 }
 
 impl MapFrame {
-    /// As much of the map as `view` asks for, as large as `area` allows without changing its proportions.
+    /// Fits the part of the map given by `view` into `area`, as large as possible without distortion.
     pub fn fit(area: Rect, map: &Grid, marker: Marker, view: Viewport) -> Option<Self> {
         if area.width == 0 || area.height == 0 {
             return None;
         }
         let (width, height) = (map.width() as f32, map.height() as f32);
-        // A character is as high as two are wide.
+        // A character is twice as high as wide.
         let fitting = (f32::from(area.width) / width).min(2.0 * f32::from(area.height) / height);
-        // Whole half blocks a cell look best, where that costs little room.
+        // A whole number of half blocks per cell looks best, if it costs little room.
         let whole = fitting >= 1.0 && fitting.floor() >= 0.9 * fitting;
         let scale = view.zoom * if whole { fitting.floor() } else { fitting };
         let columns = ((width * scale).round() as u16).clamp(1, area.width);
@@ -102,7 +102,7 @@ impl MapFrame {
         let pixels = (usize::from(columns) * per_character.0, usize::from(rows) * per_character.1);
         let shown = [f32::from(columns) / scale, 2.0 * f32::from(rows) / scale];
         let shown = if view.zoom > 1.0 { shown } else { [width, shown[1]] };
-        // Not beyond the map's edges.
+        // Stay within the map.
         let from = |middle: f32, shown: f32, all: f32| (middle - shown / 2.0).min(all - shown).max(0.0);
         let [x, y] = view.centre;
         let window = if view.zoom > 1.0 {
@@ -119,19 +119,19 @@ impl MapFrame {
         Some(Self { area, raster: Raster { window, pixels }, marker: marker.resolved(scale) })
     }
 
-    /// Characters for each cell of the map, along a row.
+    /// Returns the characters per cell of the map, along a row.
     pub fn scale(&self) -> f32 {
         f32::from(self.area.width) / self.raster.window[2]
     }
 
-    /// The character that shows a position on the map.
+    /// Returns the character that shows a position on the map.
     pub fn character_of(&self, at: [f32; 2]) -> Option<Position> {
         let (column, row) = self.raster.pixel_of(at)?;
         let (across, down) = self.marker.pixels();
         Some(Position::new(self.area.x + (column / across) as u16, self.area.y + (row / down) as u16))
     }
 
-    /// The position on the map in the middle of a character.
+    /// Returns the position on the map at the middle of a character.
     pub fn middle_of(&self, at: Position) -> [f32; 2] {
         let [left, top, width, height] = self.raster.window;
         let share = |i: u16, n: u16| (f32::from(i) + 0.5) / f32::from(n);
@@ -141,7 +141,7 @@ impl MapFrame {
         ]
     }
 
-    /// The positions on the map at which the actor's directions are shown.
+    /// Returns the positions on the map at which the actor's directions are shown.
     pub fn arrows(&self) -> Vec<[f32; 2]> {
         let (across, down) = ARROWS_APART;
         let rows = (self.area.y..self.area.bottom()).step_by(down);
@@ -149,11 +149,11 @@ impl MapFrame {
         places.map(|(x, y)| self.middle_of(Position::new(x, y))).collect()
     }
 
-    /// All cells that the character at a place on the screen stands for; at least one, none beside the map.
+    /// Returns all cells shown by the character at a screen position: at least one, or none outside the map.
     pub fn cells_at(&self, at: Position, map: &Grid) -> Vec<Cell> {
         let Some(middle) = self.cell_at(at, map) else { return Vec::new() };
         let [left, top, width, height] = self.raster.window;
-        // Cells whose middles lie within the character.
+        // Cells whose centres lie within the character.
         let span = |i: u16, n: u16, from: f32, size: f32, most: usize, middle: usize| {
             let at = |i: u16| (from + f32::from(i) / f32::from(n) * size + 0.5).max(0.0) as usize;
             let (first, end) = (at(i), at(i + 1).min(most));
@@ -164,7 +164,7 @@ impl MapFrame {
         ys.flat_map(|y| xs.clone().map(move |x| Cell::new(x, y))).collect()
     }
 
-    /// The cell at a place on the screen.
+    /// Returns the cell at a screen position.
     pub fn cell_at(&self, at: Position, map: &Grid) -> Option<Cell> {
         if !self.area.contains(at) {
             return None;

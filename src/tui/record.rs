@@ -1,5 +1,4 @@
-//! Recordings of the screen over time, in asciinema's format (version 2: a line of JSON about the recording, then one
-//! for each event), and pictures of single moments of them.
+//! Screen recordings in asciinema's format (version 2: a JSON header line, then one JSON line per event).
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
@@ -11,23 +10,22 @@ use serde_json::json;
 
 use crate::setup::create;
 
-/// Columns and rows of the largest screen that is recorded or drawn: more than any real terminal has.
+/// Columns and rows of the largest screen that is recorded or drawn, more than any real terminal has.
 pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
 
 /// A recording in progress.
 pub struct Recorder {
     file: BufWriter<File>,
     began: Instant,
-    /// What was written since the last event.
+    /// Bytes written since the last event.
     frame: Vec<u8>,
 }
 
 impl Recorder {
-    /// Begins a recording, on a terminal of the size that this one has now. A file that is there already is replaced
-    /// only where that is asked for.
+    /// Starts a recording at the terminal's current size. An existing file is replaced only if `overwrite` is set.
     ///
     /// # Errors
-    /// A file that is there, or cannot be written.
+    /// The file exists already or cannot be written.
     pub fn begin(path: &Path, overwrite: bool) -> Result<Self, Report> {
         let file = create(path, overwrite)?;
         let size = crossterm::terminal::size().unwrap_or((80, 24));
@@ -45,15 +43,15 @@ impl Recorder {
         Ok(recorder)
     }
 
-    /// Takes note of what goes to the terminal.
+    /// Adds bytes written to the terminal.
     pub fn add(&mut self, bytes: &[u8]) {
         self.frame.extend(bytes);
     }
 
-    /// What was noted becomes one event.
+    /// Writes the bytes added so far as one event.
     ///
     /// # Errors
-    /// What the file system reports.
+    /// Errors of the file system.
     pub fn end_frame(&mut self) -> std::io::Result<()> {
         if self.frame.is_empty() {
             return Ok(());
@@ -62,10 +60,10 @@ impl Recorder {
         self.event("o", &text)
     }
 
-    /// The terminal has another size.
+    /// Records a change of the terminal's size.
     ///
     /// # Errors
-    /// What the file system reports.
+    /// Errors of the file system.
     pub fn resize(&mut self, size: (u16, u16)) -> std::io::Result<()> {
         let (width, height) = at_most_the_largest(size);
         self.event("r", &format!("{width}x{height}"))
@@ -79,12 +77,12 @@ impl Recorder {
     fn line(&mut self, value: &serde_json::Value) -> std::io::Result<()> {
         serde_json::to_writer(&mut self.file, value)?;
         self.file.write_all(b"\n")?;
-        // What is on disk is whole at any moment, as the program may be killed.
+        // Keep the file complete at any moment, as the program may be killed.
         self.file.flush()
     }
 }
 
-/// A size that players can be asked for, whatever the terminal claims.
+/// Limits a size to what players can handle, whatever the terminal claims.
 fn at_most_the_largest((width, height): (u16, u16)) -> (u16, u16) {
     (width.min(LARGEST_SCREEN.0), height.min(LARGEST_SCREEN.1))
 }
@@ -94,7 +92,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_recording_asks_for_no_larger_screen_than_can_be_drawn() {
+    fn a_recording_is_never_larger_than_the_largest_screen() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
         let mut recorder = Recorder::on(File::create(&path).expect("a file"), (65535, 65535)).expect("written");

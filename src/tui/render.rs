@@ -1,15 +1,15 @@
-//! From the application's state to a frame. Every pane is a function of the state, without I/O.
+//! Draws the application's state. Every pane is a function of the state, without I/O.
 //!
 //! ```text
 //! +----------------------------------------------------------+
-//! | map, method, preset, seed, phase, what is not saved       |  header
+//! | map, method, preset, seed, phase, unsaved updates        |  header
 //! +---------------------------------------+------------------+
-//! |                                       | panes' names     |
+//! |                                       | pane names       |
 //! | map                                   | pane             |
-//! |                                       | (more panes,     |
-//! | what colours mean, or the cell's facts|  where there is  |  info
-//! +---------------------------------------+  room)           |
-//! | keys, or a notice                                         |  footer
+//! |                                       | (more panes if   |
+//! | meaning of colours, or facts of a cell|  there is room)  |  info
+//! +---------------------------------------+                  |
+//! | keys, or a notice                                        |  footer
 //! +----------------------------------------------------------+
 //! ```
 
@@ -39,16 +39,16 @@ pub use map::Cache;
 #[cfg(test)]
 pub use side::lines as pane_lines;
 
-/// The smallest screen on which everything has room.
+/// The smallest screen on which everything fits.
 #[cfg(test)]
 pub(super) const LEAST_SCREEN: (u16, u16) = (80, 24);
 
-/// Columns of the panel beside the map: of one column of panes, and of two; and the least that must remain for the map.
+/// Widths in columns: the panel beside the map, each column of panes in a wide panel, and the minimum for the map.
 const SIDE: u16 = 30;
 const WIDE_SIDE: u16 = 40;
 const LEAST_MAP: u16 = 40;
 
-/// Columns from which on the panel is wider, and from which on there are two of it.
+/// Screen widths from which the panel is wide, and from which it has two columns of panes.
 const WIDE: u16 = 110;
 const VERY_WIDE: u16 = 160;
 
@@ -56,11 +56,11 @@ pub(super) const BOLD: Style = Style::new().add_modifier(Modifier::BOLD);
 pub(super) const DIM: Style = Style::new().add_modifier(Modifier::DIM);
 pub(super) const REVERSED: Style = Style::new().add_modifier(Modifier::REVERSED);
 
-/// Draws everything and returns where it is; `cache` keeps what need not be drawn again the next time.
+/// Draws everything and returns where it is; `cache` keeps what the next frame can reuse.
 pub fn draw(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Places {
     let mut places = draw_panes(frame, screen, cache);
     if let Some(top) = screen.dialogs.last() {
-        // What lies below it does not answer.
+        // Panes below a dialog do not react to clicks.
         places.forget_clicks();
         match top {
             Dialog::Help(first) => places.help_line = Some(help::draw(frame, frame.area(), screen, *first)),
@@ -71,7 +71,7 @@ pub fn draw(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Places {
     places
 }
 
-/// The same without dialogs.
+/// Draws everything except dialogs.
 pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Places {
     let mut places = Places::on(frame.area());
     let [head, body, foot] =
@@ -100,7 +100,7 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Plac
     places
 }
 
-/// The middle of `area`, at most so large.
+/// Returns the middle of `area`, at most `width` by `height`.
 fn middle(area: Rect, width: u16, height: u16) -> Rect {
     area.centered(Constraint::Length(width.min(area.width)), Constraint::Length(height.min(area.height)))
 }

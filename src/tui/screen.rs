@@ -1,4 +1,4 @@
-//! The state of the screen: everything that a frame is drawn from.
+//! The state of the screen: everything a frame is drawn from.
 
 use std::sync::Arc;
 
@@ -26,27 +26,27 @@ pub struct Screen {
     pub map: Arc<Grid>,
     /// The map editor.
     pub editor: Editor,
-    /// The latest state of training that is shown.
+    /// The training state shown.
     pub snapshot: Arc<Snapshot>,
-    /// The latest view that is shown.
+    /// The view shown.
     pub view: Arc<View>,
-    /// The goal that distances are shown to.
+    /// The goal that distances are measured to.
     pub goal: Cell,
-    /// The cursor whose cell is described, and the cell under the mouse.
+    /// The cursor whose cell is described.
     pub inspecting: Option<Cell>,
     /// The cell under the mouse.
     pub hovered: Option<Cell>,
-    /// What happened.
+    /// The log.
     pub log: Log,
-    /// What the colours stand for.
+    /// The field shown by the colours.
     pub field: Field,
-    /// What is drawn over them.
+    /// The overlays drawn over the colours.
     pub overlays: Overlays,
-    /// What the map is drawn with.
+    /// The characters the map is drawn with.
     pub marker: Marker,
-    /// The part of the map that is shown.
+    /// The visible part of the map.
     pub viewport: Viewport,
-    /// The pane that is selected.
+    /// The selected pane.
     pub pane: Pane,
     /// Whether that pane fills the screen.
     pub maximised: bool,
@@ -56,20 +56,20 @@ pub struct Screen {
     pub log_scale: bool,
     /// What the walking agent does at the goal.
     pub tour: Tour,
-    /// The dialogs that are open, the topmost last.
+    /// The open dialogs, topmost last.
     pub dialogs: Vec<Dialog>,
     /// Whether the trainer has been asked to pause.
     pub pausing: bool,
     /// Whether the screen is frozen.
     pub frozen: bool,
-    /// The exploring agent that is followed instead of the walking one.
+    /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
-    /// Where things were drawn last.
+    /// Where things were last drawn.
     pub places: Places,
 }
 
 impl Screen {
-    /// A screen that shows `snapshot` and `view`.
+    /// Creates a screen that shows `snapshot` and `view`.
     pub fn new((config, keymap): (&UiConfig, Keymap), snapshot: Arc<Snapshot>, view: Arc<View>) -> Self {
         Self {
             keymap,
@@ -99,28 +99,28 @@ impl Screen {
         }
     }
 
-    /// The map.
+    /// Returns the map.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
     }
 
-    /// Method, preset, seed and settings.
+    /// Returns method, preset, seed and settings.
     pub fn run(&self) -> &Run {
         &self.snapshot.run
     }
 
-    /// Updates that no checkpoint holds.
+    /// Returns the number of updates not saved in any checkpoint.
     pub fn unsaved_updates(&self) -> u64 {
         let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
         self.snapshot.counters.updates.saturating_sub(saved)
     }
 
-    /// The latest evaluation in brief.
+    /// Returns a summary of the latest evaluation.
     pub fn success(&self) -> Option<Success> {
         self.snapshot.evaluations.last().map(|(updates, e)| e.success(*updates))
     }
 
-    /// The phase in a word.
+    /// Describes the phase in a word or two.
     pub fn phase(&self) -> String {
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),
@@ -133,7 +133,7 @@ impl Screen {
         }
     }
 
-    /// The run in a line, for the terminal that remains when the screen is gone.
+    /// Summarises the run in a line, for the terminal after the screen is closed.
     pub fn summary(&self) -> String {
         let counters = self.snapshot.counters;
         let text = format!(

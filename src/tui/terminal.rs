@@ -1,4 +1,4 @@
-//! The terminal itself: taken over at the start and given back as it was found, whatever happens.
+//! The terminal: set up at the start, and restored whatever happens.
 
 mod guard;
 
@@ -21,18 +21,18 @@ use super::record::{LARGEST_SCREEN, Recorder};
 use guard::Guard;
 pub use guard::watch;
 
-/// A terminal in raw mode on its alternate screen; dropping it restores what was there.
+/// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
 pub struct Terminal {
     inner: ratatui::Terminal<CrosstermBackend<Output>>,
     size: (u16, u16),
     recorder: Option<Rc<RefCell<Recorder>>>,
-    /// Whether nothing is written any longer.
+    /// Whether all further output is discarded.
     closed: Rc<Cell<bool>>,
-    /// Dismissed last, when everything has been given back.
+    /// Dismissed last, after everything has been restored.
     _guard: Option<Guard>,
 }
 
-/// Standard output, and a recording of what goes there.
+/// Standard output, with an optional recording of what goes there.
 pub struct Output {
     terminal: Stdout,
     recorder: Option<Rc<RefCell<Recorder>>>,
@@ -56,22 +56,22 @@ impl Write for Output {
             return Ok(());
         }
         self.terminal.flush()?;
-        // A frame is over: in a recording it comes all at once.
+        // A flush ends a frame, which a recording shows all at once.
         self.recorder.as_ref().map_or(Ok(()), |recorder| recorder.borrow_mut().end_frame())
     }
 }
 
 impl Terminal {
-    /// Takes the terminal over, and records it if that is wanted. A panic gives it back before its message is printed.
+    /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before printing its message.
     ///
     /// # Errors
-    /// What the terminal reports; it is given back then too.
+    /// Errors of the terminal, which is restored in that case too.
     pub fn enter(recorder: Option<Recorder>) -> std::io::Result<Self> {
         static HOOK: Once = Once::new();
         HOOK.call_once(|| {
             let before = std::panic::take_hook();
             std::panic::set_hook(Box::new(move |info| {
-                // While other threads fail, the interface goes on and shows it.
+                // When another thread panics, the interface keeps running and reports it.
                 if std::thread::current().name() == Some("main") {
                     restore();
                 }
@@ -96,13 +96,13 @@ impl Terminal {
         }
     }
 
-    /// Draws one frame, shown all at once where the terminal can do that.
+    /// Draws one frame, shown all at once if the terminal supports it.
     ///
     /// # Errors
-    /// What the terminal reports.
+    /// Errors of the terminal.
     pub fn draw(&mut self, render: impl FnOnce(&mut Frame)) -> std::io::Result<()> {
         let (columns, rows) = crossterm::terminal::size()?;
-        // Beyond the largest the rest stays empty.
+        // On a larger terminal the rest stays empty.
         let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
         if std::mem::replace(&mut self.size, size) != size {
             self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
@@ -116,16 +116,16 @@ impl Terminal {
         drawn
     }
 
-    /// Gives the terminal back, stops this program until it is told to go on, and takes the terminal over again.
+    /// Restores the terminal, stops this program until it is resumed, and sets the terminal up again.
     ///
     /// # Errors
-    /// What the terminal reports.
+    /// Errors of the terminal.
     pub fn suspend(&mut self) -> std::io::Result<()> {
         restore();
         #[cfg(unix)]
         signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
         take_over()?;
-        // A new one knows nothing of what was on the screen and draws everything anew, without asking the terminal.
+        // A new instance knows nothing of the old screen, so it redraws everything without querying the terminal.
         self.closed.set(true);
         self.closed = Rc::default();
         self.inner = screen(self.recorder.clone(), self.closed.clone())?;
@@ -138,7 +138,7 @@ impl Drop for Terminal {
     fn drop(&mut self) {
         restore();
         crate::faults::show_in_interface(false);
-        // What the library would still write, and complain about where it cannot, has been written.
+        // Everything is restored: discard what the library would still write, as it complains if it cannot.
         self.closed.set(true);
     }
 }
@@ -157,13 +157,13 @@ fn take_over() -> std::io::Result<()> {
     execute!(stdout(), EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)
 }
 
-/// Undoes what taking the terminal over does; failures have nobody left to be told to.
+/// Restores the terminal. Errors are ignored, as there is nobody left to report them to.
 pub fn restore() {
     leave_screen();
     let _ = disable_raw_mode();
 }
 
-/// Undoes all of it but the terminal's modes.
+/// Restores everything except the terminal's modes.
 fn leave_screen() {
     let _ = execute!(
         stdout(),

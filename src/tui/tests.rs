@@ -1,4 +1,4 @@
-//! The screen on a buffer instead of a terminal.
+//! Tests of the interface on a buffer instead of a terminal.
 
 mod actions;
 mod mouse;
@@ -57,7 +57,7 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     app
 }
 
-/// The actor alone.
+/// Returns the method that uses the actor alone.
 fn gdg() -> Method {
     "gdg".parse().expect("a method")
 }
@@ -82,7 +82,7 @@ fn type_text(app: &mut App, text: &str) {
     text.chars().for_each(|c| press(app, KeyCode::Char(c)));
 }
 
-/// The first character that shows `cell`.
+/// Returns the character that shows the centre of `cell`.
 fn character_of(app: &App, cell: Cell) -> Position {
     let frame = app.screen.places.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")
@@ -115,7 +115,7 @@ fn press_with(app: &mut App, code: KeyCode, modifiers: KeyModifiers) {
     app.on_event(&Event::Key(KeyEvent::new(code, modifiers)));
 }
 
-/// Takes what engine and viewer publish until `is` holds.
+/// Applies what engine and viewer publish until `is` holds.
 fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
     let (snapshots, views) = (app.snapshots(), app.views());
     let began = Instant::now();
@@ -146,7 +146,7 @@ fn a_screen_is_drawn_from_its_state_alone() {
 }
 
 #[test]
-fn every_size_can_be_drawn() {
+fn every_screen_size_can_be_drawn() {
     let mut app = app();
     for (width, height) in
         [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (69, 12), (80, 24), (120, 40), (200, 60), (400, 120)]
@@ -177,7 +177,7 @@ fn maps_of_every_shape_can_be_drawn() {
 }
 
 #[test]
-fn the_screen_of_80_by_24_shows_all_that_matters() {
+fn an_80_by_24_screen_shows_everything_important() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     let shown = text(&draw(&mut app, 80, 24));
@@ -192,7 +192,7 @@ fn the_screen_of_80_by_24_shows_all_that_matters() {
 }
 
 #[test]
-fn arrows_move_the_goal_and_jump_over_walls() {
+fn arrow_keys_move_the_goal_and_jump_over_walls() {
     let mut app = app();
     assert_eq!(app.screen.goal, Cell::new(19, 4), "the map's own goal");
     for _ in 0..9 {
@@ -206,7 +206,7 @@ fn arrows_move_the_goal_and_jump_over_walls() {
 }
 
 #[test]
-fn a_click_puts_the_goal_where_it_is_drawn_and_the_second_button_the_agent() {
+fn left_click_sets_the_goal_and_right_click_the_walking_agent() {
     let mut app = app();
     for (width, height) in [(80, 24), (200, 60)] {
         draw(&mut app, width, height);
@@ -222,7 +222,7 @@ fn a_click_puts_the_goal_where_it_is_drawn_and_the_second_button_the_agent() {
 }
 
 #[test]
-fn the_field_is_light_at_the_goal_and_dark_far_away() {
+fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 3_000 && !app.screen.view.field.is_empty());
@@ -240,7 +240,7 @@ fn the_field_is_light_at_the_goal_and_dark_far_away() {
 }
 
 #[test]
-fn other_fields_can_be_shown() {
+fn every_field_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 1_000 && !app.screen.view.edges.is_empty());
@@ -268,7 +268,7 @@ fn other_fields_can_be_shown() {
 }
 
 #[test]
-fn a_cell_tells_what_is_known_of_it() {
+fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     let mut app = app();
     draw(&mut app, 120, 40);
     press(&mut app, KeyCode::Char('i'));
@@ -281,14 +281,14 @@ fn a_cell_tells_what_is_known_of_it() {
     press(&mut app, KeyCode::Enter);
     assert_eq!(app.screen.goal, cell);
     press(&mut app, KeyCode::Esc);
-    // The mouse tells as well.
+    // Hovering with the mouse does the same.
     let at = character_of(&app, Cell::new(2, 2));
     mouse(&mut app, MouseEventKind::Moved, at);
     wait_until(&mut app, |app| app.screen.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2)));
 }
 
 #[test]
-fn a_door_can_be_closed_while_it_trains_and_opened_again() {
+fn a_door_can_be_closed_and_reopened_during_training() {
     let mut app = app();
     let door = Cell::new(10, 2);
     draw(&mut app, 80, 24);
@@ -317,7 +317,7 @@ fn a_door_can_be_closed_while_it_trains_and_opened_again() {
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Right), below);
     mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
     wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(door));
-    // By keyboard alone: from the goal, where the cursor begins.
+    // By keyboard alone, from the goal, where the cursor starts.
     assert_eq!(app.screen.editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
     let wall = app.screen.map().is_free(Cell::new(10, 4));
@@ -329,7 +329,7 @@ fn a_door_can_be_closed_while_it_trains_and_opened_again() {
 }
 
 #[test]
-fn space_pauses_and_goes_on() {
+fn space_pauses_and_resumes() {
     let mut app = app();
     press(&mut app, KeyCode::Char(' '));
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
@@ -342,7 +342,7 @@ fn space_pauses_and_goes_on() {
 }
 
 #[test]
-fn without_colours_nothing_is_coloured_and_walls_can_be_told_from_floor() {
+fn without_colours_walls_are_still_distinct_from_floor() {
     let mut app = app();
     app.screen.theme = Theme::new(ThemeName::Dark, Depth::Mono);
     let terminal = draw(&mut app, 80, 24);
@@ -352,7 +352,7 @@ fn without_colours_nothing_is_coloured_and_walls_can_be_told_from_floor() {
 }
 
 #[test]
-fn a_setting_is_changed_while_it_trains_and_mistakes_are_told() {
+fn a_setting_can_change_during_training_and_mistakes_are_reported() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
@@ -373,7 +373,7 @@ fn a_setting_is_changed_while_it_trains_and_mistakes_are_told() {
 }
 
 #[test]
-fn a_new_run_begins_on_a_map_of_another_size_and_the_screen_follows() {
+fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
@@ -387,7 +387,7 @@ fn a_new_run_begins_on_a_map_of_another_size_and_the_screen_follows() {
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "12 x 7");
     press(&mut app, KeyCode::Enter);
-    // What to do with the networks: begin anew.
+    // Choose to begin with fresh networks.
     press(&mut app, KeyCode::Enter);
     wait_until(&mut app, |app| app.screen.snapshot.generation == 1);
     assert_eq!((app.screen.map().width(), app.screen.map().height()), (12, 7));
@@ -397,18 +397,18 @@ fn a_new_run_begins_on_a_map_of_another_size_and_the_screen_follows() {
 }
 
 #[test]
-fn the_walking_agent_visits_one_goal_after_the_other_if_asked() {
+fn the_walking_agent_can_visit_one_goal_after_another() {
     let mut app = app();
     draw(&mut app, 80, 24);
     press(&mut app, KeyCode::Char('t'));
-    // Beside the goal: it arrives at once, whatever it has learned.
+    // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.screen.goal;
     wait_until(&mut app, |app| app.screen.view.walk.journeys.0 >= 1 && app.screen.goal != first);
 }
 
 #[test]
-fn autosaves_have_files_of_their_own_of_which_three_are_kept() {
+fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("kept.safetensors");
     let mut app = app_saving_to(rooms(), Method::default(), Limits::default(), Some(path.clone()));
@@ -429,7 +429,7 @@ fn autosaves_have_files_of_their_own_of_which_three_are_kept() {
 }
 
 #[test]
-fn another_runs_file_is_left_alone_and_the_run_keeps_its_own() {
+fn saving_spares_another_runs_file_and_reuses_the_runs_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mine.safetensors");
     std::fs::write(&path, b"another run's").expect("written");
@@ -448,7 +448,7 @@ fn another_runs_file_is_left_alone_and_the_run_keeps_its_own() {
 }
 
 #[test]
-fn a_save_that_fails_before_leaving_asks_for_another_place() {
+fn a_failed_save_before_quitting_asks_for_another_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let blocked = folder.path().join("file");
     std::fs::write(&blocked, b"").expect("written");
@@ -477,7 +477,7 @@ fn a_save_that_fails_before_leaving_asks_for_another_place() {
 }
 
 #[test]
-fn method_and_preset_are_changed_while_it_trains_and_the_data_is_kept() {
+fn method_and_preset_can_change_during_training_and_keep_the_data() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 50);
@@ -500,7 +500,7 @@ fn method_and_preset_are_changed_while_it_trains_and_the_data_is_kept() {
 }
 
 #[test]
-fn a_frozen_screen_stays_as_it_is_while_training_goes_on() {
+fn a_frozen_screen_stays_unchanged_while_training_continues() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     press(&mut app, KeyCode::Char('F'));
@@ -514,7 +514,7 @@ fn a_frozen_screen_stays_as_it_is_while_training_goes_on() {
 }
 
 #[test]
-fn a_map_is_written_and_no_file_is_replaced_unasked() {
+fn writing_a_map_asks_before_replacing_a_file() {
     let folder = tempfile::tempdir().expect("a folder");
     let file = folder.path().join("kept.txt");
     std::fs::write(&file, "something else").expect("a file");

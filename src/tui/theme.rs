@@ -1,4 +1,4 @@
-//! Colours of what the map shows: themes, and as many colours as the terminal has.
+//! The map's colours: themes, reduced to the colours that the terminal has.
 
 use anstyle::{Ansi256Color, RgbColor};
 use anstyle_lossy::palette::VGA;
@@ -15,9 +15,9 @@ pub type Rgb = (u8, u8, u8);
 pub enum Depth {
     /// 24 bits.
     True,
-    /// The 256 of xterm.
+    /// The 256 colours of xterm.
     Indexed,
-    /// None: NO_COLOR, or a terminal that has none.
+    /// No colours: `NO_COLOR` is set, or the terminal has none.
     Mono,
 }
 
@@ -29,17 +29,17 @@ pub enum ThemeName {
     Dark,
     /// For light terminals.
     Light,
-    /// Told apart with every kind of colour vision.
+    /// Distinguishable with every kind of colour vision.
     ColourBlindSafe,
     /// Letters and signs instead of colours.
     Mono,
 }
 
 impl ThemeName {
-    /// All of them.
+    /// All themes.
     pub const ALL: [Self; 4] = [Self::Dark, Self::Light, Self::ColourBlindSafe, Self::Mono];
 
-    /// Its name in the configuration and on the screen.
+    /// Returns the name used in the configuration and on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Dark => "dark",
@@ -53,15 +53,15 @@ impl ThemeName {
 /// The colours in use.
 #[derive(Clone, Copy, Debug)]
 pub struct Theme {
-    /// Which one.
+    /// The theme's name.
     pub name: ThemeName,
-    /// What the terminal shows of it.
+    /// The colours that the terminal shows.
     pub depth: Depth,
     /// Walls.
     pub wall: Rgb,
-    /// Free cells before anything is known of them.
+    /// Free cells without a known value.
     pub unknown: Rgb,
-    /// Agents that explore.
+    /// Exploring agents.
     pub agent: Rgb,
     /// Bridge candidates.
     pub candidate: Rgb,
@@ -73,9 +73,9 @@ pub struct Theme {
     pub walker: Rgb,
     /// The cursor of editor and inspector.
     pub cursor: Rgb,
-    /// Edges: walked with success, walked in vain, not walked yet.
+    /// Edges: walked successfully, failed, and not walked yet.
     pub edges: [Rgb; 3],
-    /// What a bridge search accepted, and what it rejected.
+    /// Points that a bridge search accepted, and those it rejected.
     pub search: [Rgb; 2],
     /// From far (0) to near (1).
     distance: Gradient,
@@ -84,7 +84,7 @@ pub struct Theme {
 }
 
 impl Depth {
-    /// What the environment says of the terminal.
+    /// Detects the terminal's colours from the environment.
     pub fn detect() -> Self {
         let variable = |name: &str| std::env::var(name).unwrap_or_default();
         if !variable("NO_COLOR").is_empty() || variable("TERM") == "dumb" {
@@ -98,7 +98,7 @@ impl Depth {
 }
 
 impl Theme {
-    /// The theme called `name` on a terminal of `depth`. On one without colours all are [`ThemeName::Mono`].
+    /// Returns the theme `name` for a terminal of `depth`. Without colours, every theme is [`ThemeName::Mono`].
     pub fn new(name: ThemeName, depth: Depth) -> Self {
         let name = if depth == Depth::Mono { ThemeName::Mono } else { name };
         let dark = Self {
@@ -126,7 +126,7 @@ impl Theme {
                 edges: [(0, 120, 50), (190, 30, 30), (130, 130, 140)],
                 ..dark
             },
-            // Signs in the colours of Okabe and Ito, the field in Cividis.
+            // Okabe-Ito colours for signs, Cividis for the field.
             ThemeName::ColourBlindSafe => Self {
                 path: (213, 94, 0),
                 goal: (230, 159, 0),
@@ -140,7 +140,7 @@ impl Theme {
         }
     }
 
-    /// The nearest colour that the terminal has.
+    /// Returns the nearest colour that the terminal has.
     pub fn colour(&self, (r, g, b): Rgb) -> Color {
         match self.depth {
             Depth::True => Color::Rgb(r, g, b),
@@ -149,13 +149,13 @@ impl Theme {
         }
     }
 
-    /// The colour of a distance as a share of the farthest shown: near is light, far is dark.
+    /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
     pub fn of_distance(&self, share: f32) -> Rgb {
-        // The darkest end is left out: walls and the background are there.
+        // The darkest end is left out, as walls and the background use it.
         eval(self.distance, 0.95 - 0.85 * share.clamp(0.0, 1.0))
     }
 
-    /// The colour of a relative error from -1 (too short) to 1 (too long).
+    /// Returns the colour of a relative error from -1 (too short) to 1 (too long).
     pub fn of_error(&self, error: f32) -> Rgb {
         eval(self.error, 0.5 + 0.5 * error.clamp(-1.0, 1.0))
     }
@@ -166,29 +166,29 @@ fn eval(gradient: Gradient, at: f32) -> Rgb {
     (colour.r, colour.g, colour.b)
 }
 
-/// How light a colour looks, from 0 to 1 (ITU-R BT.601 luma).
+/// Returns how light a colour looks, from 0 to 1 (ITU-R BT.601 luma).
 pub fn lightness((r, g, b): Rgb) -> f32 {
     (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
 }
 
-/// `share` of the way from one colour to another.
+/// Returns the colour `share` of the way from one to another.
 pub fn blend(from: Rgb, to: Rgb, share: f32) -> Rgb {
     let mix = |from: u8, to: u8| (f32::from(from) + share * (f32::from(to) - f32::from(from))).round() as u8;
     (mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
 }
 
-/// A line on `ground`: the same colour, darker where that is light and lighter where it is dark.
+/// Returns the colour of a contour line on `ground`: darker on light ground, lighter on dark ground.
 pub fn contour(ground: Rgb) -> Rgb {
     let to = if lightness(ground) > 0.4 { (0, 0, 0) } else { (255, 255, 255) };
     blend(ground, to, 0.45)
 }
 
-/// Black or white, whichever is read more easily on `ground`.
+/// Returns black or white, whichever is more readable on `ground`.
 pub fn ink(ground: Rgb) -> Rgb {
     if lightness(ground) > 0.5 { (0, 0, 0) } else { (255, 255, 255) }
 }
 
-/// The colour of one of a terminal's 256 colours.
+/// Returns the RGB value of one of a terminal's 256 colours.
 pub fn rgb_of_indexed(index: u8) -> Rgb {
     let RgbColor(r, g, b) = xterm_to_rgb(Ansi256Color(index), VGA);
     (r, g, b)
@@ -199,7 +199,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_theme_colours_anything_on_a_terminal_without_colours() {
+    fn no_theme_uses_colours_on_a_terminal_without_them() {
         for name in ThemeName::ALL {
             assert_eq!(Theme::new(name, Depth::Mono).colour((1, 2, 3)), Color::Reset);
         }

@@ -1,4 +1,4 @@
-//! What the map's colours stand for, pixel by pixel, and where the actor would go.
+//! The quantity shown by the map's colours at each pixel, and the actor's directions.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,24 +9,24 @@ use crate::learn::Policy;
 use crate::map::UNREACHABLE;
 use crate::train::{Method, Snapshot};
 
-/// Candidates that composed distances of the field consider at each pixel.
+/// Candidates considered at each pixel for D along the bridge graph.
 const LINKS_OF_A_PIXEL: usize = 6;
 
-/// What the map's colours stand for.
+/// The quantity shown by the map's colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Field {
-    /// D(., g) to the goal, as the critics have it.
+    /// D(., g) to the goal, by the critics.
     #[default]
     Learned,
-    /// D(s, .) from where the walking agent started.
+    /// D(s, .) from the start of the walking agent.
     FromStart,
-    /// D(., g) as the bridge graph composes it.
+    /// D(., g) along the bridge graph.
     Composed,
-    /// The map's own steps to the goal.
+    /// True steps to the goal.
     True,
-    /// By how much D(., g) is longer or shorter than these.
+    /// Signed error of D(., g), relative to the true steps.
     Error,
-    /// How often agents were there.
+    /// Number of visits by agents.
     Visits,
     /// Nothing.
     Plain,
@@ -36,7 +36,7 @@ impl Field {
     const ALL: [Self; 7] =
         [Self::Learned, Self::FromStart, Self::Composed, Self::True, Self::Error, Self::Visits, Self::Plain];
 
-    /// What it is called on the screen.
+    /// Returns its name on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Learned => "D to G",
@@ -49,7 +49,7 @@ impl Field {
         }
     }
 
-    /// The next one (or the one before) that there is for `method`.
+    /// Returns the next (or previous) field available for `method`.
     #[must_use]
     pub fn turn(self, forward: bool, method: &Method) -> Self {
         let count = Self::ALL.len();
@@ -62,7 +62,7 @@ impl Field {
         }
     }
 
-    /// Whether its values are steps.
+    /// Whether its values are numbers of steps.
     pub fn is_distance(self) -> bool {
         matches!(self, Self::Learned | Self::FromStart | Self::Composed | Self::True)
     }
@@ -93,7 +93,7 @@ impl Worker {
         self.changed = true;
     }
 
-    /// The value of every pixel that shows free ground.
+    /// Computes the value of every pixel that shows free ground; the others are NaN.
     fn field(&mut self, raster: Raster, goal: [f32; 2], policy: &dyn Policy, snapshot: &Snapshot) -> Vec<f32> {
         let (columns, rows) = raster.pixels;
         let map = self.world.map();
@@ -136,7 +136,7 @@ impl Worker {
         field
     }
 
-    /// The map's own steps to the goal; NaN where there is no way.
+    /// Returns the true steps to the goal; NaN where it is unreachable.
     fn true_distances(&mut self, positions: &[[f32; 2]], goal: [f32; 2]) -> Vec<f32> {
         let map = self.world.map();
         let steps = self.search.from(cell_of(goal));

@@ -1,4 +1,4 @@
-//! Which part of the map each pixel of a picture stands for.
+//! The part of the map that each pixel of a picture shows.
 
 use crate::map::{Cell, Grid};
 
@@ -14,16 +14,16 @@ pub struct Raster {
 /// What a pixel shows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Ground {
-    /// Nothing: it lies beyond the map.
+    /// Nothing: it lies outside the map.
     Outside,
     /// At least half of what it covers is wall.
     Wall,
-    /// Free; the free position nearest to its middle stands for it.
+    /// Free; represented by the free position nearest to its centre.
     Free([f32; 2]),
 }
 
 impl Raster {
-    /// What the pixel at `column` and `row` shows.
+    /// Returns what the pixel at `column` and `row` shows.
     pub fn ground(&self, map: &Grid, column: usize, row: usize) -> Ground {
         let [left, top, width, height] = self.window;
         let (columns, rows) = self.pixels;
@@ -39,7 +39,7 @@ impl Raster {
         if map.is_free_at(x, y) && x1 - x0 <= 1.0 {
             return Ground::Free([x, y]);
         }
-        // A pixel covers the cells whose middles lie in it, and at least the one that its own middle lies in.
+        // A pixel covers the cells whose centres lie in it, and at least the one that contains its own centre.
         let span = |from: f32, middle: f32, to: f32, most: usize| {
             let first = (from + 0.5) as usize;
             let end = ((to + 0.5) as usize).min(most);
@@ -57,7 +57,7 @@ impl Raster {
         }
     }
 
-    /// The pixel of a position on the map, as column and row.
+    /// Returns the column and row of the pixel that shows a position, if any does.
     pub fn pixel_of(&self, [x, y]: [f32; 2]) -> Option<(usize, usize)> {
         let [left, top, width, height] = self.window;
         let column = (x - left) / width * self.pixels.0 as f32;

@@ -1,4 +1,4 @@
-//! The agent that walks to the goal as well as it can by now.
+//! The walking agent: it follows the current policy to the goal.
 
 use super::{Worker, cell_of};
 use crate::bridge::{Target, Walker};
@@ -6,29 +6,29 @@ use crate::env::Environment;
 use crate::learn::Policy;
 use crate::map::Cell;
 
-/// Steps that the walking agent rests at the goal.
+/// Number of steps that the walking agent rests at the goal.
 const REST_STEPS: u32 = 15;
 
-/// Steps of the trail that is kept.
+/// Maximum length of the trail in steps.
 const TRAIL_STEPS: usize = 14;
 
-/// Steps after which a walk is given up at the soonest, as in evaluation.
+/// Minimum step budget of a walk, as in evaluation.
 const MOST_STEPS: u32 = 500;
 
-/// What the walking agent does once it has arrived.
+/// What the walking agent does after arriving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tour {
-    /// Sets out again from somewhere else.
+    /// Starts again from a random position.
     #[default]
     Again,
-    /// Goes on to another goal.
+    /// Continues to another goal.
     Visit,
     /// Stays there.
     Stay,
 }
 
 impl Tour {
-    /// The next one.
+    /// Returns the next choice.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
@@ -38,7 +38,7 @@ impl Tour {
         }
     }
 
-    /// What it is called on the screen.
+    /// Returns its name on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Again => "set out again",
@@ -51,24 +51,24 @@ impl Tour {
 /// The walking agent's journey.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Walk {
-    /// Where it started.
+    /// Start position.
     pub start: [f32; 2],
     /// Steps taken.
     pub steps: u32,
-    /// The shortest possible number, if there is a way.
+    /// Shortest possible number of steps, if the goal is reachable.
     pub shortest: Option<u32>,
-    /// D to the goal, and to the waypoint that it heads for.
+    /// D to the goal, and to the current waypoint.
     pub distances: (f32, f32),
-    /// Where it heads for, if that is not the goal.
+    /// Current waypoint, if it is not the goal.
     pub waypoint: Option<[f32; 2]>,
     /// Whether it has arrived.
     pub arrived: bool,
-    /// Journeys that ended at the goal, and all that ended.
+    /// Journeys that reached the goal, and all that ended.
     pub journeys: (u32, u32),
 }
 
 impl Worker {
-    /// The walking agent at a place, or a random one.
+    /// Restarts the walking agent at a cell or at a random position.
     pub(super) fn restart(&mut self, cell: Option<Cell>) {
         match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
             Some(cell) => self.world.place(0, &cell.centre().map(f64::from)),
@@ -78,7 +78,7 @@ impl Worker {
         self.begin_journey();
     }
 
-    /// A journey from where the agent stands to the goal.
+    /// Starts a journey from the agent's position to the goal.
     pub(super) fn begin_journey(&mut self) {
         let at = self.position();
         self.resting = 0;
@@ -90,7 +90,7 @@ impl Worker {
         self.changed = true;
     }
 
-    /// What comes after an arrival.
+    /// Rests at the goal, then continues as `tour` says.
     fn rest(&mut self) {
         self.resting += 1;
         if self.resting <= REST_STEPS {
@@ -109,7 +109,7 @@ impl Worker {
         }
     }
 
-    /// One step of the walking agent.
+    /// Moves the walking agent by one step.
     pub(super) fn walk(&mut self) {
         let Some(goal) = self.view.goal.0 else { return };
         if self.view.walk.arrived {
@@ -127,7 +127,7 @@ impl Worker {
             self.view.path.clear();
             return;
         }
-        // As long as evaluation would let it.
+        // The same step budget as in evaluation.
         if self.view.walk.steps >= self.view.walk.shortest.map_or(MOST_STEPS, |s| (3 * s).max(MOST_STEPS)) {
             self.view.walk.journeys.1 += 1;
             self.restart(None);
@@ -146,7 +146,7 @@ impl Worker {
         }
     }
 
-    /// Where the agent heads for next; renews the path that is shown.
+    /// Returns the agent's next target and updates the displayed path.
     fn aim(&mut self, at: [f32; 2], goal: [f32; 2], policy: &dyn Policy) -> [f32; 2] {
         let Some(graph) = &self.graph else {
             self.view.path = vec![goal];

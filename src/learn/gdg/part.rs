@@ -3,7 +3,7 @@
 use crate::learn::data::batch::Batch;
 use crate::learn::networks::network::Weights;
 use crate::learn::update::gradient::Gradient;
-use crate::learn::update::losses::{Losses, Pairs, Shapes, SharedFeatures, Workspace};
+use crate::learn::update::losses::{Losses, Pairs, Shapes, SharedFeatures, Workspaces};
 
 /// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend on the number of
 /// threads and are summed in order, so the results do not depend on it either.
@@ -25,9 +25,7 @@ pub struct Part {
     pub critics: Vec<Gradient>,
     pub model: Gradient,
     pub actor: Gradient,
-    pub act: Workspace,
-    pub step: Workspace,
-    pub judge: Workspace,
+    pub buffers: Workspaces,
     pub losses: Losses,
 }
 
@@ -45,12 +43,12 @@ impl Part {
         shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
         self.targets.resize(rows.steps.len(), 0.0);
         let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
-        shapes.farthest(critics, ahead, &mut self.targets, &mut self.judge);
+        shapes.farthest(critics, ahead, &mut self.targets, &mut self.buffers.critic);
         self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
         if rows.greedy_targets {
             self.after_actor.resize(rows.steps.len(), 0.0);
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let buffers = (&mut self.act, &mut self.step, &mut self.judge);
+            let buffers = &mut self.buffers;
             shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
             self.targets.iter_mut().zip(&self.after_actor).for_each(|(x, d)| *x = x.min(1.0 + d));
         }
@@ -66,7 +64,8 @@ impl Part {
         for (critic, gradient) in critics.iter().zip(&mut self.critics) {
             gradient.prepare(shapes.critic.parameters());
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let loss = shapes.critic_gradient(*critic, pairs, &self.targets, rows.share, gradient, &mut self.judge);
+            let loss =
+                shapes.critic_gradient(*critic, pairs, &self.targets, rows.share, gradient, &mut self.buffers.critic);
             self.losses.critic += loss / critics.len() as f32;
         }
     }

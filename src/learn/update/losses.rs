@@ -99,6 +99,17 @@ pub struct Workspace {
     acts: Activations,
 }
 
+/// Buffers of passes through all three networks.
+#[derive(Clone, Debug, Default)]
+pub struct Workspaces {
+    /// Of the actor.
+    pub actor: Workspace,
+    /// Of the model.
+    pub model: Workspace,
+    /// Of the critic that judges where the model's step leads.
+    pub critic: Workspace,
+}
+
 fn sized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
     buffer.resize(buffer.len().max(length), 0.0);
     &mut buffer[..length]
@@ -190,15 +201,15 @@ impl Shapes {
         (actor, model, critics): (Weights, Weights, &[Weights]),
         pairs: Pairs,
         out: &mut [f32],
-        (act, step, judge): (&mut Workspace, &mut Workspace, &mut Workspace),
+        buffers: &mut Workspaces,
     ) {
-        let mut next = std::mem::take(&mut step.y);
-        let states = self.step_of_actor((actor, model), pairs, &mut next, (act, step));
-        let mut plain = std::mem::take(&mut judge.plain);
+        let mut next = std::mem::take(&mut buffers.model.y);
+        let states = self.step_of_actor((actor, model), pairs, &mut next, buffers);
+        let mut plain = std::mem::take(&mut buffers.critic.plain);
         self.plain_pairs(states, pairs.goals, &mut plain);
-        self.farthest(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, judge);
-        judge.plain = plain;
-        step.y = next;
+        self.farthest(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
+        buffers.critic.plain = plain;
+        buffers.model.y = next;
     }
 
     /// Computes the maximum of D(s, g) over `critics` for each pair, `(rows)`.
@@ -219,16 +230,16 @@ impl Shapes {
         (actor, model): (Weights, Weights),
         pairs: Pairs,
         next: &'a mut Vec<f32>,
-        (act, step): (&mut Workspace, &mut Workspace),
+        buffers: &mut Workspaces,
     ) -> &'a [f32] {
         let Pairs { plain, states, .. } = pairs;
         let rows = states.len() / self.encoder.spec().state_dim();
-        let mut action = std::mem::take(&mut act.y);
-        self.actions(actor, pairs, sized(&mut action, rows * self.actor.outputs), act);
+        let mut action = std::mem::take(&mut buffers.actor.y);
+        self.actions(actor, pairs, sized(&mut action, rows * self.actor.outputs), &mut buffers.actor);
         let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
         let next = sized(next, states.len());
-        self.predict(model, (states, &action[..rows * self.actor.outputs]), shared, next, step);
-        act.y = action;
+        self.predict(model, (states, &action[..rows * self.actor.outputs]), shared, next, &mut buffers.model);
+        buffers.actor.y = action;
         next
     }
 
@@ -328,7 +339,7 @@ impl Shapes {
         pairs: Pairs,
         share: f32,
         gradient: &mut Gradient,
-        (act, step, judge): (&mut Workspace, &mut Workspace, &mut Workspace),
+        buffers: &mut Workspaces,
     ) -> f32 {
         let ActorLossNetworks { actor, model, critic } = *path;
         let Pairs { states, goals, .. } = pairs;
@@ -336,26 +347,26 @@ impl Shapes {
         let (s, a) = (spec.state_dim(), spec.action_dim);
         let rows = states.len() / s;
         // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
-        let mut next = std::mem::take(&mut step.y);
-        self.step_of_actor((actor, model), pairs, &mut next, (act, step));
-        let mut action = std::mem::take(&mut act.y);
-        let mut next_plain = std::mem::take(&mut judge.plain);
+        let mut next = std::mem::take(&mut buffers.model.y);
+        self.step_of_actor((actor, model), pairs, &mut next, buffers);
+        let mut action = std::mem::take(&mut buffers.actor.y);
+        let mut next_plain = std::mem::take(&mut buffers.critic.plain);
         self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
-        self.rows(Pairs { plain: &next_plain, states: &next[..rows * s], goals }, critic.table, &mut judge.x);
-        judge.plain = next_plain;
+        self.rows(Pairs { plain: &next_plain, states: &next[..rows * s], goals }, critic.table, &mut buffers.critic.x);
+        buffers.critic.plain = next_plain;
         let width = self.critic.inputs;
-        let x = &judge.x[..rows * width];
-        let z = sized(&mut judge.y, rows);
-        self.critic.forward((critic.dense, critic.packed), x, z, &mut judge.acts);
+        let x = &buffers.critic.x[..rows * width];
+        let z = sized(&mut buffers.critic.y, rows);
+        self.critic.forward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts);
         // Backward, in reverse order.
         let mut loss = 0.0;
         for z in z.iter_mut() {
             loss += share * self.distance_scale * softplus(*z);
             *z = share * self.distance_scale * sigmoid(*z);
         }
-        let dx = sized(&mut judge.dx, rows * width);
+        let dx = sized(&mut buffers.critic.dx, rows * width);
         let wanted = GradientRequest { parameters: None, inputs: Some((0, &mut *dx)) };
-        self.critic.backward((critic.dense, critic.packed), x, z, &mut judge.acts, wanted);
+        self.critic.backward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts, wanted);
         let mut d_state = [0.0; MAX_STATE_DIM];
         let d_state = &mut d_state[..s];
         for (i, next) in next[..rows * s].chunks_exact_mut(s).enumerate() {
@@ -365,23 +376,24 @@ impl Shapes {
                 *next = scale * d;
             }
         }
-        let d_action = sized(&mut step.dx, rows * a);
+        let d_action = sized(&mut buffers.model.dx, rows * a);
         let wanted = GradientRequest { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
-        let x = &step.x[..rows * self.model.inputs];
-        self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut step.acts, wanted);
-        step.y = next;
+        let x = &buffers.model.x[..rows * self.model.inputs];
+        self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut buffers.model.acts, wanted);
+        buffers.model.y = next;
         let most = self.actor_bound;
-        for ((action, d), z) in action[..rows * a].iter_mut().zip(&*d_action).zip(&act.outputs) {
+        for ((action, d), z) in action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs) {
             let excess = z - z.clamp(-most, most);
             *action = d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess;
         }
         let from = self.encoder.plain_pair_width();
-        let dx = (from < self.actor.inputs).then(|| (from, sized(&mut act.dx, rows * (self.actor.inputs - from))));
+        let dx =
+            (from < self.actor.inputs).then(|| (from, sized(&mut buffers.actor.dx, rows * (self.actor.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
-        let x = &act.x[..rows * self.actor.inputs];
-        self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut act.acts, wanted);
-        act.y = action;
-        self.add_pair_corners(pairs, &act.dx, gradient);
+        let x = &buffers.actor.x[..rows * self.actor.inputs];
+        self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut buffers.actor.acts, wanted);
+        buffers.actor.y = action;
+        self.add_pair_corners(pairs, &buffers.actor.dx, gradient);
         loss
     }
 }

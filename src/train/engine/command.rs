@@ -100,7 +100,7 @@ impl Worker {
 
     /// Saves a checkpoint and returns a notice for the user.
     fn save(&mut self, to: SaveTo, log: Vec<LogEntry>) -> Result<String, CommandError> {
-        // The request may predate the front end's learning which file the previous save went to.
+        // The front end may not know yet which file its previous save went to.
         let to = match (&self.fresh, to) {
             (Some((asked, went)), SaveTo::Fresh(path)) if *asked == path => SaveTo::Own(went.clone()),
             (_, to) => to,

@@ -48,7 +48,7 @@ impl Phase {
 pub struct Snapshot {
     /// Definition of the run.
     pub run: Arc<Run>,
-    /// Number of runs on this engine so far: curves of different runs must not be joined.
+    /// Index of the run on this engine: curves of different runs must not be joined.
     pub generation: u64,
     /// Title of the world.
     pub title: Arc<str>,

@@ -1,18 +1,18 @@
-//! The reference of all settings: what each is, its unit and range, and when a change takes effect. Errors, the settings
-//! dialog, `--print-config` and the reference page read it.
+//! The reference of all settings: meaning, unit, range and the effect of a change. Errors, the settings dialog,
+//! `--print-config` and the reference page use it.
 
 use super::{Effect, Settings};
 
-/// Settings that belong together.
+/// A group of related settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Group {
-    /// The networks and what they read.
+    /// The networks and their inputs.
     Networks,
-    /// What the critics learn towards.
+    /// The critics' targets.
     Targets,
-    /// What a batch is made of.
+    /// Composition of a batch.
     Batches,
-    /// How steps are made, and by what.
+    /// Step sizes, update schedule and backend.
     Optimiser,
     /// Agents, episodes and the world.
     Agents,
@@ -20,7 +20,7 @@ pub enum Group {
     Exploration,
     /// Bridge candidates and the edges between them.
     Bridges,
-    /// How plans are walked.
+    /// Execution of plans.
     Planning,
 }
 
@@ -37,7 +37,7 @@ impl Group {
         Self::Planning,
     ];
 
-    /// Its name.
+    /// Returns its name.
     pub fn name(self) -> &'static str {
         match self {
             Self::Networks => "networks",
@@ -57,17 +57,17 @@ impl Group {
 pub struct Setting {
     /// Its name on the command line and in files.
     pub name: &'static str,
-    /// What it belongs to.
+    /// The group it belongs to.
     pub group: Group,
     /// What it does.
     pub about: &'static str,
-    /// What it is measured in, if anything.
+    /// Its unit; empty if it has none.
     pub unit: &'static str,
-    /// The values that it can have.
+    /// Its valid values.
     pub range: &'static str,
-    /// What a change during a run costs.
+    /// Effect of a change during a run.
     pub effect: Effect,
-    /// What it was called before.
+    /// Its former name, which is still accepted.
     pub former: Option<&'static str>,
 }
 
@@ -94,7 +94,7 @@ impl Setting {
         Self { former: Some(name), ..self }
     }
 
-    /// The setting called `name` now or before.
+    /// Returns the setting whose current or former name is `name`.
     pub fn named(name: &str) -> Option<&'static Self> {
         SETTINGS.iter().find(|setting| setting.name == name || setting.former == Some(name))
     }
@@ -412,7 +412,7 @@ pub const SETTINGS: [Setting; 54] = [
     ),
 ];
 
-/// The reference page, in Markdown.
+/// Returns the reference page in Markdown.
 pub fn reference_page() -> String {
     let mut page = "# Settings\n\nChange one with `--set NAME=VALUE`, several with `--config FILE` (JSON, as \
                     `--print-config` prints it), any of them during a run with `o`. Former names still work. This page \

@@ -1,4 +1,4 @@
-//! Changes of a run in progress: another world, other settings, another method.
+//! Changes to a run in progress: its world, settings or method.
 
 use serde::Serialize;
 use serde_json::{Map, Value};
@@ -15,37 +15,38 @@ use crate::train::run::Run;
 use crate::train::settings::reference::Setting;
 use crate::train::settings::{Effect, Settings};
 
-/// What a change of the world brought with it.
+/// Result of a change of the world.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct WorldChange {
-    /// The change in a few words.
+    /// Short description of the change.
     #[serde(skip)]
     pub what: String,
-    /// What to beware of.
+    /// Warning for the user, if any.
     #[serde(skip)]
     pub warning: Option<String>,
-    /// Its numbers, by name.
+    /// Figures about the change, by name.
     #[serde(flatten)]
     pub facts: Map<String, Value>,
-    /// Transitions that left the replay because they are no longer possible.
+    /// Transitions removed from the replay buffer because they are no longer possible.
     pub transitions_removed: usize,
 }
 
-/// What of a run went on when its settings changed.
+/// What was kept when a run's settings changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Kept {
-    /// The networks; otherwise they are fresh.
+    /// Whether the networks were kept; otherwise they are fresh.
     pub networks: bool,
-    /// The agents' states, goals and episodes; otherwise they began anew.
+    /// Whether the agents' states, goals and episodes were kept; otherwise they were restarted.
     pub agents: bool,
 }
 
 impl Trainer {
-    /// Goes on with the same networks in `world`, an edited one. Transitions that are no longer possible leave the replay,
-    /// bridge candidates and edges are found anew from what remains, agents that stand where nobody can are moved.
+    /// Continues with the same networks in `world`, an edited version. Removes transitions that are no longer possible
+    /// from the replay buffer, rebuilds bridge candidates and edges from the rest, and moves agents out of invalid
+    /// positions.
     ///
     /// # Errors
-    /// A world that cannot take the place of the run's; then nothing has changed.
+    /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         let change = world.change_from(self.world())?;
         self.rollout.enter(world_of(&self.run, world), &mut self.replay);
@@ -59,11 +60,11 @@ impl Trainer {
         Ok(WorldChange { what: change.what, warning: change.warning, facts: change.facts, transitions_removed })
     }
 
-    /// Goes on with other settings, method or preset: the replay and all counters are kept, and networks and agents
-    /// where they fit.
+    /// Continues with other settings, method or preset. Keeps the replay buffer and all counters, and networks and
+    /// agents where they fit.
     ///
     /// # Errors
-    /// What the learner reports; then nothing has changed.
+    /// The learner fails; nothing has changed then.
     pub fn change_run(&mut self, run: Run) -> Result<Kept> {
         let spec = self.spec();
         let fresh = || learner_of(&run, spec, &self.registry, self.threads);
@@ -73,7 +74,7 @@ impl Trainer {
             self.learner.save(&mut store)?;
             networks = learner.load(&store).is_ok();
             if !networks {
-                // What restoring began is undone.
+                // Discards a partially restored learner.
                 learner = fresh()?;
             }
         }
@@ -82,13 +83,14 @@ impl Trainer {
         (self.learner, self.last_good) = (learner, last_good);
         self.graphs = Graphs::default();
         self.rollout.drop_plans();
-        // Whoever changes a setting may have mended what made it diverge.
+        // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
         let agents = self.fit_agents(&before);
         Ok(Kept { networks, agents })
     }
 
-    /// Fits world, agents, replay and candidates to the settings, which were those of `before`; whether the agents go on.
+    /// Adapts world, agents, replay buffer and candidates to settings changed from `before`; returns whether the agents
+    /// were kept.
     fn fit_agents(&mut self, before: &Run) -> bool {
         let (now, then) = (&self.run.settings, &before.settings);
         let same_agents = now.train.agents == then.train.agents;
@@ -105,7 +107,7 @@ impl Trainer {
         agents
     }
 
-    /// Other agents begin at starts of the same world; the replay is kept, in another shape if need be.
+    /// Restarts the agents in the same world; keeps the replay buffer, reshaped if necessary.
     fn begin_afresh(&mut self, same_replay: bool) {
         // Ends all episodes.
         let same = self.world().fork(self.world().agents());
@@ -118,12 +120,12 @@ impl Trainer {
             self.replay = replay;
         }
         let mut world = world_of(&self.run, self.world());
-        // They are this world's own: they fit.
+        // They come from this world, so they fit.
         let _ = world.restore_statistics(&statistics);
         self.rollout = Rollout::new(world, stream(self.run.seed, Stream::Explore));
     }
 
-    /// Finds the bridge candidates, and what was seen between them, from the replay alone.
+    /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
     fn find_candidates_again(&mut self) {
         let settings = &self.run.settings;
         let fresh = Candidates::new(self.spec(), settings.train.agents, &settings.bridge);
@@ -136,15 +138,15 @@ impl Trainer {
     }
 }
 
-/// Whether networks of one run can go on in another. Numbers of the same count can mean something else: with another
-/// scale of D, say.
+/// Whether the networks can be kept after a change of settings. Matching shapes are not enough: with another scale of
+/// D, the same parameters mean something else.
 fn keeps_networks(before: &Settings, now: &Settings) -> bool {
     let mut settings = list_settings(now).into_iter().zip(list_settings(before));
     let of_networks = |name: &str| Setting::named(name).is_some_and(|setting| setting.effect == Effect::NewNetworks);
     settings.all(|(now, before)| !of_networks(&now.0) || now == before)
 }
 
-/// What bridge candidates depend on.
+/// Returns the settings that bridge candidates depend on.
 fn candidates_of(settings: &Settings) -> (usize, f32, usize) {
     (settings.bridge.candidates, settings.bridge.candidate_spacing, settings.bridge.window_steps())
 }

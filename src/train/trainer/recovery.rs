@@ -1,4 +1,4 @@
-//! What becomes of a run whose numbers are no longer finite, or that a panic has stopped in the middle.
+//! Recovery of a run from non-finite numbers or from a panic in the middle of a tick.
 
 use serde::Serialize;
 
@@ -8,32 +8,32 @@ use crate::store::Store;
 use crate::train::error::TrainError;
 use crate::train::graphs::Graphs;
 
-/// Updates between two looks at all weights; the networks are kept then, to go back to.
+/// Updates between checks of all weights; networks that pass are kept for rollback.
 const KEEP_EVERY_UPDATES: u64 = 2_000;
 
-/// How often a run goes back before it gives up.
+/// Maximum number of rollbacks before the run fails.
 const MOST_RECOVERIES: u32 = 3;
 
-/// The part of the step sizes that a run goes on with.
+/// Factor applied to the learning rates at each rollback.
 const SLOWER: f32 = 0.5;
 
-/// Networks that were good.
+/// The last good networks.
 pub(super) struct LastGood {
     updates: u64,
     losses: [f64; 3],
     learner: Store,
 }
 
-/// A run's way back.
+/// A rollback to earlier networks.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Recovery {
     /// The update after which numbers were not finite.
     pub updates: u64,
-    /// The update whose networks it went on with.
+    /// The update whose networks were restored.
     pub back_to: u64,
-    /// How often it has gone back.
+    /// Number of rollbacks so far.
     pub times: u32,
-    /// The step size that it went on with.
+    /// The learning rate after the rollback.
     pub learning_rate: f32,
 }
 
@@ -49,7 +49,7 @@ impl std::fmt::Display for Recovery {
 }
 
 impl LastGood {
-    /// A copy of what has been learned.
+    /// Copies the learner's state.
     pub fn of(updates: u64, losses: [f64; 3], learner: &dyn Learner) -> Result<Self> {
         let mut store = Store::default();
         learner.save(&mut store)?;
@@ -62,15 +62,15 @@ impl LastGood {
 }
 
 impl Trainer {
-    /// The latest way back since this was last asked.
+    /// Returns the latest rollback since the previous call.
     pub fn take_recovery(&mut self) -> Option<Recovery> {
         self.recovery.take()
     }
 
-    /// Goes back to good networks if an update's losses, or the weights after it, are not finite.
+    /// Rolls back to good networks if an update's losses, or the weights after it, are not finite.
     ///
     /// # Errors
-    /// When it has gone back often enough; the networks are good ones then as well.
+    /// No rollbacks are left; the networks are good even then.
     pub(super) fn check_update(&mut self, losses: &Losses) -> Result<()> {
         let finite = [losses.critic, losses.model, losses.actor].iter().all(|loss| loss.is_finite());
         if !finite || crate::faults::point("loss") {
@@ -79,15 +79,15 @@ impl Trainer {
         if self.counters.updates.is_multiple_of(KEEP_EVERY_UPDATES) { self.keep_good() } else { Ok(()) }
     }
 
-    /// Makes sure that every number of the networks is finite, by going back if need be: before they are saved.
+    /// Ensures before saving that the networks are finite, rolling back if necessary.
     ///
     /// # Errors
-    /// When the run has gone back as often as it may; the networks are good ones then as well.
+    /// No rollbacks are left; the networks are good even then.
     pub fn ensure_finite(&mut self) -> Result<()> {
         if self.networks()?.is_finite() { Ok(()) } else { self.go_back() }
     }
 
-    /// Keeps the networks to go back to, if they are good.
+    /// Keeps the networks for rollback if they are good, else rolls back.
     fn keep_good(&mut self) -> Result<()> {
         let good = self.networks()?;
         if !good.is_finite() || !self.learner.is_finite()? {
@@ -97,12 +97,12 @@ impl Trainer {
         Ok(())
     }
 
-    /// The networks as they are now.
+    /// Returns a copy of the current networks.
     fn networks(&self) -> Result<LastGood> {
         LastGood::of(self.counters.updates, self.counters.losses, &*self.learner)
     }
 
-    /// Goes on with the networks that were good last, in smaller steps; replay and agents stay.
+    /// Rolls back to the last good networks with smaller learning rates; keeps replay buffer and agents.
     pub(super) fn go_back(&mut self) -> Result<()> {
         self.restore_last_good()?;
         if self.counters.recoveries >= MOST_RECOVERIES {
@@ -132,13 +132,13 @@ impl Trainer {
     fn restore_last_good(&mut self) -> Result<()> {
         self.take_last_good()?;
         self.counters.losses = self.last_good.losses;
-        // Graphs and plans may be those of networks that were no longer good.
+        // Graphs and plans may come from networks that had already diverged.
         self.graphs = Graphs::default();
         self.rollout.drop_plans();
         Ok(())
     }
 
-    /// A learner with the settings as they are now, and the networks that were good last.
+    /// Replaces the learner by one with the current settings and the last good networks.
     fn take_last_good(&mut self) -> Result<()> {
         let mut learner = learner_of(&self.run, self.spec(), &self.registry, self.threads)?;
         learner.load(&self.last_good.learner)?;
@@ -146,15 +146,15 @@ impl Trainer {
         Ok(())
     }
 
-    /// Mends what a panic in the middle of a tick may have left half done, so that the run can be saved.
+    /// Repairs what a panic in the middle of a tick may have left half done, so that the run can be saved.
     ///
     /// # Errors
-    /// What the learner reports.
+    /// The learner fails.
     pub fn mend_after_panic(&mut self) -> Result<()> {
         if std::mem::take(&mut self.in_update) {
             return self.restore_last_good();
         }
-        // A graph whose build panicked would do so again when it is saved.
+        // Saving repeats a pending graph build: one that panicked would panic again.
         self.graphs = Graphs::default();
         self.rollout.drop_plans();
         Ok(())

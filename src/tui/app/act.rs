@@ -13,14 +13,14 @@ use crate::tui::panes::Pane;
 use crate::tui::theme::{Theme, ThemeName};
 use crate::view::Request;
 
-/// Speeds that can be chosen, in updates a second; beyond the last one there is no limit.
+/// Selectable speed limits, in updates per second; beyond the last one there is no limit.
 const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600.0];
 
-/// Lines that Page Up and Page Down move the help by.
+/// Lines that Page Up and Page Down scroll the help by.
 const PAGE: usize = 10;
 
 impl App {
-    /// Does what was asked for.
+    /// Performs an action.
     pub fn act(&mut self, action: Action) {
         match action {
             Action::TogglePause => self.toggle_pause(),
@@ -117,14 +117,14 @@ impl App {
     }
 
     fn toggle_pause(&mut self) {
-        // What is shown may be frozen.
+        // The shown snapshot may be frozen.
         let trains = self.snapshots().borrow().phase.trains();
         if self.command(if trains { Command::Pause } else { Command::Resume }) {
             self.screen.pausing = trains;
         }
     }
 
-    /// Steps where training is paused; else it is paused first.
+    /// Runs a step, pausing training first if necessary.
     fn step(&mut self, step: Step) {
         if self.screen.snapshot.phase.trains() && self.command(Command::Pause) {
             self.screen.pausing = true;
@@ -133,7 +133,7 @@ impl App {
     }
 
     fn change_speed(&mut self, faster: bool) {
-        // From no limit on, the first slower one is slower than it goes by itself.
+        // Without a limit, the next slower speed is the first one below the actual rate.
         let rate = Some(self.screen.snapshot.rates.0).filter(|rate| !faster && *rate > 0.0);
         let now = self.screen.snapshot.speed.or(rate).unwrap_or(f64::INFINITY);
         let speed = if faster {
@@ -187,7 +187,7 @@ impl App {
         self.keep_in_sight();
     }
 
-    /// The next free cell in that direction, beyond walls too.
+    /// Moves the goal to the next free cell in that direction, jumping over walls.
     fn move_goal(&mut self, dx: isize, dy: isize) {
         let mut at = self.screen.goal;
         loop {
@@ -221,7 +221,7 @@ impl App {
         self.screen.dialogs.push(Dialog::Ask(prompt));
     }
 
-    /// Takes other colours.
+    /// Changes the theme.
     pub fn set_theme(&mut self, name: ThemeName) {
         self.screen.theme = Theme::new(name, crate::tui::theme::Depth::detect());
     }

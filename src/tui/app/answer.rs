@@ -7,11 +7,46 @@ use super::App;
 use super::files::checkpoint_file;
 use crate::env::PointMaze;
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{Command, Run, Setting, list_settings, with_setting};
+use crate::train::{Command, ConfigError, Run, Setting, list_settings, with_setting};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 
+/// Why an answer is not accepted.
+#[derive(Debug, thiserror::Error)]
+pub(super) enum AnswerError {
+    /// An existing file: confirming replaces it.
+    #[error("{EXISTS}")]
+    Exists,
+    /// An empty name of a checkpoint.
+    #[error("a name, as rooms-at-95-percent")]
+    NoName,
+    /// An empty name of a map file.
+    #[error("a file name, as rooms.txt or rooms.map")]
+    NoFileName,
+    /// A file that cannot be written.
+    #[error("{0} cannot be written: {1}")]
+    Unwritable(String, std::io::Error),
+    /// A text that is not two numbers.
+    #[error("two numbers, as 40 x 30")]
+    NoSize,
+    /// A size that no map can have.
+    #[error("a map has at least one cell, and up to {MAX_CELLS}")]
+    NoMapSize,
+    /// A size that leaves walls only.
+    #[error("no free cell would remain")]
+    NoFreeCell,
+    /// A text that is not a seed.
+    #[error("a whole number from 0 on")]
+    NoSeed,
+    /// A text that is not a number of minutes.
+    #[error("a number of minutes, 0 for never")]
+    NoMinutes,
+    /// A setting that cannot have this value.
+    #[error("{}", .0.in_a_line())]
+    Setting(#[from] Box<ConfigError>),
+}
+
 impl App {
-    /// The dialog on top is answered.
+    /// Accepts the answer to the topmost dialog.
     pub(super) fn answer(&mut self) {
         match self.screen.dialogs.pop() {
             Some(Dialog::Pick(picker)) => {
@@ -22,10 +57,10 @@ impl App {
             Some(Dialog::Ask(mut prompt)) => {
                 let (typed, _) = prompt.typed();
                 let typed = typed.trim().to_owned();
-                let warned = prompt.error.as_deref() == Some(THERE);
+                let warned = prompt.error.as_deref() == Some(EXISTS);
                 let safe = if warned { Ok(()) } else { replaces_nothing(&prompt.question, &typed) };
                 if let Err(error) = safe.and_then(|()| self.take_answer(&prompt.question.clone(), &typed)) {
-                    prompt.error = Some(error);
+                    prompt.error = Some(error.to_string());
                     self.screen.dialogs.push(Dialog::Ask(prompt));
                 }
             }
@@ -65,7 +100,7 @@ impl App {
         }
     }
 
-    /// Goes on with the run as `change` makes it.
+    /// Continues with the run as modified by `change`.
     fn change_run(&mut self, change: impl FnOnce(&mut Run)) {
         let mut run = self.screen.run().clone();
         change(&mut run);
@@ -79,10 +114,10 @@ impl App {
         self.command(Command::Begin(Box::new(run), Box::new(PointMaze::new(map, 0))));
     }
 
-    /// Turns to another map as the user says who is asked.
+    /// Asks the user how to switch to another map.
     pub(super) fn go_to(&mut self, map: &Arc<Grid>) {
         let (width, height) = (self.screen.map.width(), self.screen.map.height());
-        // Cells that the map does not have are walls here: agents have no business there.
+        // Cells beyond the new map become walls, to keep agents out.
         let fitted = map.resized(width, height).and_then(|fitted| {
             let beyond = |c: &crate::map::Cell| c.x >= map.width() || c.y >= map.height();
             let walls: Vec<_> = fitted.free_cells().filter(beyond).map(|c| (c, false)).collect();
@@ -106,16 +141,16 @@ impl App {
         self.ask(Prompt::new(question, title, "columns x rows, as 40 x 30", now));
     }
 
-    /// Does what an answer asks for, or says what is wrong with it.
-    fn take_answer(&mut self, question: &Question, typed: &str) -> Result<(), String> {
+    /// Carries out an answer, or returns what is wrong with it.
+    fn take_answer(&mut self, question: &Question, typed: &str) -> Result<(), AnswerError> {
         match question {
             Question::Setting(name) => {
-                let settings = with_setting(&self.screen.run().settings, name, typed).map_err(|e| e.in_a_line())?;
+                let settings = with_setting(&self.screen.run().settings, name, typed)?;
                 self.change_run(|run| run.settings = settings);
             }
             Question::SaveAs => {
                 if typed.is_empty() {
-                    return Err("a name, as rooms-at-95-percent".to_owned());
+                    return Err(AnswerError::NoName);
                 }
                 self.save_under(checkpoint_file(typed));
             }
@@ -127,18 +162,18 @@ impl App {
             Question::ResizeMap => {
                 let (width, height) = size(typed)?;
                 let resized = self.screen.map.resized(width, height);
-                let map = resized.ok_or_else(|| "no free cell would remain".to_owned())?;
+                let map = resized.ok_or(AnswerError::NoFreeCell)?;
                 self.go_to(&Arc::new(map));
             }
             Question::Seed => {
-                let seed = typed.parse().map_err(|_| "a whole number from 0 on".to_owned())?;
+                let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;
                 let run = Run { seed, ..self.screen.run().clone() };
                 let world = PointMaze::new(self.screen.map.clone(), 0);
                 self.command(Command::Begin(Box::new(run), Box::new(world)));
             }
             Question::Autosave => {
                 let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));
-                self.autosave_minutes = minutes.ok_or_else(|| "a number of minutes, 0 for never".to_owned())?;
+                self.autosave_minutes = minutes.ok_or(AnswerError::NoMinutes)?;
                 self.autosaved = std::time::Instant::now();
             }
         }
@@ -146,26 +181,26 @@ impl App {
     }
 }
 
-/// Said before a file is replaced.
-const THERE: &str = "there is such a file: Enter again replaces it";
+/// The warning shown before a file is replaced.
+const EXISTS: &str = "there is such a file: Enter again replaces it";
 
-/// Whether an answer names no file that is there already.
-fn replaces_nothing(question: &Question, typed: &str) -> Result<(), String> {
+/// Checks that an answer does not name an existing file.
+fn replaces_nothing(question: &Question, typed: &str) -> Result<(), AnswerError> {
     let file = match question {
         Question::SaveMap => Path::new(typed).to_owned(),
         Question::SaveAs => checkpoint_file(typed),
         _ => return Ok(()),
     };
-    if file.is_file() { Err(THERE.to_owned()) } else { Ok(()) }
+    if file.is_file() { Err(AnswerError::Exists) } else { Ok(()) }
 }
 
-/// Columns and rows of a map.
-fn size(typed: &str) -> Result<(usize, usize), String> {
+/// Parses the columns and rows of a map.
+fn size(typed: &str) -> Result<(usize, usize), AnswerError> {
     let numbers: Vec<usize> =
         typed.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty()).filter_map(|n| n.parse().ok()).collect();
     match numbers[..] {
         [width, height] if width > 0 && height > 0 && width.saturating_mul(height) <= MAX_CELLS => Ok((width, height)),
-        [_, _] => Err(format!("a map has at least one cell, and up to {MAX_CELLS}")),
-        _ => Err("two numbers, as 40 x 30".to_owned()),
+        [_, _] => Err(AnswerError::NoMapSize),
+        _ => Err(AnswerError::NoSize),
     }
 }

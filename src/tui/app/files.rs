@@ -1,4 +1,4 @@
-//! Maps and checkpoints on disk, and what is exported.
+//! Maps and checkpoints on disk.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -6,6 +6,7 @@ use std::sync::Arc;
 use jiff::tz::TimeZone;
 
 use super::App;
+use super::answer::AnswerError;
 use super::saving::SAVES;
 use crate::files::{read_text, write_whole};
 use crate::map::{load_map, print_ascii, print_movingai};
@@ -14,10 +15,10 @@ use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question, lists};
 
-/// Maps that are remembered.
+/// Number of recent maps remembered.
 const RECENT: usize = 8;
 
-/// The largest list of them that is read.
+/// The largest list of recent maps that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
 impl App {
@@ -49,22 +50,22 @@ impl App {
         self.ask(Prompt::new(Question::SaveMap, "write the map to", hint, name));
     }
 
-    pub(super) fn save_map(&mut self, name: &str) -> Result<(), String> {
+    pub(super) fn save_map(&mut self, name: &str) -> Result<(), AnswerError> {
         if name.is_empty() {
-            return Err("a file name, as rooms.txt or rooms.map".to_owned());
+            return Err(AnswerError::NoFileName);
         }
         let path = Path::new(name);
         let movingai = path.extension().is_some_and(|e| e == "map");
         let marks = self.screen.map.starts().len() + self.screen.map.goals().len();
         let text = if movingai { print_movingai(&self.screen.map) } else { print_ascii(&self.screen.map) };
-        write_whole(path, text.as_bytes()).map_err(|e| format!("{name} cannot be written: {e}"))?;
+        write_whole(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
         let lost = if movingai && marks > 0 { " (without starts and goals: that format has none)" } else { "" };
         self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
         Ok(())
     }
 
-    /// Recent maps, those built in, and what lies in `folder`.
+    /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the current folder.
     pub(super) fn pick_map(&mut self, folder: Option<&Path>) {
         let here = folder.unwrap_or(Path::new(".")).to_owned();
         let here = here.canonicalize().unwrap_or(here);
@@ -87,7 +88,7 @@ impl App {
     }
 }
 
-/// The file of a checkpoint that is given a name, or a path.
+/// Returns the file of a checkpoint given by name or path.
 pub(super) fn checkpoint_file(name: &str) -> PathBuf {
     // A dot within a name does not begin an extension.
     let path = PathBuf::from(format!("{}.safetensors", name.trim_end_matches(".safetensors")));
@@ -95,21 +96,21 @@ pub(super) fn checkpoint_file(name: &str) -> PathBuf {
     if plain { Path::new(SAVES).join(path) } else { path }
 }
 
-/// Files and folders in `folder`, by name; none where it cannot be read.
+/// Returns the files and folders in `folder`, sorted by name; none if it cannot be read.
 fn files_in(folder: &Path) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
     files.sort();
     files
 }
 
-/// Maps opened or written recently that are still there.
+/// Returns recently opened or written maps that still exist.
 fn recent_maps() -> Vec<PathBuf> {
     let text = recent_path().and_then(|file| read_text(&file, MAX_BYTES).ok());
     let recent: Vec<PathBuf> = text.and_then(|text| serde_json::from_str(&text).ok()).unwrap_or_default();
     recent.into_iter().filter(|path| path.exists()).collect()
 }
 
-/// Puts a map in front of those that are remembered; where that cannot be, nothing is lost.
+/// Puts a map at the front of the recent maps. Failures are ignored: nothing important is lost.
 fn remember_map(path: &Path) {
     let (Ok(path), Some(file)) = (path.canonicalize(), recent_path()) else { return };
     let mut recent = recent_maps();

@@ -1,4 +1,4 @@
-//! The mouse: what is under it, and what its buttons and wheel do; zooming and panning.
+//! The mouse: hovering, buttons and wheel; zooming and panning.
 
 use crossterm::event::{MouseButton, MouseEvent, MouseEventKind};
 use ratatui::layout::Position;
@@ -11,13 +11,13 @@ use crate::tui::places::Click;
 use crate::tui::raster::{MapFrame, Viewport};
 use crate::view::Request;
 
-/// One turn of the wheel.
+/// Zoom factor of one wheel step.
 const WHEEL: f32 = 1.25;
 
-/// The fewest cells that are shown across.
+/// The fewest cells shown across at maximum zoom.
 const LEAST_CELLS: f32 = 4.0;
 
-/// Share of what is shown that panning moves by.
+/// Share of the visible part that panning moves by.
 const PAN: f32 = 0.2;
 
 impl App {
@@ -37,7 +37,7 @@ impl App {
         }
     }
 
-    /// The mouse on the map, or where nothing is that can be clicked on.
+    /// Handles the mouse on the map, or where nothing is clickable.
     fn on_mouse_beside_map(&mut self, kind: MouseEventKind, at: Position, frame: &MapFrame) {
         let cell = frame.cell_at(at, &self.screen.map);
         let dragged_from = self.dragged_from.take();
@@ -81,7 +81,7 @@ impl App {
         }
     }
 
-    /// Back and forth in curves and log.
+    /// Scrolls curves and log.
     fn on_wheel(&mut self, kind: MouseEventKind) {
         match kind {
             MouseEventKind::ScrollUp => self.act(Action::Scroll(-1)),
@@ -90,7 +90,7 @@ impl App {
         }
     }
 
-    /// Whether the mouse is on the small map in the corner: a click there shows that part.
+    /// Shows the part of the map clicked on the minimap; returns whether it was clicked.
     fn is_on_minimap(&mut self, kind: MouseEventKind, at: Position) -> bool {
         let Some(minimap) = self.screen.places.minimap.as_ref().filter(|minimap| minimap.area.contains(at)) else {
             return false;
@@ -128,7 +128,7 @@ impl App {
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollUp) => picker.turn(-1),
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollDown) => picker.turn(1),
             (Some(Dialog::Pick(picker)), MouseEventKind::Down(MouseButton::Left)) if rows.contains(at) => {
-                // Below the last item nothing is picked.
+                // A click below the last item picks nothing.
                 let row = first + usize::from(at.y - rows.y);
                 if picker.select(row) {
                     self.answer();
@@ -147,8 +147,8 @@ impl App {
         }
     }
 
-    /// Shows the map so many times as large, with the place under `at` (or the middle) staying where it is; 0 for the
-    /// whole map.
+    /// Magnifies the map by a factor, keeping the place under `at` (by default the cursor or the goal) fixed; 0 shows
+    /// the whole map.
     pub(super) fn zoom(&mut self, by: f32, at: Option<Position>) {
         let Some(frame) = &self.screen.places.map else { return };
         let cursor = self.screen.inspecting.or(self.screen.editor.cursor).unwrap_or(self.screen.goal).centre();
@@ -160,7 +160,7 @@ impl App {
             self.screen.viewport = Viewport::default();
             return;
         }
-        // A character is as high as two are wide.
+        // A character is twice as high as wide.
         let scale = frame.scale() * zoom / self.screen.viewport.zoom;
         let pane = self.screen.places.map_pane;
         let off = at.map_or([0.0; 2], |at| {
@@ -172,21 +172,21 @@ impl App {
         self.screen.viewport = Viewport { zoom, centre: [fixed[0] - off[0], fixed[1] - off[1]] };
     }
 
-    /// Moves the part of the map that is shown.
+    /// Moves the visible part of the map.
     pub(super) fn pan(&mut self, dx: isize, dy: isize) {
         let Some(frame) = &self.screen.places.map else { return };
         let [_, _, width, height] = frame.raster.window;
         self.pan_by([PAN * width * dx as f32, PAN * height * dy as f32]);
     }
 
-    /// Moves the part of the map that is shown by so many cells.
+    /// Moves the visible part of the map by a number of cells.
     fn pan_by(&mut self, [across, down]: [f32; 2]) {
         self.screen.viewport.centre[0] += across;
         self.screen.viewport.centre[1] += down;
         self.clamp_viewport();
     }
 
-    /// Keeps the middle of what is shown on the map, so that panning back answers at once.
+    /// Keeps the visible part within the map, so that panning back takes effect at once.
     fn clamp_viewport(&mut self) {
         let Some(frame) = &self.screen.places.map else { return };
         let [_, _, width, height] = frame.raster.window;
@@ -197,7 +197,7 @@ impl App {
         self.screen.viewport.centre = [within(x, width.min(all_x), all_x), within(y, height.min(all_y), all_y)];
     }
 
-    /// Moves what is shown so that the cursor, or else the goal, is seen.
+    /// Moves the visible part, if necessary, to show the cursor or else the goal.
     pub(super) fn keep_in_sight(&mut self) {
         let Some(frame) = &self.screen.places.map else { return };
         let at = self.screen.editor.cursor.or(self.screen.inspecting).unwrap_or(self.screen.goal).centre();

@@ -1,4 +1,4 @@
-//! What trainer and viewer tell, and what time brings.
+//! Updates from trainer and viewer, and timed events.
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -9,9 +9,9 @@ use crate::tui::action::Action;
 use crate::view::{Tour, View};
 
 impl App {
-    /// Takes a new snapshot.
+    /// Handles a new snapshot.
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
-        // Another run is not hidden.
+        // A new run is shown even if the screen is frozen.
         if self.screen.frozen && snapshot.generation == self.screen.snapshot.generation {
             return;
         }
@@ -46,7 +46,7 @@ impl App {
         self.screen.log.note(&text, *updates);
     }
 
-    /// Keeps the screen as it is, or goes on with what there is by now.
+    /// Freezes the screen, or unfreezes it and shows the current state.
     pub(super) fn freeze(&mut self, frozen: bool) {
         self.screen.frozen = frozen;
         if !frozen {
@@ -56,12 +56,12 @@ impl App {
         }
     }
 
-    /// Takes a new view.
+    /// Handles a new view.
     pub fn on_view(&mut self, view: Arc<View>) {
         if self.screen.frozen {
             return;
         }
-        // Goals that were chosen by the walking agent itself, not those before the latest that was asked for.
+        // Follow goals chosen by the walking agent itself, but not those older than the latest goal request.
         if let ((Some(goal), number), Tour::Visit) = (view.goal, self.screen.tour)
             && number == self.goals_asked
         {
@@ -70,7 +70,7 @@ impl App {
         self.screen.view = view;
     }
 
-    /// Time has passed; whether that changes the screen.
+    /// Handles the passing of time; returns whether the screen changes.
     pub fn on_tick(&mut self) -> bool {
         self.on_failures();
         let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;

@@ -1,4 +1,4 @@
-//! Where the run is saved, and leaving without losing it.
+//! Saving the run, and quitting without losing it.
 
 use std::path::{Path, PathBuf};
 
@@ -12,40 +12,40 @@ use crate::setup::rescue;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
 
-/// Training that may be lost without being asked about.
+/// Unsaved training that may be discarded without asking.
 const LOST_UNASKED_SECS: f64 = 10.0;
 
-/// Where checkpoints go.
+/// Default folder for checkpoints.
 pub const SAVES: &str = "saves";
 
-/// Files that the command line names.
+/// Files named on the command line.
 #[derive(Default)]
 pub struct Files {
     /// Where to save.
     pub save: Option<SaveTo>,
-    /// The checkpoint that the run goes on from.
+    /// The checkpoint that the run resumes from.
     pub resumed: Option<PathBuf>,
 }
 
-/// Where the next checkpoint goes, and whether the program ends when it is there.
+/// Where the next checkpoint goes, and whether the program quits once it is written.
 pub struct Saving {
-    /// The file that belongs to the run, or that is to.
+    /// The run's own file, or the one it will be saved to.
     to: SaveTo,
-    /// The path that the command line gave.
+    /// The path given on the command line.
     named: Option<PathBuf>,
     files: Files,
     leaving: Leaving,
-    /// Whether it trained when it was paused to be saved before leaving.
+    /// Whether training was running when it was paused to save before quitting.
     trained: bool,
 }
 
-/// How far leaving has come.
+/// The progress of quitting.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Leaving {
     No,
-    /// Once the checkpoint is written.
+    /// Quits once the checkpoint is written.
     Saving,
-    /// The checkpoint could not be written: another place is asked for.
+    /// The checkpoint could not be written: the user is asked for another file.
     Asking,
 }
 
@@ -55,7 +55,7 @@ impl Saving {
         Self { to: SaveTo::Fresh(PathBuf::new()), named, files, leaving: Leaving::No, trained: false }
     }
 
-    /// Turns to the run that `snapshot` shows: a file belongs to the run that wrote or loaded it.
+    /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded it.
     pub fn begin(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
         let name = format!("{title}-{}-seed{}.safetensors", run.method.name(), run.seed);
@@ -69,24 +69,24 @@ impl Saving {
         };
     }
 
-    /// The file of the next checkpoint, as far as it is known.
+    /// Returns the intended file of the next checkpoint.
     pub fn path(&self) -> &Path {
         self.to.path()
     }
 }
 
-/// What is left of a run when the interface is closed.
+/// What remains of a run after the interface is closed.
 pub struct Closed {
-    /// What remains on the terminal.
+    /// The text left on the terminal.
     pub summary: String,
-    /// Whether saving at the end went well, where it was wanted.
+    /// Whether saving at the end succeeded, if it was wanted.
     pub saved: Result<(), Report>,
-    /// Whether something failed inside the program, or training did.
+    /// Whether there was an internal error or training failed.
     pub failed: bool,
 }
 
 impl App {
-    /// The file of the next checkpoint: one that is not there yet, unless it is the run's own.
+    /// Returns the file of the next checkpoint: a new file, unless the run already has its own.
     pub fn save_path(&self) -> PathBuf {
         match &self.saving.to {
             SaveTo::Own(path) => path.clone(),
@@ -94,14 +94,14 @@ impl App {
         }
     }
 
-    /// Saves; whether the trainer could be told.
+    /// Saves the run; returns whether the trainer accepted the command.
     pub(super) fn save(&mut self) -> bool {
         self.notify(&format!("saving {} ...", self.save_path().display()));
         let log = self.screen.log.entries().to_vec();
         self.command(Command::Save(self.saving.to.clone(), log))
     }
 
-    /// Saves to a file that the user named, and was asked about if it was there.
+    /// Saves to a file named by the user, who has confirmed replacing it if it exists.
     pub(super) fn save_under(&mut self, path: PathBuf) {
         self.saving.to = SaveTo::Own(path);
         if self.save() && self.saving.leaving == Leaving::Asking {
@@ -109,20 +109,20 @@ impl App {
         }
     }
 
-    /// Saves beside what the user saves.
+    /// Saves automatically, to a file next to the user's own.
     pub(super) fn autosave(&mut self) {
         let log: Vec<LogEntry> = self.screen.log.entries().to_vec();
         self.command(Command::Autosave(self.saving.to.path().to_owned(), log));
     }
 
-    /// Whether so much would be lost that it is better to ask.
+    /// Returns whether enough training is unsaved to be worth asking about.
     pub(super) fn would_be_missed(&self) -> bool {
         let updates = self.screen.snapshot.counters.updates.max(1);
         let seconds = self.screen.snapshot.seconds * self.screen.unsaved_updates() as f64 / updates as f64;
         seconds > LOST_UNASKED_SECS
     }
 
-    /// The user wants to leave. Asked for a second time, the program does not wait for a checkpoint.
+    /// Handles a request to quit. A second request does not wait for the checkpoint.
     pub(super) fn quit(&mut self) {
         if self.saving.leaving == Leaving::Saving {
             self.done = true;
@@ -139,13 +139,13 @@ impl App {
         }
     }
 
-    /// Leaves once the run is saved.
+    /// Quits once the run is saved.
     pub(super) fn save_and_quit(&mut self) {
         if self.screen.snapshot.saved.is_some() && self.screen.unsaved_updates() == 0 {
             self.done = true;
             return;
         }
-        // Its snapshots tell when the checkpoint is there.
+        // A frozen screen would miss the snapshot that reports the checkpoint as written.
         self.freeze(false);
         self.saving.trained = self.screen.snapshot.phase.trains();
         self.command(Command::Pause);
@@ -154,7 +154,7 @@ impl App {
         }
     }
 
-    /// The user closes a dialog and stays: what was paused for leaving goes on.
+    /// Handles a closed dialog: quitting is cancelled, and training paused for it resumes.
     pub(super) fn stay(&mut self) {
         let asking = self.saving.leaving == Leaving::Asking;
         self.saving.leaving = Leaving::No;
@@ -182,7 +182,7 @@ impl App {
         }
     }
 
-    /// Something failed inside the program: it is shown, and what was learned is saved.
+    /// Reports internal errors, and saves the run after the first one.
     pub(super) fn on_failures(&mut self) {
         for failure in crate::faults::take() {
             let text = format!("internal error in the thread {}: {}", failure.thread, failure.what);
@@ -195,7 +195,7 @@ impl App {
         }
     }
 
-    /// Training ended by itself and not at a limit.
+    /// Handles training that stopped without reaching a limit.
     pub(super) fn on_training_failed(&mut self, error: &str) {
         self.notify(&format!("training stopped: {error}"));
         if self.failures.is_empty() {
@@ -208,20 +208,20 @@ impl App {
         self.screen.dialogs.push(Dialog::Pick(trouble));
     }
 
-    /// A signal asks the program to end: unsaved training worth asking about is saved.
+    /// Handles a signal to end the program: unsaved training worth asking about will be saved on closing.
     pub fn on_signal(&mut self) {
         if self.would_be_missed() && self.saving.named.is_none() {
             self.saving.named = Some(self.saving.to.path().to_owned());
         }
     }
 
-    /// The file that closing saves to, if it does.
+    /// Returns the file that closing saves to, if any.
     #[cfg(test)]
     pub fn saves_at_end(&self) -> Option<PathBuf> {
         self.saving.named.clone()
     }
 
-    /// Ends training, and saves where that is wanted and has not been done.
+    /// Ends training, and saves if that is wanted and still to be done.
     pub fn close(self) -> Closed {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
@@ -268,7 +268,7 @@ impl App {
     }
 }
 
-/// Saves where that is wanted, or else where it can be; an error where it could not be where it was wanted.
+/// Saves to the wanted file; if that fails, saves to another one where possible and returns the error.
 fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Result<(), Report> {
     let first = match train::save(trainer, to) {
         Ok(path) => {

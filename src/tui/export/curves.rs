@@ -1,23 +1,24 @@
-//! Curves as a drawing and as numbers.
+//! Curves as a drawing (SVG) and as a table (CSV).
 
 use plotters::coord::Shift;
 use plotters::prelude::*;
 
+use super::ExportError;
 use crate::train::{Evaluation, Snapshot};
 use crate::tui::screen::Screen;
 
 /// Size of the drawing.
 const SIZE: (u32, u32) = (960, 720);
 
-/// A line: its name, and updates and values.
+/// A line's name and its (updates, value) points.
 type Series = (String, Vec<(f64, f64)>);
 
-/// Success, errors and losses, one below the other.
-pub fn svg(screen: &Screen) -> Result<Vec<u8>, String> {
+/// Draws success, errors and losses, one below the other.
+pub fn svg(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     let mut drawing = String::new();
     {
         let root = SVGBackend::with_string(&mut drawing, SIZE).into_drawing_area();
-        let draw = || {
+        let draw = || -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
             root.fill(&WHITE)?;
             let parts = root.split_evenly((3, 1));
             chart(&parts[0], "success", &success(&screen.snapshot), Some(1.0))?;
@@ -25,7 +26,7 @@ pub fn svg(screen: &Screen) -> Result<Vec<u8>, String> {
             chart(&parts[2], "loss of D (log10)", &[losses(screen)], None)?;
             root.present()
         };
-        draw().map_err(|e: DrawingAreaErrorKind<_>| e.to_string())?;
+        draw()?;
     }
     Ok(drawing.into_bytes())
 }
@@ -79,8 +80,8 @@ fn losses(screen: &Screen) -> Series {
     ("critic".to_owned(), points.collect())
 }
 
-/// One line for each evaluation and each point of the losses' curve, by updates.
-pub fn csv(screen: &Screen) -> Result<Vec<u8>, String> {
+/// Writes one line per evaluation and per point of the loss curve, sorted by updates.
+pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
     let mut head = vec!["updates".to_owned()];
@@ -110,7 +111,7 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, String> {
         lines.push((*updates, line));
     }
     lines.sort_by_key(|(updates, _)| *updates);
-    writer.write_record(&head).map_err(|e| e.to_string())?;
-    lines.iter().try_for_each(|(_, line)| writer.write_record(line)).map_err(|e| e.to_string())?;
-    writer.into_inner().map_err(|e| e.to_string())
+    writer.write_record(&head)?;
+    lines.iter().try_for_each(|(_, line)| writer.write_record(line))?;
+    writer.into_inner().map_err(|e| e.into_error().into())
 }

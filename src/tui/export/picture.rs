@@ -1,4 +1,4 @@
-//! Characters as pixels: PNG.
+//! Characters as pixels (PNG).
 
 use ratatui::buffer::{Buffer, Cell};
 use ratatui::layout::Rect;
@@ -8,14 +8,14 @@ use unifont::get_glyph;
 use super::Paper;
 use crate::tui::theme::{Rgb, blend, rgb_of_indexed};
 
-/// Pixels of a character in the font.
+/// Size of a character in the font, in pixels.
 const WIDTH: usize = 8;
 const HEIGHT: usize = 16;
 
-/// A part of the screen as a PNG file.
+/// Renders a part of the screen as a PNG file.
 ///
 /// # Errors
-/// What the encoder reports.
+/// Errors of the encoder.
 pub fn png_of(screen: &Buffer, area: Rect, paper: Paper) -> Result<Vec<u8>, png::EncodingError> {
     let (columns, rows) = (usize::from(area.width) * WIDTH, usize::from(area.height) * HEIGHT);
     let mut pixels = vec![0u8; 3 * columns * rows];
@@ -53,11 +53,11 @@ pub fn png_of(screen: &Buffer, area: Rect, paper: Paper) -> Result<Vec<u8>, png:
     Ok(file)
 }
 
-/// Dots of a braille character; the font draws rings for those that are not set.
+/// The dots of a braille character. The font is not used for these, as it draws unset dots as rings.
 struct Dots(u32);
 
 impl Dots {
-    /// Whether a pixel belongs to a dot that is set.
+    /// Returns whether a pixel belongs to a set dot.
     fn has(&self, column: usize, row: usize) -> bool {
         // The left column's dots are bits 0, 1, 2 and 6, the right one's 3, 4, 5 and 7.
         const BITS: [[u32; 4]; 2] = [[0, 1, 2, 6], [3, 4, 5, 7]];
@@ -70,7 +70,7 @@ fn braille(sign: char) -> Option<Dots> {
     u32::from(sign).checked_sub(0x2800).filter(|dots| *dots < 256).map(Dots)
 }
 
-/// The colours of a character's front and back as they are seen.
+/// Returns a character's front and back colours as displayed.
 pub fn colours(cell: &Cell, paper: Paper) -> (Rgb, Rgb) {
     let (mut front, mut back) = (rgb(cell.fg, paper.ink), rgb(cell.bg, paper.ground));
     if cell.modifier.contains(Modifier::REVERSED) {
@@ -82,7 +82,7 @@ pub fn colours(cell: &Cell, paper: Paper) -> (Rgb, Rgb) {
     (front, back)
 }
 
-/// A terminal's colour; `own` where it is the terminal's own.
+/// Converts a terminal colour; `own` replaces the terminal's default.
 fn rgb(colour: Color, own: Rgb) -> Rgb {
     match colour {
         Color::Rgb(r, g, b) => (r, g, b),
@@ -114,7 +114,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn half_blocks_become_two_halves_in_their_colours() {
+    fn half_blocks_become_two_coloured_halves() {
         let mut screen = Buffer::empty(Rect::new(0, 0, 2, 1));
         let style = Style::new().fg(Color::Rgb(200, 10, 20)).bg(Color::Rgb(1, 2, 3));
         screen.set_string(0, 0, "\u{2580}A", style);

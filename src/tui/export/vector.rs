@@ -1,4 +1,4 @@
-//! Characters as text and rectangles: SVG.
+//! Characters as text and rectangles (SVG).
 
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
@@ -14,10 +14,10 @@ use crate::tui::theme::Rgb;
 const WIDTH: f32 = 8.0;
 const HEIGHT: f32 = 16.0;
 
-/// Where letters stand, from the top of their character.
+/// Text baseline, measured from the top of a character.
 const BASELINE: f32 = 12.5;
 
-/// A part of the screen as an SVG document.
+/// Renders a part of the screen as an SVG document.
 pub fn svg_of(screen: &Buffer, area: Rect, paper: Paper) -> String {
     let size = (f32::from(area.width) * WIDTH, f32::from(area.height) * HEIGHT);
     let mut document = Document::new()
@@ -63,7 +63,7 @@ fn hex((r, g, b): Rgb) -> String {
     format!("#{r:02x}{g:02x}{b:02x}")
 }
 
-/// Block elements as parts of a character (left, top, width, height), which fonts draw with gaps.
+/// Returns a block element as rectangles within a character (left, top, width, height), as fonts draw it with gaps.
 fn parts(symbol: &str) -> Option<Vec<(f32, f32, f32, f32)>> {
     const QUADRANTS: [(char, u8); 15] = [
         ('\u{2598}', 1),
@@ -99,7 +99,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn letters_become_text_and_blocks_rectangles() {
+    fn letters_become_text_and_blocks_become_rectangles() {
         let mut screen = Buffer::empty(Rect::new(0, 0, 3, 1));
         screen.set_string(0, 0, "G\u{2584}<", Style::new().fg(Color::Rgb(1, 2, 3)));
         let drawing = svg_of(&screen, screen.area, Paper::default());

@@ -13,11 +13,11 @@ use crate::train::{DistanceScore, Evaluation};
 use crate::tui::screen::Screen;
 use crate::tui::theme::Depth;
 
-/// The least height of a chart, and the least width of two side by side.
+/// Minimum height of a chart, and minimum width for two side by side.
 const LEAST_HEIGHT: u16 = 7;
 const TWO_ABREAST: u16 = 64;
 
-/// The part of all updates that is shown at once when scrolled back.
+/// Share of all updates that is shown at once when scrolled back.
 const PAGE: f64 = 0.25;
 
 /// A line of a chart.
@@ -30,13 +30,13 @@ struct Series {
 struct Plot {
     title: &'static str,
     series: Vec<Series>,
-    /// The highest value, where it is known.
+    /// The highest possible value, if there is one.
     most: Option<f64>,
     /// Whether it may be drawn on a logarithmic scale.
     log: bool,
 }
 
-/// Draws as many charts as have room, the most telling first.
+/// Draws as many charts as fit, the most informative first.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let mut plots = plots(screen);
     let columns = if area.width >= TWO_ABREAST { 2 } else { 1 };
@@ -83,7 +83,7 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     ]
 }
 
-/// Success at each distance, planned where the method plans.
+/// Returns the success at each distance, with planning if the method plans.
 fn by_distance(e: &Evaluation) -> &[DistanceScore] {
     &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
 }
@@ -134,7 +134,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     frame.render_widget(chart, body);
 }
 
-/// The updates that are shown: all, or a part of them that lies back in time.
+/// Returns the range of updates shown: all, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
     let last = (screen.snapshot.counters.updates as f64).max(1.0);
     let page = PAGE * last;
@@ -147,7 +147,7 @@ fn window(screen: &Screen) -> [f64; 2] {
     }
 }
 
-/// What tells lines apart without colours: their order and these signs.
+/// Returns the sign that tells a line apart without colours.
 fn sign(i: usize) -> char {
     ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
 }
@@ -156,7 +156,7 @@ fn colour(screen: &Screen, i: usize) -> Style {
     if screen.theme.depth == Depth::Mono {
         return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
     }
-    // From near to far, as on the map; the first two far apart.
+    // Colours from the map's distance scale, the first two far apart.
     let at = [0.0, 0.6, 0.3, 0.45, 0.75, 0.15][i % 6];
     let Color::Rgb(..) = screen.theme.colour((0, 0, 0)) else {
         return Style::new()

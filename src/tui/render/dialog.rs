@@ -10,17 +10,17 @@ use super::{BOLD, DIM, REVERSED, middle};
 use crate::tui::dialog::{Item, Picker, Prompt};
 use crate::tui::places::{Bar, Click, Places};
 
-/// Size of a list at most, and of a question.
+/// Maximum sizes of a list and of a question.
 const LIST: (u16, u16) = (96, 24);
 const QUESTION: (u16, u16) = (72, 7);
 
 /// Columns beside an item's label.
 const MARGINS: usize = 3;
 
-/// Rows below a list for all of the selected item: a line and two rows of text.
+/// Rows below a list for the full selected item: a line and two rows of text.
 const ROWS_BELOW: u16 = 3;
 
-/// Draws a list. Where something is too long for its row, all of the selected item stands below the list.
+/// Draws a list. If any item is too long for its row, the selected item is shown in full below the list.
 pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, places: &mut Places) {
     let (items, selected) = picker.shown();
     let items: Vec<_> = items.collect();
@@ -72,7 +72,7 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, places: &mut 
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)]).areas(inner);
     let (typed, cursor) = prompt.typed();
-    // The end of what does not fit is where one types.
+    // A long answer is scrolled to keep the cursor visible.
     let room = usize::from(line.width).saturating_sub(3);
     let hidden = cursor.saturating_sub(room);
     let seen: String = typed.chars().skip(hidden).take(room).collect();
@@ -86,7 +86,7 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, places: &mut 
     frame.render_widget(Paragraph::new(text).style(style).wrap(Wrap { trim: true }), below);
 }
 
-/// Draws the box around a dialog, with what can be done at its bottom; what is inside.
+/// Draws the box around a dialog, with its buttons at the bottom; returns the area inside.
 fn draw_box(frame: &mut Frame, place: Rect, title: &str, places: &mut Places) -> Rect {
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(place);

@@ -1,4 +1,4 @@
-//! The line at the bottom: a notice, or what can be done now and by which keys.
+//! The bottom line: a notice, or the available actions and their keys.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -19,7 +19,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places)
         if !screen.editor.is_open() {
             return frame.render_widget(notice, area);
         }
-        // Tools stay in sight: what is to be said stands above them.
+        // The tools stay visible, so the notice goes above them.
         let above = Rect { y: area.y.saturating_sub(1), ..area };
         frame.render_widget(Clear, above);
         frame.render_widget(notice, above);
@@ -38,7 +38,7 @@ fn watching(screen: &Screen) -> Bar {
     bar
 }
 
-/// As much as there is room for, the tools first.
+/// Returns the editor's tools, followed by as much else as fits.
 fn editing(screen: &Screen, width: u16) -> Bar {
     let mut bar = Bar::default();
     bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
@@ -59,7 +59,7 @@ fn editing(screen: &Screen, width: u16) -> Bar {
     bar
 }
 
-/// Adds an action's key and what it does, both of which can be clicked on.
+/// Adds an action's key and label, both clickable.
 fn key(bar: &mut Bar, screen: &Screen, action: Action, what: &str, style: Style) {
     bar.push(Span::styled(format!(" {}", screen.keymap.key_of(action)), BOLD), Click::Act(action));
     bar.push(Span::styled(what.to_owned(), style), Click::Act(action));

@@ -1,4 +1,4 @@
-//! The line on top: map, method, preset, seed, phase, what is not saved.
+//! The top line: map, method, preset, seed, phase, unsaved updates.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;

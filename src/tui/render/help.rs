@@ -12,7 +12,7 @@ use crate::tui::screen::Screen;
 /// Columns of the help.
 const WIDTH: u16 = 76;
 
-/// Draws the overlay in the middle of `area` from line `first` on, or from the last line that fills it; returns that line.
+/// Draws the help in the middle of `area`, from line `first` or early enough to fill it; returns the first line shown.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
     let lines = lines(screen);
     let place = middle(area, WIDTH, (lines.len() as u16 + 2).min(area.height));

@@ -1,4 +1,4 @@
-//! The line below the map: the facts of a cell, or what the colours mean.
+//! The line below the map: facts about a cell, or what the colours mean.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -14,7 +14,7 @@ use crate::tui::screen::Screen;
 use crate::tui::theme::Depth;
 use crate::view::Field;
 
-/// Characters of the bar of colours.
+/// Width of the colour bar, in characters.
 const BAR: usize = 12;
 
 /// Draws the line.
@@ -44,7 +44,7 @@ fn cell_facts(screen: &Screen) -> Line<'static> {
     })
 }
 
-/// What the colours mean, from one end to the other, with a bar of `bar` characters.
+/// Returns the colour scale with the values at its ends and a bar of `bar` characters.
 pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
     let farthest = screen.view.farthest.max(1.0);
     let name = Span::raw(format!(" {} ", screen.field.name()));

@@ -1,4 +1,4 @@
-//! What the map shows: colours, signs, and what can be switched on.
+//! What the map shows: colours, overlays and signs.
 
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
@@ -11,10 +11,10 @@ use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{Depth, Rgb};
 
-/// The line of the first of those that can be switched.
+/// The line of the first overlay.
 pub const FIRST_OVERLAY: usize = 2;
 
-/// The pane's lines.
+/// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = vec![info::scale(screen, 5), heading("switched by key or click")];
     for overlay in Overlay::ALL {
@@ -49,12 +49,12 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     lines
 }
 
-/// A sign in its colour.
+/// Returns a sign in its colour.
 fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
     Span::styled(sign.to_string(), Style::new().fg(screen.theme.colour(rgb)))
 }
 
-/// How something that can be switched on looks.
+/// Returns an overlay's sign, after a space.
 fn sign_of(overlay: Overlay, screen: &Screen) -> Vec<Span<'static>> {
     let theme = &screen.theme;
     let mono = theme.depth == Depth::Mono;

@@ -1,4 +1,4 @@
-//! What happened, latest last.
+//! The log, latest entry last.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -9,7 +9,7 @@ use super::DIM;
 use super::text::{clock, short};
 use crate::tui::screen::Screen;
 
-/// Draws as many entries as have room, wrapped; scrolled back by pages of half the height.
+/// Draws as many entries as fit, wrapped; scrolling moves by half the height.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let width = usize::from(area.width).saturating_sub(2).max(8);
     let mut lines: Vec<Line> = Vec::new();
@@ -28,7 +28,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     frame.render_widget(Paragraph::new(lines.split_off(from)), area);
 }
 
-/// Text broken between words, or within those that are too long.
+/// Wraps text between words, or within words that are too long.
 fn wrapped(text: &str, width: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
@@ -54,7 +54,7 @@ mod tests {
     use super::wrapped;
 
     #[test]
-    fn text_is_broken_between_words_and_long_words_within() {
+    fn text_wraps_between_words_and_within_long_ones() {
         assert_eq!(wrapped("saved a/b at update 12", 10), ["saved a/b", "at update", "12"]);
         assert_eq!(wrapped("abcdefghijkl m", 5), ["abcde", "fghij", "kl m"]);
     }

@@ -17,18 +17,18 @@ use crate::tui::screen::Screen;
 use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
 use crate::view::{Field, Ground, Raster, ShownEdge};
 
-/// Contour lines lie this many steps apart, or a multiple, so that there are not too many.
+/// Contour lines are this many steps apart, or a multiple of it to limit their number.
 const CONTOUR_STEPS: f32 = 10.0;
 const MOST_CONTOURS: f32 = 14.0;
 
-/// Bridge candidates and labels are drawn from so many characters a cell on, and larger ones from the second.
+/// Minimum characters per cell for drawing bridge candidates and labels, and for drawing candidates in sizes.
 const LEAST_SCALE_FOR_BRIDGES: f32 = 0.75;
 const SCALE_FOR_SIZES: f32 = 2.0;
 
-/// Edges that nobody walked yet are drawn up to this length, in spacings of the candidates.
+/// Longest untried edges that are drawn, in spacings of the candidates.
 const UNTRIED_SPACINGS: f32 = 1.5;
 
-/// Errors of this share and more have the strongest colour.
+/// Relative error from which the colour is the strongest.
 pub const STRONGEST_ERROR: f32 = 0.5;
 
 /// Draws the map and everything on it.
@@ -48,16 +48,16 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places,
     cache.0 = Some(base);
 }
 
-/// How far apart contours are on a field whose farthest value is `farthest`, in steps.
+/// Returns the distance between contours, in steps, on a field whose farthest value is `farthest`.
 pub fn contour_interval(farthest: f32) -> f32 {
     (farthest / MOST_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS
 }
 
-/// What of the map can be shown again as it was drawn last.
+/// The part of the map that later frames can reuse.
 #[derive(Default)]
 pub struct Cache(Option<Base>);
 
-/// Map, field and edges alone: they change far more rarely than what moves on them.
+/// Map, field and edges only, which change far less often than what moves on them.
 #[derive(Clone)]
 struct Base {
     place: MapFrame,
@@ -67,9 +67,9 @@ struct Base {
     field: Option<Arc<Vec<f32>>>,
     edges: Arc<Vec<ShownEdge>>,
     canvas: Canvas,
-    /// The same as characters.
+    /// The canvas as characters.
     painted: Buffer,
-    /// A place on each contour and its distance.
+    /// A position on each contour, and the contour's distance.
     labels: Vec<([f32; 2], f32)>,
 }
 
@@ -83,7 +83,7 @@ impl Base {
             labels = colour(&mut canvas, place, field, screen);
         }
         if screen.overlays.has(Overlay::Edges) {
-            // The more telling over the others, and each only once over the ground.
+            // The most informative kind goes on top, and each kind is blended with the ground only once.
             let [confirmed, demoted, untried] = screen.theme.edges;
             let spacing = screen.snapshot.networks.candidates.spacing();
             for (kind, rgb, share, mark) in [
@@ -91,7 +91,7 @@ impl Base {
                 (Standing::Confirmed, confirmed, 0.6, '='),
                 (Standing::Demoted, demoted, 0.9, 'x'),
             ] {
-                // Of those that nobody walked yet only what joins neighbours: all together would hide the map.
+                // Of the untried edges, only those between neighbours: all of them would hide the map.
                 let longest = if kind == Standing::Untried { UNTRIED_SPACINGS * spacing } else { f32::INFINITY };
                 let short = |[a, b]: [[f32; 2]; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) <= longest;
                 let own = screen.view.edges.iter().filter(|(_, standing)| *standing == kind);
@@ -115,12 +115,12 @@ impl Base {
         }
     }
 
-    /// The field that belongs on `raster`, if it has been computed.
+    /// Returns the field for `raster`, if it has been computed.
     fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
         (screen.view.raster == Some(*raster) && screen.view.kind == screen.field).then_some(&screen.view.field)
     }
 
-    /// Whether this is what is to be shown now.
+    /// Returns whether this is still up to date.
     fn shows(&self, place: &MapFrame, screen: &Screen) -> bool {
         let same_field = match (&self.field, Self::field_on(&place.raster, screen)) {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
@@ -133,7 +133,7 @@ impl Base {
     }
 }
 
-/// Walls and floor.
+/// Draws walls and floor.
 fn terrain(canvas: &mut Canvas, raster: &Raster, screen: &Screen) {
     for i in 0..canvas.len() {
         let ground = raster.ground(screen.map(), i % canvas.columns(), i / canvas.columns());
@@ -142,7 +142,7 @@ fn terrain(canvas: &mut Canvas, raster: &Raster, screen: &Screen) {
     }
 }
 
-/// How ground looks of which nothing else is known, with colours and without.
+/// Returns how ground without a known value looks, with colours and without.
 pub fn look_of(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     match ground {
         Ground::Outside => (None, ' '),
@@ -151,7 +151,7 @@ pub fn look_of(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     }
 }
 
-/// The field as colours, with contour lines; a place for the label of each line.
+/// Draws the field as colours, with contour lines; returns a position for each line's label.
 fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], screen: &Screen) -> Vec<([f32; 2], f32)> {
     let (theme, farthest) = (&screen.theme, screen.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
@@ -159,7 +159,7 @@ fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], screen: &Screen)
     let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
     let columns = canvas.columns();
     let goal = canvas.at(place, screen.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
-    // For each line the place nearest to the goal: where it stays longest as the field changes.
+    // Label each line at its point nearest to the goal, which moves least as the field changes.
     let mut labels: Vec<(f32, usize, usize)> = Vec::new();
     for i in 0..canvas.len() {
         if canvas.is_wall(i) || !field[i].is_finite() {
@@ -195,14 +195,14 @@ fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], screen: &Screen)
     labels.into_iter().map(|(level, i, _)| (position(i), level)).collect()
 }
 
-/// What changes from frame to frame, as pixels.
+/// Draws what changes from frame to frame, as pixels.
 fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, screen: &Screen) {
     let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
-    // On a shrunken map they would hide the rest; on a large one they are drawn as signs.
+    // On a map scaled down, candidates would hide the rest; on a large one they are drawn as signs.
     let scale = place.scale();
     if shows(Overlay::Candidates) && (LEAST_SCALE_FOR_BRIDGES..SCALE_FOR_SIZES).contains(&scale) {
         for candidate in screen.view.candidates.iter() {
-            // The better joined, the darker.
+            // The better connected, the darker.
             canvas.faint_dot(place, candidate.at, theme.candidate, 0.25 + 0.5 * candidate.degree);
             if theme.depth == Depth::Mono {
                 canvas.ground_dot(place, candidate.at, theme.candidate, ':');
@@ -244,7 +244,7 @@ fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, screen: &Screen) {
     }
 }
 
-/// Letters and signs.
+/// Draws letters and signs.
 fn draw_signs(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
     let (theme, scale) = (&screen.theme, glyphs.place.scale());
     let shows = |overlay| screen.overlays.has(overlay);
@@ -293,7 +293,7 @@ fn draw_signs(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
     }
 }
 
-/// The arrow nearest to a direction; a dot for standing still.
+/// Returns the arrow nearest to a direction, or a dot for standing still.
 fn arrow([x, y]: [f32; 2]) -> char {
     const ARROWS: [char; 8] =
         ['\u{2192}', '\u{2198}', '\u{2193}', '\u{2199}', '\u{2190}', '\u{2196}', '\u{2191}', '\u{2197}'];
@@ -312,7 +312,7 @@ struct Glyphs<'a> {
 }
 
 impl Glyphs<'_> {
-    /// A letter in a block of its own.
+    /// Draws a letter on its own background.
     fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
         let Some(cell) = self.place.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
         let style = match self.theme.depth {
@@ -322,14 +322,14 @@ impl Glyphs<'_> {
         cell.set_char(letter).set_style(style);
     }
 
-    /// A sign on the ground that is there.
+    /// Draws a sign on the existing background.
     fn sign(&mut self, at: [f32; 2], sign: char, rgb: Option<Rgb>) {
         if let Some(at) = self.place.character_of(at) {
             self.put(at, sign, rgb);
         }
     }
 
-    /// A number on the ground that is there, around a place, unless another is too near.
+    /// Writes a number on the existing background around a position, unless another is too near.
     fn write(&mut self, at: [f32; 2], text: &str, taken: &mut Vec<Rect>) {
         let Some(at) = self.place.character_of(at) else { return };
         let area = self.place.area;
@@ -350,7 +350,7 @@ impl Glyphs<'_> {
             cell.set_char(sign);
             return;
         }
-        // Half blocks keep the colour of their lower half as the ground.
+        // The background of a half block is the colour of its lower half.
         let ground = match cell.bg {
             Color::Rgb(r, g, b) => (r, g, b),
             Color::Indexed(i) => rgb_of_indexed(i),

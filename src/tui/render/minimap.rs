@@ -1,4 +1,4 @@
-//! The whole map in a corner, where only a part of it is shown.
+//! The minimap: the whole map in a corner while only a part of it is shown.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -12,11 +12,11 @@ use crate::tui::raster::{MapFrame, Marker, Viewport};
 use crate::tui::screen::Screen;
 use crate::tui::theme::blend;
 
-/// The most columns and rows of it, and the share of the pane that it may take.
+/// Maximum columns and rows of the minimap, which takes at most 1 / `SHARE` of the pane's width and height.
 const MOST: (u16, u16) = (24, 10);
 const SHARE: u16 = 3;
 
-/// Draws it in the upper right corner of `area`.
+/// Draws the minimap in the upper right corner of `area`.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
     let Some(shown) = places.map.as_ref().filter(|_| screen.viewport.zoom > 1.0) else { return };
     let room = Rect { width: MOST.0.min(area.width / SHARE), height: MOST.1.min(area.height / SHARE), ..area };

@@ -1,4 +1,4 @@
-//! The panel beside the map: the names of its panes, the one that is chosen, and more where there is room.
+//! The panel beside the map: the names of its panes, the selected pane, and more panes if there is room.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -13,18 +13,18 @@ use crate::tui::panes::Pane;
 use crate::tui::places::{Bar, Click, Places};
 use crate::tui::screen::Screen;
 
-/// Rows from which on a second pane has room below the first, and a third.
+/// Minimum rows for two panes below each other, and for three.
 const TWO_PANES: u16 = 30;
 const THREE_PANES: u16 = 48;
 
-/// Columns from which on there are two columns of panes.
+/// Minimum columns for two columns of panes.
 const TWO_COLUMNS: u16 = 70;
 
 /// Draws the panel.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     tabs(frame, head, screen, places);
-    // Those beside and below the chosen one, the most telling first.
+    // The panes beside and below the selected one, the most informative first.
     let mut others = [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
     let chosen = screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
@@ -44,7 +44,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places)
     }
 }
 
-/// The areas of panes one below the other: text takes what it needs, curves and log share the rest.
+/// Returns the areas of panes below each other: text takes what it needs, curves and log share the rest.
 fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
     let height = |pane: &Pane| match lines(*pane, screen) {
         Some(lines) if panes.len() > 1 => Constraint::Length(lines.len() as u16 + 1),
@@ -53,7 +53,7 @@ fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
     Layout::vertical(panes.iter().map(height)).split(area).to_vec()
 }
 
-/// A pane's lines, if it is made of lines.
+/// Returns a pane's lines, if it consists of lines.
 pub fn lines(pane: Pane, screen: &Screen) -> Option<Vec<Line<'static>>> {
     match pane {
         Pane::Training => Some(training::lines(screen)),
@@ -63,7 +63,7 @@ pub fn lines(pane: Pane, screen: &Screen) -> Option<Vec<Line<'static>>> {
     }
 }
 
-/// Gives the chosen pane everything.
+/// Draws the selected pane over the whole area.
 pub fn draw_maximised(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     tabs(frame, head, screen, places);
@@ -97,7 +97,7 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places
     places.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
 }
 
-/// The names of the panes, the chosen one reversed.
+/// Draws the names of the panes, the selected one reversed.
 fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
     let mut bar = Bar::default();
     for pane in Pane::ALL {

@@ -1,20 +1,20 @@
-//! Lines, numbers and times as panes write them.
+//! Formatting of lines, numbers and times in panes.
 
 use ratatui::text::{Line, Span};
 
 use super::{BOLD, DIM};
 
-/// A name and a value.
+/// Formats a name and a value.
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
     Line::from(vec![Span::styled(format!(" {name:<10}"), DIM), Span::raw(value.to_string())])
 }
 
-/// A heading within a pane.
+/// Formats a heading within a pane.
 pub fn heading(text: &str) -> Line<'static> {
     Line::styled(format!(" {text}"), BOLD)
 }
 
-/// A number in at most five characters: 950, 12.3k, 4.56M.
+/// Formats a number in at most five characters: 950, 12.3k, 4.56M.
 pub fn short(value: f64) -> String {
     match value {
         v if v < 1e4 => format!("{v:.0}"),
@@ -23,7 +23,7 @@ pub fn short(value: f64) -> String {
     }
 }
 
-/// Hours, minutes and seconds.
+/// Formats seconds as hours, minutes and seconds.
 pub fn clock(seconds: f64) -> String {
     let whole = seconds as u64;
     format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)

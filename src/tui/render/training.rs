@@ -1,4 +1,4 @@
-//! How training goes: counters, rates, success, and where the time goes.
+//! Training progress: counters, rates, success, and where the time goes.
 
 use ratatui::text::Line;
 
@@ -7,7 +7,7 @@ use crate::learn;
 use crate::train::{DistanceScore, Score};
 use crate::tui::screen::Screen;
 
-/// The pane's lines.
+/// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     let (updates, steps) = snapshot.rates;
@@ -30,7 +30,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     lines
 }
 
-/// Seconds until the run ends, where that is known.
+/// Returns the seconds until the run ends, if known.
 fn left(screen: &Screen) -> Option<f64> {
     let (snapshot, limits) = (&screen.snapshot, &screen.snapshot.limits);
     let updates = limits
@@ -60,7 +60,7 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
     lines
 }
 
-/// One bar for each distance, near to far. The tallest stay apart from those in the line above.
+/// Returns one bar per distance, near to far. Even the tallest bar leaves a gap to the line above.
 fn bars(by_distance: &[DistanceScore]) -> String {
     const BARS: [char; 8] = [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
     by_distance.iter().map(|d| BARS[(d.success * 7.0).round() as usize]).collect()
@@ -82,7 +82,7 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
     ]
 }
 
-/// Where the time goes.
+/// Returns lines on where the time goes.
 fn time(screen: &Screen) -> Vec<Line<'static>> {
     use learn::Stage::{
         ActorGradient, ActorStep, CriticModelGradients, CriticModelSteps, Explore, Graph, Sample, Tape,

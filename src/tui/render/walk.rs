@@ -1,4 +1,4 @@
-//! The agent that is followed: the walking one, or one that explores.
+//! The followed agent: the walking one, or an exploring one.
 
 use ratatui::text::Line;
 
@@ -6,7 +6,7 @@ use super::text::{fact, heading};
 use crate::tui::action::Action;
 use crate::tui::screen::Screen;
 
-/// The pane's lines.
+/// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     match screen.following {
         Some(_) => explorer(screen),

@@ -1,9 +1,9 @@
-//! Every action: reachable by the keyboard alone, listed in the help, and safe to take at any time.
+//! Every action: reachable by keyboard alone, listed in the help, and safe at any time.
 
 use super::*;
 use crate::tui::action::{Action, Binding, When};
 
-/// All help there is, page by page.
+/// Returns the whole help, page by page.
 fn help(app: &mut App) -> String {
     press(app, KeyCode::Char('?'));
     let mut pages = String::new();
@@ -34,7 +34,7 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
     assert!(app.screen.dialogs.is_empty(), "Esc closes it");
 }
 
-/// What changes when things are done.
+/// Describes the state that actions change.
 fn state(app: &App) -> String {
     format!(
         "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
@@ -56,7 +56,7 @@ fn state(app: &App) -> String {
     )
 }
 
-/// Actions that change nothing on this screen at once, or nothing where there is nothing to do it to.
+/// Returns whether an action changes nothing on this screen at once, or has nothing to act on here.
 fn is_quiet(binding: &Binding) -> bool {
     let quiet = [Action::Undo, Action::Redo, Action::Close, Action::ZoomOff, Action::ZoomOut, Action::Scroll(1)];
     let of_others = [Action::StartHere, Action::NewStart, Action::GoalHere, Action::StepUpdate, Action::StepEpisode];
@@ -66,7 +66,7 @@ fn is_quiet(binding: &Binding) -> bool {
 }
 
 #[test]
-fn every_action_is_taken_by_its_keys() {
+fn every_key_triggers_its_action() {
     let folder = tempfile::tempdir().expect("a folder");
     for binding in bindings() {
         for key in binding.keys {
@@ -88,7 +88,7 @@ fn every_action_is_taken_by_its_keys() {
 }
 
 #[test]
-fn every_action_without_a_key_is_found_by_its_name() {
+fn every_action_without_a_key_is_found_by_name() {
     let mut app = app();
     draw(&mut app, 80, 24);
     for binding in bindings().filter(|b| b.keys.is_empty()) {

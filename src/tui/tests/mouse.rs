@@ -1,4 +1,4 @@
-//! What the mouse does beside setting goals: keys in the footer, names, lists, zooming and moving the map.
+//! The mouse, apart from setting goals: keys in the footer, names, lists, zooming and panning.
 
 use super::*;
 use crate::tui::action::Action;
@@ -26,7 +26,7 @@ fn place_of(app: &mut App, (width, height): (u16, u16), text: &str) -> Option<Po
 const SMALL: (u16, u16) = LEAST_SCREEN;
 
 #[test]
-fn every_key_of_the_footer_can_be_clicked_on() {
+fn every_key_in_the_footer_is_clickable() {
     for (short, done) in [
         ("Space pause", (|app: &App| app.screen.pausing) as fn(&App) -> bool),
         ("pause", |app| app.screen.pausing),
@@ -45,7 +45,7 @@ fn every_key_of_the_footer_can_be_clicked_on() {
 }
 
 #[test]
-fn the_header_tells_what_is_run_and_a_click_changes_it() {
+fn the_header_shows_the_run_and_a_click_changes_it() {
     for (text, title) in
         [("gdg-bridge", "go on with method"), ("default", "go on with preset"), ("seed", "begin anew with seed")]
     {
@@ -61,7 +61,7 @@ fn the_header_tells_what_is_run_and_a_click_changes_it() {
 }
 
 #[test]
-fn panes_and_what_the_map_shows_are_switched_by_clicks() {
+fn clicks_switch_panes_and_overlays() {
     let mut app = app();
     click(&mut app, SMALL, "map  log");
     assert_eq!(app.screen.pane, Pane::Legend);
@@ -69,13 +69,13 @@ fn panes_and_what_the_map_shows_are_switched_by_clicks() {
     assert!(app.screen.overlays.has(Overlay::Edges));
     click(&mut app, SMALL, "contours");
     assert!(!app.screen.overlays.has(Overlay::Contours));
-    // Where a second pane stands below, its name brings it up.
+    // With a second pane below, clicking its title selects it.
     click(&mut app, (120, 40), "\u{250c} training");
     assert_eq!(app.screen.pane, Pane::Training);
 }
 
 #[test]
-fn a_pane_with_all_the_room_has_no_map_under_it() {
+fn clicks_on_a_maximised_pane_do_not_reach_the_map() {
     let mut app = app();
     draw(&mut app, 80, 24);
     let goal = app.screen.goal;
@@ -88,7 +88,7 @@ fn a_pane_with_all_the_room_has_no_map_under_it() {
 }
 
 #[test]
-fn the_tools_of_the_editor_are_picked_by_clicks() {
+fn clicks_select_the_editor_tools() {
     let mut app = app();
     click(&mut app, SMALL, "e edit");
     click(&mut app, SMALL, "box");
@@ -100,7 +100,7 @@ fn the_tools_of_the_editor_are_picked_by_clicks() {
 }
 
 #[test]
-fn dialogs_are_answered_and_closed_by_clicks() {
+fn clicks_answer_and_close_dialogs() {
     let mut app = app();
     app.act(Action::Method);
     click(&mut app, SMALL, "Esc: close");
@@ -119,7 +119,7 @@ fn dialogs_are_answered_and_closed_by_clicks() {
     assert_eq!(app.screen.theme.name, ThemeName::Light);
 }
 
-/// A map much wider than its pane, drawn once.
+/// Returns an app on a map much wider than its pane, drawn once.
 fn wide() -> App {
     let map = parse_map("wide", format!("{}\n", ".".repeat(200)).repeat(120).as_bytes()).expect("a map");
     let mut app = app_on(map, gdg());
@@ -127,7 +127,7 @@ fn wide() -> App {
     app
 }
 
-/// Turns the wheel at a place so many times away from the user.
+/// Scrolls up at a position, `times` times.
 fn turn_wheel(app: &mut App, at: Position, times: usize) {
     for _ in 0..times {
         mouse(app, MouseEventKind::ScrollUp, at);
@@ -136,7 +136,7 @@ fn turn_wheel(app: &mut App, at: Position, times: usize) {
 }
 
 #[test]
-fn zooming_keeps_what_is_under_the_mouse_and_the_whole_map_comes_back() {
+fn zooming_keeps_the_place_under_the_mouse_and_can_be_reset() {
     let mut app = wide();
     let cell = Cell::new(150, 90);
     let at = character_of(&app, cell);
@@ -161,7 +161,7 @@ fn zooming_keeps_what_is_under_the_mouse_and_the_whole_map_comes_back() {
 }
 
 #[test]
-fn the_map_is_moved_by_the_middle_button_and_the_small_map() {
+fn the_middle_button_and_the_minimap_pan_the_map() {
     let mut app = wide();
     let middle = Position::new(20, 12);
     turn_wheel(&mut app, middle, 6);

@@ -1,6 +1,6 @@
-//! Screens as they were when somebody last looked at them, with their styles.
+//! Snapshots of reviewed screens, with their styles.
 //!
-//! Everything that is drawn is made up here: what training brings differs from machine to machine.
+//! Everything drawn is made up here, since the results of training differ from machine to machine.
 
 use std::fmt::Write as _;
 
@@ -45,7 +45,7 @@ fn evaluation(at: f64) -> Evaluation {
     }
 }
 
-/// The rooms in the midst of a run of which every number is known, drawn once at that size.
+/// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the given size.
 fn stage(width: u16, height: u16) -> App {
     let mut app = app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
     draw(&mut app, width, height);
@@ -135,7 +135,7 @@ fn stage(width: u16, height: u16) -> App {
     app
 }
 
-/// Characters row by row, and below them each cell's style as a letter that is explained at the end.
+/// Returns the characters row by row, then each cell's style as a letter, with a legend at the end.
 fn picture(terminal: &Terminal<TestBackend>) -> String {
     let buffer = terminal.backend().buffer();
     let width = usize::from(buffer.area.width);
@@ -152,7 +152,7 @@ fn picture(terminal: &Terminal<TestBackend>) -> String {
                 styles.push(style);
                 styles.len() - 1
             });
-            // Colours of the field are many; letters after the alphabet do as well.
+            // The field has many colours, so other characters are used after the alphabet.
             line.push(
                 char::from_u32(0x61 + at as u32)
                     .filter(char::is_ascii_lowercase)
@@ -213,7 +213,7 @@ fn panes() {
 }
 
 #[test]
-fn everything_on_the_map() {
+fn all_overlays() {
     let mut app = stage(120, 40);
     Overlay::ALL.into_iter().filter(|o| !app.screen.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(
         |overlay| {
@@ -240,7 +240,7 @@ fn dialogs() {
 }
 
 #[test]
-fn dialogs_without_a_key_of_their_own() {
+fn dialogs_without_a_key() {
     let actions = [Action::Method, Action::Preset, Action::NewMap, Action::ResizeMap, Action::SaveAs, Action::SaveMap];
     for action in actions.into_iter().chain([Action::Autosave]) {
         let mut app = stage(80, 24);
@@ -296,7 +296,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
             let mut app = stage(80, 24);
             app.screen.following = following;
             let mut snapshot = (*app.screen.snapshot).clone();
-            // Numbers as long as they become in a day of training.
+            // Numbers as long as they get in a day of training.
             Arc::make_mut(&mut snapshot.run).method = method.clone();
             snapshot.seconds = 90_000.0;
             snapshot.rates = (1_234.0, 19_744.0);
@@ -309,7 +309,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
             app.on_snapshot(Arc::new(snapshot));
             for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
                 let lines = pane_lines(pane, &app.screen).expect("lines");
-                // Header, names and title above, footer below; a line at the left.
+                // Header, names and title above, footer below; a border on the left.
                 assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
                 for line in lines {
                     assert!(line.width() <= 29, "{} in {} is cut off", line, pane.name());
@@ -329,7 +329,7 @@ fn the_editor() {
 }
 
 #[test]
-fn what_would_be_missed_is_asked_about_and_saved_at_a_hang_up() {
+fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
     let mut app = stage(80, 24);
     app.act(Action::Quit);
     assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
