@@ -283,27 +283,27 @@ fn fails_in_the_interface(fault: &str, message: &str) {
 
 #[test]
 fn a_panic_in_the_trainer_is_shown_and_the_run_is_saved() {
-    fails_in_the_interface("trainer=panic@800", "something failed inside");
+    fails_in_the_interface("trainer=panic@800", "internal error");
 }
 
 #[test]
 fn a_panic_in_an_update_thread_is_shown_and_the_run_is_saved() {
-    fails_in_the_interface("helper=panic@3000", "something failed inside");
+    fails_in_the_interface("helper=panic@3000", "internal error");
 }
 
 #[test]
 fn a_panic_in_the_graph_builder_is_shown_and_the_run_is_saved() {
-    fails_in_the_interface("graph=panic@1", "something failed inside");
+    fails_in_the_interface("graph=panic@1", "internal error");
 }
 
 #[test]
 fn a_panic_in_the_viewer_is_shown_and_the_run_is_saved() {
-    fails_in_the_interface("viewer=panic@20", "something failed inside");
+    fails_in_the_interface("viewer=panic@20", "internal error");
 }
 
 #[test]
 fn a_panic_in_an_evaluation_is_shown_and_the_run_is_saved() {
-    fails_in_the_interface("evaluation=panic@1", "something failed inside");
+    fails_in_the_interface("evaluation=panic@1", "internal error");
 }
 
 #[test]
@@ -325,9 +325,9 @@ fn the_interface_stays_responsive_while_other_threads_hang() {
         let mut session = Session::start_with(folder.path(), &["trap"], &[(FAULTS, &fault)]);
         session.wait_for("quit");
         session.press("?");
-        session.wait_for("pause training, or go on");
+        session.wait_for("pause or resume training");
         session.press("\x1b");
-        session.wait_until_gone("pause training, or go on");
+        session.wait_until_gone("pause or resume training");
         session.press("q");
         assert_eq!(session.end(), 0, "{thread}");
     }

@@ -17,10 +17,10 @@ fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {
     session.wait_for("training");
     session.wait_for("quit");
     session.press("?");
-    session.wait_for("pause training, or go on");
+    session.wait_for("pause or resume training");
     // An escape immediately followed by other bytes would be a different key.
     session.press("\x1b");
-    session.wait_until_gone("pause training, or go on");
+    session.wait_until_gone("pause or resume training");
     session.press(" ");
     session.wait_for("paused");
     session.press("s");

@@ -85,7 +85,7 @@ impl Grid {
     }
 
     /// Returns the map with some cells changed to free (`true`) or wall (`false`), without the starts and goals that
-    /// walls now cover. Ignores cells outside the map. Returns `None` if no free cell would remain.
+    /// walls now cover. Ignores cells outside the map. Returns `None` if the map would have no free cell.
     #[must_use]
     pub fn with_cells(&self, changes: impl IntoIterator<Item = (Cell, bool)>) -> Option<Self> {
         let mut grid = self.clone();

@@ -125,7 +125,7 @@ pub fn template() -> String {
          # Take the # away from a line to change it.\n\n\
          # Colours: {}.\n# theme = \"{}\"\n\n\
          # What the map is drawn with: {}.\n# marker = \"{}\"\n\n\
-         # Minutes between checkpoints that are saved by themselves; 0 for none.\n# autosave_minutes = {}\n\n\
+         # Minutes between autosaves; 0 for none.\n# autosave_minutes = {}\n\n\
          # Keys of each action: \"a\", \"shift-a\", \"ctrl-a\", \"alt-a\", \"space\", \"enter\", \"left\", \"f1\" ...\n[keys]\n",
         default_path().map_or(String::new(), |path| format!(" Its place: {}", path.display())),
         names(ThemeName::ALL.map(ThemeName::name).to_vec()),

@@ -25,7 +25,7 @@ const FOLDER: &str = "exports";
 #[derive(Debug, thiserror::Error)]
 pub enum ExportError {
     /// The window has no room for what is exported.
-    #[error("there is nothing to be seen: the window is too small")]
+    #[error("nothing to export: the window is too small")]
     Empty,
     /// The file system, or drawing in memory, reports an error.
     #[error(transparent)]

@@ -179,7 +179,7 @@ pub const SETTINGS: [Setting; 54] = [
         Targets,
         "relearn_updates",
         "updates",
-        "a whole number from 0 on",
+        "a whole number, 0 or more",
         "after walls went up: updates during which targets follow behaviour alone",
     ),
     Setting::new(Targets, "loss", "", "squared, sqrt or log", "scale on which a critic's error is measured"),
@@ -256,7 +256,7 @@ pub const SETTINGS: [Setting; 54] = [
         Optimiser,
         "learning_starts",
         "steps",
-        "a whole number from 0 on",
+        "a whole number, 0 or more",
         "environment steps before the first update",
     )
     .formerly("warmup_env_steps"),
@@ -400,7 +400,7 @@ pub const SETTINGS: [Setting; 54] = [
         Planning,
         "ban_steps",
         "steps",
-        "a whole number from 0 on",
+        "a whole number, 0 or more",
         "steps for which a late waypoint is banned",
     ),
     Setting::new(

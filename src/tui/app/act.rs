@@ -105,7 +105,7 @@ impl App {
             Action::Load => self.pick_checkpoint(),
             Action::Autosave => {
                 let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 for never");
-                self.ask(Prompt::new(Question::Autosave, "save by itself every ... minutes", hint, now));
+                self.ask(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
             }
             Action::Export => self.pick(lists::exports()),
             Action::Palette => self.pick(lists::actions(&self.screen.keymap)),
@@ -143,8 +143,8 @@ impl App {
         };
         if self.command(Command::LimitSpeed(speed)) {
             self.notify(&match speed {
-                Some(speed) => format!("at most {speed:.0} updates a second"),
-                None => "as fast as it can".to_owned(),
+                Some(speed) => format!("at most {speed:.0} updates per second"),
+                None => "no speed limit".to_owned(),
             });
         }
     }
@@ -228,8 +228,8 @@ impl App {
 
     fn ask_seed(&mut self) {
         let next = self.screen.run().seed.wrapping_add(1).to_string();
-        let hint = "a whole number: same seed, same run. What was learned so far is lost unless it is saved";
-        self.ask(Prompt::new(Question::Seed, "begin anew with seed", hint, next));
+        let hint = "a whole number: same seed, same run. Unsaved learning is lost";
+        self.ask(Prompt::new(Question::Seed, "restart with seed", hint, next));
     }
 
     pub(super) fn on_key_in_help(&mut self, key: KeyEvent) {

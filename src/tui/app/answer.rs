@@ -32,10 +32,10 @@ pub(super) enum AnswerError {
     #[error("a map has at least one cell, and up to {MAX_CELLS}")]
     NoMapSize,
     /// A size that leaves walls only.
-    #[error("no free cell would remain")]
+    #[error("the map would have no free cell")]
     NoFreeCell,
     /// A text that is not a seed.
-    #[error("a whole number from 0 on")]
+    #[error("a whole number, 0 or more")]
     NoSeed,
     /// A text that is not a number of minutes.
     #[error("a number of minutes, 0 for never")]

@@ -59,7 +59,7 @@ impl App {
         let marks = self.screen.map.starts().len() + self.screen.map.goals().len();
         let text = if movingai { print_movingai(&self.screen.map) } else { print_ascii(&self.screen.map) };
         write_whole(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
-        let lost = if movingai && marks > 0 { " (without starts and goals: that format has none)" } else { "" };
+        let lost = if movingai && marks > 0 { " (without starts and goals, which the format lacks)" } else { "" };
         self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
         Ok(())

@@ -189,7 +189,7 @@ impl App {
             self.notify(&text);
             if self.failures.is_empty() {
                 self.autosave();
-                self.show_trouble("something failed inside the program", &text);
+                self.show_trouble("internal error", &text);
             }
             self.failures.push(failure);
         }
@@ -243,8 +243,7 @@ impl App {
                 }
             }
             None if wanted || missed => {
-                let what =
-                    "the trainer hangs, or ended by an internal error: what came after the last checkpoint is lost";
+                let what = "the trainer hung or crashed: progress since the last checkpoint is lost";
                 saved = Err(miette::miette!(help = logging::hint(), "{what}"));
             }
             _ => {}
@@ -262,7 +261,7 @@ impl App {
             }
         }
         if failed {
-            summary += &format!("\nsomething failed on the way; {}", logging::hint());
+            summary += &format!("\nthere were errors; {}", logging::hint());
         }
         Closed { summary, saved, failed }
     }

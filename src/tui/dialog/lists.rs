@@ -32,14 +32,14 @@ pub fn themes(now: ThemeName) -> Picker {
 /// Lists the methods.
 pub fn methods(now: &Method) -> Picker {
     let item = |named: &NamedMethod| Item::new(named.name, named.about, Choice::Method(named.into()));
-    let title = "go on with method (data and networks are kept)";
+    let title = "continue with method (data and networks are kept)";
     Picker::new(title, METHODS.iter().map(item).collect()).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
 
 /// Lists the presets.
 pub fn presets(now: Preset) -> Picker {
     let items = Preset::ALL.map(|preset| Item::new(preset.name(), preset.about(), Choice::Preset(preset)));
-    let title = "go on with preset (data is kept, networks begin anew)";
+    let title = "continue with preset (data is kept, networks are reset)";
     Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
@@ -92,8 +92,8 @@ pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
 /// Asks how to switch from map `now` to `map`; `fitted` is `map` at the size of `now`.
 pub fn ways_to_turn_to(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
     let mut items = vec![Item::new(
-        "begin a new run on it",
-        "fresh networks; what was learned here is lost unless it is saved",
+        "start a new run on it",
+        "fresh networks; unsaved learning is lost",
         Choice::BeginOn(map.clone()),
     )];
     let (width, height) = (now.width(), now.height());

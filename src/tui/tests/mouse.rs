@@ -47,7 +47,7 @@ fn every_key_in_the_footer_is_clickable() {
 #[test]
 fn the_header_shows_the_run_and_a_click_changes_it() {
     for (text, title) in
-        [("gdg-bridge", "go on with method"), ("default", "go on with preset"), ("seed", "begin anew with seed")]
+        [("gdg-bridge", "continue with method"), ("default", "continue with preset"), ("seed", "restart with seed")]
     {
         let mut app = app();
         click(&mut app, SMALL, text);
