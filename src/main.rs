@@ -7,6 +7,8 @@ use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
 use gdg_tui::cli::{Cli, Command};
+#[cfg(feature = "tui")]
+use gdg_tui::env::Scene;
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{plain_lines, tell};
 use gdg_tui::train::{Registry, print_settings, reference_page};
@@ -79,6 +81,10 @@ fn train(cli: &Cli) -> u8 {
     };
     #[cfg(feature = "tui")]
     if !args.no_ui && std::io::stdout().is_terminal() {
+        if matches!(setup.trainer.world().scene(), Scene::Nothing) {
+            let help = "train it with --no-ui";
+            return fail(miette::miette!(help = help, "the interface cannot draw this world"), BAD_INPUT);
+        }
         return match tui::prepare(args) {
             Ok(prepared) => tui::run(setup, prepared, args).unwrap_or_else(|error| fail(error, FAILED)),
             Err(error) => fail(error, BAD_INPUT),

@@ -13,7 +13,7 @@ use crate::env::{Environment, PointMaze, Restart};
 use crate::files;
 use crate::map::{self, Grid, MapError};
 use crate::report::{of_checkpoint, of_config, of_map};
-use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, Trainer};
+use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 /// A scheduled change of the world.
 pub struct Edit {
@@ -61,8 +61,10 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     } else {
         let run = Run { method: args.method.clone(), preset: args.preset, seed: args.seed, settings: settings(args)? };
         let world = open_world(&args.map, &run, registry)?;
-        train::memory::check(&run, &*world, registry)
-            .map_err(|error| Report::msg(error).wrap_err("there is not enough memory"))?;
+        train::memory::check(&run, &*world, registry).map_err(|error| match error {
+            TrainError::Memory { .. } => Report::msg(error).wrap_err("there is not enough memory"),
+            other => Report::msg(other),
+        })?;
         Loaded { trainer: Trainer::new(run, &*world, registry, threads).into_diagnostic()?, warning: None }
     };
     if let Some(path) = &args.scen {
@@ -179,7 +181,7 @@ pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
 }
 
 fn taken(path: &Path) -> Report {
-    miette!(help = "give another name, or --overwrite", "{}: there is such a file", path.display())
+    miette!(help = "give another name, or --overwrite", "{}: the file exists already", path.display())
 }
 
 /// Saves a run that cannot be saved to `path` elsewhere: to `saves/`, or to the user's state folder.

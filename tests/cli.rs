@@ -149,7 +149,7 @@ fn ablate_checks_its_json_path_before_training() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("there.json"), "mine").unwrap();
     for (json, more, expected) in [
-        ("there.json", None, "there.json: there is such a file"),
+        ("there.json", None, "there.json: the file exists already"),
         ("no/such.json", None, "no/such.json: cannot be written"),
         (".", Some("--overwrite"), ".: cannot be written"),
     ] {
@@ -267,6 +267,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read"]),
         (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
         (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
+        (&["--no-ui", "--method", "my-own+none"], &["no learner \"my-own\"", "gdg, random"]),
         (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "whole number from 1"]),
         (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "squared, sqrt or log"]),
         (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
@@ -392,7 +393,7 @@ fn frames_writes_only_what_was_asked_for() {
     assert_eq!(frames(cast, &["--at", "1,3.5"]).0, Some(0));
     let (status, error) = frames(cast, &["--at", "0,1"]);
     assert_eq!(status, Some(2));
-    assert!(error.contains("run-1.png: there is such a file") && error.contains("--overwrite"), "{error}");
+    assert!(error.contains("run-1.png: the file exists already") && error.contains("--overwrite"), "{error}");
     assert!(!folder.path().join("run-0.png").exists());
     assert_eq!(frames(cast, &["--at", "0,1", "--overwrite"]).0, Some(0));
 }

@@ -154,7 +154,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     assert!(told.lines().all(|file| folder.path().join(file).is_file()), "{told}");
     // Another run replaces it only with --overwrite.
     let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
-    again.wait_for("run.cast: there is such a file");
+    again.wait_for("run.cast: the file exists already");
     assert_eq!(again.child.wait().unwrap().exit_code(), 2);
     assert!(!again.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"), "the terminal is left alone");
     assert_eq!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);

@@ -525,7 +525,7 @@ fn writing_a_map_asks_before_replacing_a_file() {
     type_text(&mut app, &file.to_string_lossy());
     press(&mut app, KeyCode::Enter);
     let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("there is such a file"), "{shown}");
+    assert!(shown.contains("the file exists: Enter again"), "{shown}");
     assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
     press(&mut app, KeyCode::Enter);
     assert!(app.screen.dialogs.is_empty());

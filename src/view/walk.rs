@@ -41,7 +41,7 @@ impl Tour {
     /// Returns its name on the screen.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Again => "set out again",
+            Self::Again => "start again",
             Self::Visit => "visit others",
             Self::Stay => "stay there",
         }

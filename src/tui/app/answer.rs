@@ -17,16 +17,16 @@ pub(super) enum AnswerError {
     #[error("{EXISTS}")]
     Exists,
     /// An empty name of a checkpoint.
-    #[error("a name, as rooms-at-95-percent")]
+    #[error("a name, e.g. rooms-at-95-percent")]
     NoName,
     /// An empty name of a map file.
-    #[error("a file name, as rooms.txt or rooms.map")]
+    #[error("a file name, e.g. rooms.txt or rooms.map")]
     NoFileName,
     /// A file that cannot be written.
     #[error("{0} cannot be written: {1}")]
     Unwritable(String, std::io::Error),
     /// A text that is not two numbers.
-    #[error("two numbers, as 40 x 30")]
+    #[error("two numbers, e.g. 40 x 30")]
     NoSize,
     /// A size that no map can have.
     #[error("a map has at least one cell, and up to {MAX_CELLS}")]
@@ -138,7 +138,7 @@ impl App {
     pub(super) fn ask_size(&mut self, question: Question) {
         let title = if question == Question::NewMap { "an empty map of size" } else { "the map's new size" };
         let now = format!("{} x {}", self.screen.map.width(), self.screen.map.height());
-        self.ask(Prompt::new(question, title, "columns x rows, as 40 x 30", now));
+        self.ask(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
     }
 
     /// Carries out an answer, or returns what is wrong with it.
@@ -182,7 +182,7 @@ impl App {
 }
 
 /// The warning shown before a file is replaced.
-const EXISTS: &str = "there is such a file: Enter again replaces it";
+const EXISTS: &str = "the file exists: Enter again replaces it";
 
 /// Checks that an answer does not name an existing file.
 fn replaces_nothing(question: &Question, typed: &str) -> Result<(), AnswerError> {

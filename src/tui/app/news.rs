@@ -33,7 +33,7 @@ impl App {
         }
         if before.phase.trains() && self.screen.snapshot.phase == Phase::Done {
             self.notify(&format!(
-                "done: a limit is reached; {} goes on without it",
+                "done: limit reached; {} continues without it",
                 self.screen.keymap.key_of(Action::TogglePause)
             ));
         }

@@ -54,7 +54,7 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, places: &mut 
     });
     let mut lines: Vec<Line> = lines.collect();
     if lines.is_empty() {
-        lines.push(Line::styled(" nothing fits", DIM));
+        lines.push(Line::styled(" no match", DIM));
     }
     frame.render_widget(Paragraph::new(lines), rows);
     if let (Some(item), false) = (items.get(selected), below.is_empty()) {
@@ -93,7 +93,7 @@ fn draw_box(frame: &mut Frame, place: Rect, title: &str, places: &mut Places) ->
     frame.render_widget(Clear, place);
     frame.render_widget(block, place);
     let mut bar = Bar::default();
-    bar.push(Span::raw(" Enter: take "), Click::Answer);
+    bar.push(Span::raw(" Enter: accept "), Click::Answer);
     bar.push(Span::raw("  Esc: close "), Click::Close);
     let width = (bar.width() as u16).min(inner.width);
     bar.draw(frame, Rect { y: place.bottom().saturating_sub(1), width, height: 1, ..inner }, places);

@@ -16,7 +16,7 @@ pub const FIRST_OVERLAY: usize = 2;
 
 /// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
-    let mut lines = vec![info::scale(screen, 5), heading("switched by key or click")];
+    let mut lines = vec![info::scale(screen, 5), heading("toggle by key or click")];
     for overlay in Overlay::ALL {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
         let shown = screen.overlays.has(overlay);
@@ -30,7 +30,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let theme = &screen.theme;
     for (sign, rgb, meaning) in [
         ('G', theme.goal, "goal"),
-        ('S', theme.walker, "where @ set out"),
+        ('S', theme.walker, "where @ started"),
         ('@', theme.walker, "walks to G"),
         ('s', theme.cursor, "g: the map's own"),
     ] {

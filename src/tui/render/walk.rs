@@ -43,7 +43,7 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
     let key = |action| screen.keymap.key_of(action);
     lines.push(Line::from(format!(" {} or click: a goal", key(Action::NewGoal))));
     lines.push(Line::from(format!(" {} or right-click: a start", key(Action::NewStart))));
-    lines.push(Line::from(format!(" {}: follow who explores", key(Action::Follow))));
+    lines.push(Line::from(format!(" {}: follow an explorer", key(Action::Follow))));
     lines
 }
 

@@ -111,7 +111,7 @@ fn clicks_answer_and_close_dialogs() {
     assert!(!app.screen.editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
     type_text(&mut app, "7");
-    click(&mut app, SMALL, "Enter: take");
+    click(&mut app, SMALL, "Enter: accept");
     assert!(app.screen.dialogs.is_empty());
     assert_eq!(app.autosave_minutes, 7.0);
     app.act(Action::Theme);
