@@ -62,11 +62,25 @@ impl StoreError {
     }
 }
 
+/// Ties each type of number to its variant: how arrays are made, and how a store returns them.
 macro_rules! array_types {
-    ($($variant:ident $number:ty),*) => {
+    ($($variant:ident $number:ident),*) => {
         $(impl From<Vec<$number>> for Array {
             fn from(numbers: Vec<$number>) -> Self {
                 Self::$variant(numbers)
+            }
+        }
+
+        impl Store {
+            #[doc = concat!("Returns the array `name` of `", stringify!($number), "` numbers.")]
+            ///
+            /// # Errors
+            /// Fails if it is missing or of another type.
+            pub fn $number(&self, name: &str) -> Result<&[$number], StoreError> {
+                match self.array(name)? {
+                    Array::$variant(numbers) => Ok(numbers),
+                    _ => Err(StoreError::Type { name: name.to_owned(), expected: stringify!($variant) }),
+                }
             }
         })*
     };
@@ -126,50 +140,6 @@ impl Store {
 
     fn array(&self, name: &str) -> Result<&Array, StoreError> {
         self.arrays.get(name).ok_or_else(|| StoreError::Missing(name.to_owned()))
-    }
-
-    /// Returns the array `name` of single-precision numbers.
-    ///
-    /// # Errors
-    /// Fails if it is missing or of another type.
-    pub fn f32(&self, name: &str) -> Result<&[f32], StoreError> {
-        match self.array(name)? {
-            Array::F32(numbers) => Ok(numbers),
-            _ => Err(StoreError::Type { name: name.to_owned(), expected: "F32" }),
-        }
-    }
-
-    /// Returns the array `name` of 16-bit counts.
-    ///
-    /// # Errors
-    /// Fails if it is missing or of another type.
-    pub fn u16(&self, name: &str) -> Result<&[u16], StoreError> {
-        match self.array(name)? {
-            Array::U16(numbers) => Ok(numbers),
-            _ => Err(StoreError::Type { name: name.to_owned(), expected: "U16" }),
-        }
-    }
-
-    /// Returns the array `name` of 32-bit counts.
-    ///
-    /// # Errors
-    /// Fails if it is missing or of another type.
-    pub fn u32(&self, name: &str) -> Result<&[u32], StoreError> {
-        match self.array(name)? {
-            Array::U32(numbers) => Ok(numbers),
-            _ => Err(StoreError::Type { name: name.to_owned(), expected: "U32" }),
-        }
-    }
-
-    /// Returns the array `name` of 64-bit counts.
-    ///
-    /// # Errors
-    /// Fails if it is missing or of another type.
-    pub fn u64(&self, name: &str) -> Result<&[u64], StoreError> {
-        match self.array(name)? {
-            Array::U64(numbers) => Ok(numbers),
-            _ => Err(StoreError::Type { name: name.to_owned(), expected: "U64" }),
-        }
     }
 
     /// Returns the text called `name`.

@@ -23,7 +23,7 @@ pub use checkpoint::{
 pub use config::{
     ConfigError, Overrides, list_settings, print_settings, settings_from, settings_from_text, with_setting,
 };
-pub use engine::{Command, Engine, Followed, Networks, Phase, Snapshot, Step};
+pub use engine::{Command, Engine, Followed, MakeWorld, Networks, Phase, Snapshot, Step};
 pub use error::TrainError;
 pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, Journey, MarkedTask};
 pub use history::{History, LogEntry, LossPoint, MOST_ENTRIES};

@@ -8,7 +8,8 @@ use std::sync::Arc;
 
 use gdg_tui::env::{EnvSettings, Environment, PointMaze};
 use gdg_tui::map::{
-    self, BUILTIN, Cell, Grid, Kind, StepSearch, UNREACHABLE, parse_map, print_ascii, print_movingai, random,
+    self, BUILTIN, Cell, Grid, Kind, ScenarioTask, StepSearch, UNREACHABLE, parse_map, print_ascii, print_movingai,
+    random,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -363,6 +364,19 @@ fn a_printed_map_and_a_scenario_on_it_are_read() {
     let tasks = map::parse_scenario_bytes("city.scen", scenario.as_bytes(), &read).unwrap();
     assert_eq!(tasks.len(), cells.len());
     assert!(tasks.iter().zip(&cells).all(|(task, cell)| task.start == *cell && task.optimal_octile == 12.5));
+}
+
+#[test]
+fn a_scenario_stays_on_an_edited_map_and_not_on_one_of_another_size() {
+    let map = |text: &str| Arc::new(parse_map("map", text.as_bytes()).unwrap());
+    let mut maze = PointMaze::new(map("....\n....\n"), 0);
+    let task = ScenarioTask { start: Cell::new(0, 0), goal: Cell::new(3, 1), optimal_octile: 3.4 };
+    maze.set_scenario(vec![task]);
+    let tasks = |maze: &PointMaze| maze.tasks(1, &mut ChaCha8Rng::seed_from_u64(1)).tasks;
+    assert_eq!(tasks(&maze).len(), 1);
+    let edited = tasks(&maze.on_map(map("....\n.#..\n")));
+    assert_eq!((edited.len(), &edited[0].goal), (1, &vec![3.5, 1.5]));
+    assert!(tasks(&maze.on_map(map("...\n"))).iter().all(|task| task.goal != edited[0].goal));
 }
 
 #[test]

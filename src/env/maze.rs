@@ -121,10 +121,17 @@ impl PointMaze {
         self.scenario = tasks.into();
     }
 
-    /// Returns a replacement for this maze on another map, with the same settings and scenario and without agents.
+    /// Returns a replacement for this maze on another map, with the same settings and without agents; the scenario is
+    /// kept if the map has the same size.
     #[must_use]
     pub fn on_map(&self, map: Arc<Grid>) -> Self {
-        Self { scenario: self.scenario.clone(), settings: self.settings, ..Self::new(map, 0) }
+        let new = Self { settings: self.settings, ..Self::new(map, 0) };
+        if new.size() == self.size() { Self { scenario: self.scenario.clone(), ..new } } else { new }
+    }
+
+    /// Returns the map's columns and rows.
+    fn size(&self) -> (usize, usize) {
+        (self.map.width(), self.map.height())
     }
 
     /// Returns the map that the agents move on.
@@ -333,9 +340,8 @@ impl Environment for PointMaze {
     fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError> {
         let other = EnvError::OtherKind { run: before.kind(), other: NAME };
         let before = Self::of(before).ok_or(other)?;
-        let size = |maze: &Self| (maze.map.width(), maze.map.height());
-        if size(self) != size(before) {
-            return Err(EnvError::OtherSize { map: size(self), run: size(before) });
+        if self.size() != before.size() {
+            return Err(EnvError::OtherSize { map: self.size(), run: before.size() });
         }
         let cells = || self.map.free().iter().zip(before.map.free());
         let changed = |to: bool| cells().filter(|(new, old)| new != old && **new == to).count();

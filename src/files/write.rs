@@ -115,7 +115,7 @@ impl Target {
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let file = builder.tempfile_in(&self.folder)?;
-        // The lock tells other processes that the file is being written; without lock support they go by its age.
+        // The lock marks the file as being written; without lock support, other processes judge by its age.
         let _ = file.as_file().try_lock();
         if let Some(there) = &self.there {
             file.as_file().set_permissions(there.permissions())?;

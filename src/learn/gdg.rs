@@ -297,9 +297,7 @@ impl Learner for Gdg {
 
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
-        let mut batch = std::mem::take(&mut self.batch);
-        self.sampler.sample(data.replay, data.relearning, data.rng, &mut batch);
-        self.batch = batch;
+        self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
         self.distil(data.known.as_ref(), data.rng);
         profile.lap(Stage::Sample, began);
         let batch = std::mem::take(&mut self.batch);

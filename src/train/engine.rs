@@ -18,7 +18,7 @@ use super::evaluate::Evaluation;
 use super::run::{Counters, Limits, Tick};
 use super::trainer::Trainer;
 use crate::learn::{Policy, Scratch};
-pub use command::Command;
+pub use command::{Command, MakeWorld};
 pub use snapshot::{Followed, Networks, Phase, Snapshot, Step};
 
 /// Interval between snapshots while training.

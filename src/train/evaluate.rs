@@ -8,7 +8,7 @@ use serde::{Deserialize, Serialize};
 
 use super::run::Run;
 use super::score::{DistanceScore, Score, Success, spearman};
-use crate::bridge::{BridgeGraph, Candidates, LINKS, Walker};
+use crate::bridge::{BridgeGraph, Candidates, Edge, LINKS, Walker};
 use crate::env::{Environment, NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
 use crate::learn::{Acting, Policy, Scratch};
 
@@ -299,12 +299,12 @@ fn longest_true(distance: f32) -> f32 {
 /// Counts candidates, edges and, by true distance, false edges.
 fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn Truth + '_)>) -> BridgeFacts {
     let false_edges = truth.map(|truth| {
-        let of_candidate = |edges: &[crate::bridge::Edge]| {
+        let of_candidate = |edges: &[Edge]| {
             let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
             let longest = edges.iter().map(|e| longest_true(e.distance)).fold(0.0, f32::max);
             // No agent can stand where an edit has put a wall.
             let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32) else { return 0 };
-            let is_false = |(steps, edge): (Option<u32>, &crate::bridge::Edge)| {
+            let is_false = |(steps, edge): (Option<u32>, &Edge)| {
                 steps.is_none_or(|steps| steps as f32 > longest_true(edge.distance))
             };
             steps.into_iter().zip(edges).filter(|pair| is_false(*pair)).count()

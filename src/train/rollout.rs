@@ -255,14 +255,21 @@ impl Rollout {
     /// Moves all agents at their current states to another environment of the same kind, ending their episodes and
     /// starting new ones.
     pub fn enter(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
-        let s = env.spec().state_dim();
+        self.end_episodes(replay);
         let before = std::mem::replace(&mut self.env, env);
-        for (i, state) in before.states().chunks_exact(s).enumerate() {
-            if self.agents[i].steps > 0 {
-                replay.end_episode(i, state);
-            }
+        for i in 0..self.agents.len() {
             self.env.place(i, &before.whole(i));
             self.begin_afresh(i);
+        }
+    }
+
+    /// Ends the episodes under way in the replay buffer, for agents that do not continue them.
+    pub fn end_episodes(&self, replay: &mut Replay) {
+        let states = self.env.states().chunks_exact(self.env.spec().state_dim());
+        for (i, (state, agent)) in states.zip(&self.agents).enumerate() {
+            if agent.steps > 0 {
+                replay.end_episode(i, state);
+            }
         }
     }
 

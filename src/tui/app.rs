@@ -26,7 +26,7 @@ use super::screen::Screen;
 use crate::env::PointMaze;
 use crate::faults::Failure;
 use crate::map::{Cell, Grid};
-use crate::train::{Command, Engine, Snapshot};
+use crate::train::{Command, Engine, MakeWorld, Snapshot};
 use crate::view::{Field, Request, View, Viewer};
 pub use saving::Files;
 use saving::Saving;
@@ -201,8 +201,7 @@ impl App {
     /// Switches to `map`, if given.
     fn change_map(&mut self, map: Option<Arc<Grid>>) {
         let Some(map) = map else { return };
-        let world = PointMaze::new(map.clone(), 0);
-        if !self.command(Command::ChangeWorld(Box::new(world))) {
+        if !self.command(Command::ChangeWorld(maze_on(map.clone()))) {
             return;
         }
         self.screen.map = map;
@@ -232,4 +231,12 @@ impl App {
             None => places.map = before.map,
         }
     }
+}
+
+/// Makes the maze on `map` that takes the place of the run's: with its settings and scenario.
+fn maze_on(map: Arc<Grid>) -> MakeWorld {
+    Box::new(|world| match PointMaze::of(world) {
+        Some(maze) => Box::new(maze.on_map(map)),
+        None => Box::new(PointMaze::new(map, 0)),
+    })
 }

@@ -18,6 +18,9 @@ use crate::train::trainer::Trainer;
 /// Number of autosaved checkpoints to keep.
 const AUTOSAVES_KEPT: usize = 3;
 
+/// Makes a world from the run's: on the trainer's thread, as preparing a large map takes a while.
+pub type MakeWorld = Box<dyn FnOnce(&dyn Environment) -> Box<dyn Environment> + Send>;
+
 /// A command from a front end.
 pub enum Command {
     /// Pause training until it is resumed.
@@ -35,11 +38,11 @@ pub enum Command {
     /// Save a checkpoint to a separate file named after this one; only the newest few are kept.
     Autosave(PathBuf, Vec<LogEntry>),
     /// Continue in an edited world.
-    ChangeWorld(Box<dyn Environment>),
+    ChangeWorld(MakeWorld),
     /// Continue with other settings, method or preset; keeps the data and, where they fit, the networks.
     Change(Box<Run>),
     /// Start a new run, possibly in another world.
-    Begin(Box<Run>, Box<dyn Environment>),
+    Begin(Box<Run>, MakeWorld),
     /// Load a checkpoint and continue its run.
     Load(PathBuf),
 }
@@ -189,9 +192,9 @@ impl Worker {
             }
             Command::Save(to, log) => self.save(to, log).map(Some),
             Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
-            Command::ChangeWorld(world) => self.change_world(&*world).map(Some),
+            Command::ChangeWorld(make) => self.change_world(&*make(self.trainer.world())).map(Some),
             Command::Change(run) => self.change(*run).map(Some),
-            Command::Begin(run, world) => self.begin(*run, &*world).map(Some),
+            Command::Begin(run, make) => self.begin(*run, &*make(self.trainer.world())).map(Some),
             Command::Load(path) => self.load(path).map(Some),
         };
         match told {

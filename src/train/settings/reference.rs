@@ -2,6 +2,8 @@
 //! `--print-config` and the reference page use it.
 
 use super::{Effect, Settings};
+use crate::train::config::list_settings;
+use crate::train::method::Preset;
 
 /// A group of related settings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -418,20 +420,16 @@ pub fn reference_page() -> String {
                     `--print-config` prints it), any of them during a run with `o`. Former names still work. This page \
                     is printed by `gdg-tui settings`.\n"
         .to_owned();
-    let values = |settings: &Settings| super::super::config::list_settings(settings);
-    let (default, paper) = (values(&Settings::default()), values(&super::super::Preset::Paper.settings()));
-    let value = |list: &[(String, String)], name: &str| {
-        list.iter().find(|(known, _)| known == name).map(|(_, value)| value.clone()).unwrap_or_default()
-    };
+    let values = list_settings(&Settings::default()).into_iter().zip(list_settings(&Preset::Paper.settings()));
+    let rows: Vec<_> = SETTINGS.iter().zip(values).collect();
     for group in Group::ALL {
         page += &format!(
             "\n## {}\n\n| setting | default | paper | unit | values | what it does | a change |\n|---|---|---|---|---|---|---|\n",
             group.name()
         );
-        for setting in SETTINGS.iter().filter(|setting| setting.group == group) {
+        for (setting, ((_, default), (_, paper))) in rows.iter().filter(|(setting, _)| setting.group == group) {
             let Setting { name, about, unit, range, effect, former, .. } = setting;
             let former = former.map_or(String::new(), |former| format!(" (was `{former}`)"));
-            let (default, paper) = (value(&default, name), value(&paper, name));
             let effect = effect.about();
             page += &format!("| `{name}`{former} | {default} | {paper} | {unit} | {range} | {about} | {effect} |\n");
         }
@@ -442,7 +440,7 @@ pub fn reference_page() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::{Preset, list_settings, with_setting};
+    use crate::train::with_setting;
 
     #[test]
     fn every_setting_has_an_entry_and_every_entry_a_setting() {

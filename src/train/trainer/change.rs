@@ -12,7 +12,7 @@ use crate::train::config::list_settings;
 use crate::train::graphs::Graphs;
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
-use crate::train::settings::reference::Setting;
+use crate::train::settings::reference::SETTINGS;
 use crate::train::settings::{Effect, Settings};
 
 /// Result of a change of the world.
@@ -99,7 +99,7 @@ impl Trainer {
         if agents {
             self.rollout.env_mut().configure(&now.train.env());
         } else {
-            self.begin_afresh(same_replay);
+            self.restart_agents(same_replay);
         }
         if !agents || candidates_of(&self.run.settings) != candidates_of(&before.settings) {
             self.find_candidates_again();
@@ -108,12 +108,10 @@ impl Trainer {
     }
 
     /// Restarts the agents in the same world; keeps the replay buffer, reshaped if necessary.
-    fn begin_afresh(&mut self, same_replay: bool) {
-        // Ends all episodes.
-        let same = self.world().fork(self.world().agents());
+    fn restart_agents(&mut self, same_replay: bool) {
         let mut statistics = Store::default();
         self.world().save(&mut statistics);
-        self.rollout.enter(same, &mut self.replay);
+        self.rollout.end_episodes(&mut self.replay);
         if !same_replay {
             let mut replay = replay_of(&self.run, self.spec());
             self.replay.copy_episodes_into(&mut replay);
@@ -141,9 +139,8 @@ impl Trainer {
 /// Whether the networks can be kept after a change of settings. Matching shapes are not enough: with another scale of
 /// D, the same parameters mean something else.
 fn keeps_networks(before: &Settings, now: &Settings) -> bool {
-    let mut settings = list_settings(now).into_iter().zip(list_settings(before));
-    let of_networks = |name: &str| Setting::named(name).is_some_and(|setting| setting.effect == Effect::NewNetworks);
-    settings.all(|(now, before)| !of_networks(&now.0) || now == before)
+    let values = list_settings(now).into_iter().zip(list_settings(before));
+    SETTINGS.iter().zip(values).all(|(s, (now, before))| s.effect != Effect::NewNetworks || now == before)
 }
 
 /// Returns the settings that bridge candidates depend on.

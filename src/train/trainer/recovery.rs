@@ -104,8 +104,15 @@ impl Trainer {
 
     /// Rolls back to the last good networks with smaller learning rates; keeps replay buffer and agents.
     pub(super) fn go_back(&mut self) -> Result<()> {
+        let gives_up = self.counters.recoveries >= MOST_RECOVERIES;
+        if !gives_up {
+            self.counters.recoveries += 1;
+            let learn = &mut self.run.settings.learn;
+            learn.learning_rate *= SLOWER;
+            learn.grid_learning_rate *= SLOWER;
+        }
         self.restore_last_good()?;
-        if self.counters.recoveries >= MOST_RECOVERIES {
+        if gives_up {
             return Err(TrainError::Diverged {
                 updates: self.counters.updates,
                 times: MOST_RECOVERIES,
@@ -113,11 +120,6 @@ impl Trainer {
                 back_to: self.last_good.updates,
             });
         }
-        self.counters.recoveries += 1;
-        let learn = &mut self.run.settings.learn;
-        learn.learning_rate *= SLOWER;
-        learn.grid_learning_rate *= SLOWER;
-        self.take_last_good()?;
         let recovery = Recovery {
             updates: self.counters.updates,
             back_to: self.last_good.updates,
@@ -129,20 +131,15 @@ impl Trainer {
         Ok(())
     }
 
+    /// Replaces the learner by one with the current settings and the last good networks.
     fn restore_last_good(&mut self) -> Result<()> {
-        self.take_last_good()?;
+        let mut learner = learner_of(&self.run, self.spec(), &self.registry, self.threads)?;
+        learner.load(&self.last_good.learner)?;
+        self.learner = learner;
         self.counters.losses = self.last_good.losses;
         // Graphs and plans may come from networks that had already diverged.
         self.graphs = Graphs::default();
         self.rollout.drop_plans();
-        Ok(())
-    }
-
-    /// Replaces the learner by one with the current settings and the last good networks.
-    fn take_last_good(&mut self) -> Result<()> {
-        let mut learner = learner_of(&self.run, self.spec(), &self.registry, self.threads)?;
-        learner.load(&self.last_good.learner)?;
-        self.learner = learner;
         Ok(())
     }
 

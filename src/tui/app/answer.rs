@@ -3,9 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use super::App;
 use super::files::checkpoint_file;
-use crate::env::PointMaze;
+use super::{App, maze_on};
 use crate::map::{Grid, MAX_CELLS};
 use crate::train::{Command, ConfigError, Run, Setting, list_settings, with_setting};
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
@@ -111,7 +110,7 @@ impl App {
 
     fn begin_on(&mut self, map: Arc<Grid>) {
         let run = self.screen.run().clone();
-        self.command(Command::Begin(Box::new(run), Box::new(PointMaze::new(map, 0))));
+        self.command(Command::Begin(Box::new(run), maze_on(map)));
     }
 
     /// Asks the user how to switch to another map.
@@ -168,8 +167,7 @@ impl App {
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;
                 let run = Run { seed, ..self.screen.run().clone() };
-                let world = PointMaze::new(self.screen.map.clone(), 0);
-                self.command(Command::Begin(Box::new(run), Box::new(world)));
+                self.command(Command::Begin(Box::new(run), maze_on(self.screen.map.clone())));
             }
             Question::Autosave => {
                 let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));

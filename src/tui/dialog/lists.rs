@@ -9,7 +9,7 @@ use jiff::tz::TimeZone;
 use super::{Choice, Item, Picker};
 use crate::map::{BUILTIN, Grid};
 use crate::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Setting, Settings, list_settings,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, Settings, list_settings,
 };
 use crate::tui::action::{Action, Binding, bindings};
 use crate::tui::keymap::Keymap;
@@ -45,14 +45,12 @@ pub fn presets(now: Preset) -> Picker {
 
 /// Lists the settings by group: their values, what they do, and what changing them costs.
 pub fn settings(settings: &Settings) -> Picker {
-    let defaults = list_settings(&Settings::default());
-    let items = list_settings(settings).into_iter().zip(defaults).map(|((name, value), (_, default))| {
-        let detail = Setting::named(&name).map_or(String::new(), |setting| {
-            let Setting { group, about, unit, range, effect, .. } = setting;
-            let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-            let changed = if value == default { String::new() } else { format!(" (default {default})") };
-            format!("{value}{unit}{changed}  {about}; {range}; {}; {}", effect.about(), group.name())
-        });
+    let values = list_settings(settings).into_iter().zip(list_settings(&Settings::default()));
+    let items = SETTINGS.iter().zip(values).map(|(setting, ((name, value), (_, default)))| {
+        let Setting { group, about, unit, range, effect, .. } = setting;
+        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+        let changed = if value == default { String::new() } else { format!(" (default {default})") };
+        let detail = format!("{value}{unit}{changed}  {about}; {range}; {}; {}", effect.about(), group.name());
         Item::new(name.clone(), detail, Choice::Setting(name))
     });
     Picker::new("change a setting", items.collect())

@@ -147,7 +147,7 @@ fn window(screen: &Screen) -> [f64; 2] {
     }
 }
 
-/// Returns the sign that tells a line apart without colours.
+/// Returns the symbol that distinguishes a line without colours.
 fn sign(i: usize) -> char {
     ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
 }
