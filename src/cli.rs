@@ -8,7 +8,7 @@ use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
 use crate::bridge::Planner;
 use crate::learn::LEARNERS;
-use crate::map::Kind;
+use crate::map::{Kind, RANDOM_SIZES};
 use crate::train::{Limits, METHODS, Method, Preset};
 
 const EXAMPLES: &str = "\
@@ -43,6 +43,9 @@ pub enum Command {
         /// Print a random map of this kind as plain ASCII
         #[arg(long, value_name = "KIND", value_enum)]
         random: Option<KindArg>,
+        /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for perfect]
+        #[arg(long, value_name = "N", requires = "random", value_parser = sides())]
+        size: Option<u16>,
         /// Seed of the random map: same seed, same map
         #[arg(long, default_value_t = 0, requires = "random")]
         seed: u64,
@@ -268,6 +271,12 @@ pub enum KindArg {
     Maze,
     /// Streets between blocks, about a third of them closed
     City,
+    /// A perfect maze: corridors and walls one cell wide, one path between any two cells
+    Perfect,
+}
+
+fn sides() -> clap::builder::RangedI64ValueParser<u16> {
+    clap::value_parser!(u16).range(*RANDOM_SIZES.start() as i64..=*RANDOM_SIZES.end() as i64)
 }
 
 impl From<KindArg> for Kind {
@@ -275,6 +284,7 @@ impl From<KindArg> for Kind {
         match arg {
             KindArg::Maze => Self::Maze,
             KindArg::City => Self::City,
+            KindArg::Perfect => Self::Perfect,
         }
     }
 }

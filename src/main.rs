@@ -31,7 +31,10 @@ fn main() -> ExitCode {
     };
     let status = match &cli.command {
         Some(Command::Maps { random: None, .. }) => print(&facts::list()),
-        Some(Command::Maps { random: Some(kind), seed }) => print(&print_ascii(&random((*kind).into(), *seed))),
+        Some(Command::Maps { random: Some(kind), size, seed }) => {
+            let size = size.map(usize::from);
+            print(&print_ascii(&random((*kind).into(), size, *seed)))
+        }
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Ablate(args)) => printed(ablate::run(args), BAD_INPUT),
         #[cfg(feature = "tui")]

@@ -352,7 +352,7 @@ fn shared(file: &str) -> Option<PathBuf> {
 
 #[test]
 fn a_printed_map_and_a_scenario_on_it_are_read() {
-    let grid = map::random(Kind::City, 3);
+    let grid = map::random(Kind::City, None, 3);
     let read = parse_map("city.map", map::print_movingai(&grid).as_bytes()).unwrap();
     assert_eq!(read.free(), grid.free());
     let cells: Vec<Cell> = grid.free_cells().step_by(97).collect();
@@ -412,14 +412,30 @@ fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
     for (kind, side) in [(Kind::Maze, 44), (Kind::City, 101)] {
         let mut shares = Vec::new();
         for seed in 0..20 {
-            let grid = random(kind, seed);
+            let grid = random(kind, None, seed);
             assert_eq!((grid.width(), grid.height()), (side, side));
             assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1, "{} in one piece", grid.name());
-            assert_eq!(grid, random(kind, seed));
-            assert_ne!(grid, random(kind, seed + 1).named(grid.name()));
+            assert_eq!(grid, random(kind, None, seed));
+            assert_ne!(grid, random(kind, None, seed + 1).named(grid.name()));
             shares.push(grid.free_count());
         }
         let (fewest, most) = (shares.iter().min().unwrap(), shares.iter().max().unwrap());
         assert!(fewest < most && *most < side * side, "{fewest} to {most} free cells");
+    }
+}
+
+#[test]
+fn perfect_mazes_have_one_path_between_any_two_cells_and_the_size_asked_for() {
+    for (size, rooms) in [(5, 2), (33, 16), (34, 17), (128, 64)] {
+        let grid = random(Kind::Perfect, Some(size), 1);
+        assert_eq!((grid.width(), grid.height()), (size, size));
+        // A tree on the rooms has one passage less than rooms; more free cells would close a loop.
+        assert_eq!(grid.free_count(), 2 * rooms * rooms - 1);
+        assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1);
+        let on_a_crossing = |cell: &Cell| cell.x % 2 == 0 && cell.y % 2 == 0;
+        assert!(!grid.free_cells().any(|cell| on_a_crossing(&cell)), "walls are one cell thick");
+    }
+    for (kind, size) in [(Kind::Maze, 23), (Kind::City, 60)] {
+        assert_eq!(random(kind, Some(size), 1).width(), size);
     }
 }

@@ -1,4 +1,6 @@
-//! Random maps: places on a square lattice, joined by a random spanning tree and some extra passages.
+//! Random maps: places on a square lattice, joined by a random spanning tree and, in some kinds, extra passages.
+
+use std::collections::HashSet;
 
 use pathfinding::undirected::kruskal::kruskal_indices;
 use rand::{RngExt, SeedableRng};
@@ -14,12 +16,19 @@ pub enum Kind {
     Maze,
     /// Streets 3 cells wide between 14 x 14 blocks of 4 x 4 cells; about a third of the streets are closed.
     City,
+    /// A perfect maze: corridors and walls one cell wide and exactly one path between any two cells.
+    Perfect,
 }
+
+/// The smallest and the largest side of a random map, in cells.
+pub const RANDOM_SIZES: std::ops::RangeInclusive<usize> = 5..=4096;
 
 /// Dimensions of a kind of map.
 struct Lattice {
-    /// Places along each axis.
-    places: usize,
+    /// Cells along each axis unless another size is wanted.
+    side: usize,
+    /// Cells of wall before the first place.
+    border: usize,
     /// Cells per place along each axis.
     place: usize,
     /// Cells between two places.
@@ -34,41 +43,88 @@ impl Kind {
         match self {
             Self::Maze => "maze",
             Self::City => "city",
+            Self::Perfect => "perfect",
         }
     }
 
     fn lattice(self) -> Lattice {
         match self {
-            Self::Maze => Lattice { places: 9, place: 4, gap: 1, extra: 0.1 },
+            Self::Maze => Lattice { side: 44, border: 0, place: 4, gap: 1, extra: 0.1 },
             // The tree uses a little more than half of all streets.
-            Self::City => Lattice { places: 15, place: 3, gap: 4, extra: 0.3 },
+            Self::City => Lattice { side: 101, border: 0, place: 3, gap: 4, extra: 0.3 },
+            Self::Perfect => Lattice { side: 33, border: 1, place: 1, gap: 1, extra: 0.0 },
         }
     }
 }
 
-/// Generates the map of `kind` for `seed`; all of its free cells are connected.
-pub fn random(kind: Kind, seed: u64) -> Grid {
-    let Lattice { places, place, gap, extra } = kind.lattice();
-    let mut rng = ChaCha8Rng::seed_from_u64(seed);
-    let right = (0..places * places).filter(|i| i % places + 1 < places).map(|i| (i, i + 1));
-    let down = (0..places * (places - 1)).map(|i| (i, i + places));
-    let ways: Vec<(usize, usize, u32)> = right.chain(down).map(|(a, b)| (a, b, rng.random())).collect();
-    let tree: Vec<(usize, usize)> = kruskal_indices(places * places, &ways).map(|(a, b, _)| (a, b)).collect();
-    let others = ways.iter().map(|(a, b, _)| (*a, *b)).filter(|way| !tree.contains(way));
-    let open: Vec<(usize, usize)> = others.filter(|_| rng.random::<f32>() < extra).collect();
-
+/// Generates the map of `kind` for `seed`, `size` cells wide and high (by default 44, 101 or 33); what is left of that
+/// after the last whole place is wall. All of its free cells are connected.
+pub fn random(kind: Kind, size: Option<usize>, seed: u64) -> Grid {
+    let Lattice { side, border, place, gap, extra } = kind.lattice();
+    let side = size.unwrap_or(side);
     let pitch = place + gap;
-    let side = places * pitch - gap;
+    let places = ((side + gap).saturating_sub(border) / pitch).max(1);
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    let joined = match kind {
+        Kind::Maze | Kind::City => spanning_tree(places, extra, &mut rng),
+        Kind::Perfect => depth_first_tree(places, &mut rng),
+    };
+
+    let side = side.max(border + places * pitch - gap);
     let mut free = vec![false; side * side];
     let mut clear = |x: usize, y: usize, width: usize, height: usize| {
         (y..y + height).for_each(|y| free[y * side + x..y * side + x + width].fill(true));
     };
+    let corner = |i: usize| (border + i % places * pitch, border + i / places * pitch);
     for i in 0..places * places {
-        clear(i % places * pitch, i / places * pitch, place, place);
+        let (x, y) = corner(i);
+        clear(x, y, place, place);
     }
-    for (a, b) in tree.iter().chain(&open) {
-        let (x, y) = (a % places * pitch, a / places * pitch);
-        if *b == a + 1 { clear(x + place, y, gap, place) } else { clear(x, y + place, place, gap) }
+    for (a, b) in joined {
+        let (x, y) = corner(a);
+        if b == a + 1 { clear(x + place, y, gap, place) } else { clear(x, y + place, place, gap) }
     }
     Grid::new(&format!("{}-{seed}", kind.name()), side, free, Vec::new(), Vec::new())
+}
+
+/// Joins `places` x `places` places by a minimum spanning tree of random weights and, with probability `extra` each,
+/// the other pairs of neighbours. Returns the joined pairs, the left or upper place first.
+fn spanning_tree(places: usize, extra: f32, rng: &mut ChaCha8Rng) -> Vec<(usize, usize)> {
+    let right = (0..places * places).filter(|i| i % places + 1 < places).map(|i| (i, i + 1));
+    let down = (0..places * (places - 1)).map(|i| (i, i + places));
+    let ways: Vec<(usize, usize, u32)> = right.chain(down).map(|(a, b)| (a, b, rng.random())).collect();
+    let mut joined: Vec<(usize, usize)> = kruskal_indices(places * places, &ways).map(|(a, b, _)| (a, b)).collect();
+    let tree: HashSet<(usize, usize)> = joined.iter().copied().collect();
+    let others = ways.iter().map(|(a, b, _)| (*a, *b)).filter(|way| !tree.contains(way));
+    joined.extend(others.filter(|_| rng.random::<f32>() < extra));
+    joined
+}
+
+/// Joins `places` x `places` places by a random depth-first search ("recursive backtracker"), which makes long winding
+/// corridors. Returns the joined pairs like [`spanning_tree`].
+fn depth_first_tree(places: usize, rng: &mut ChaCha8Rng) -> Vec<(usize, usize)> {
+    let mut seen = vec![false; places * places];
+    let mut path = vec![rng.random_range(0..places * places)];
+    seen[path[0]] = true;
+    let mut joined = Vec::new();
+    while let Some(&at) = path.last() {
+        let (x, y) = (at % places, at / places);
+        let neighbours = [
+            (x > 0, at.wrapping_sub(1)),
+            (x + 1 < places, at + 1),
+            (y > 0, at.wrapping_sub(places)),
+            (y + 1 < places, at + places),
+        ];
+        let unseen: Vec<usize> =
+            neighbours.iter().filter(|(exists, i)| *exists && !seen[*i]).map(|(_, i)| *i).collect();
+        if unseen.is_empty() {
+            path.pop();
+            continue;
+        }
+        let next = unseen[rng.random_range(0..unseen.len())];
+        seen[next] = true;
+        joined.push((at.min(next), at.max(next)));
+        path.push(next);
+    }
+    joined
 }
