@@ -1,6 +1,6 @@
 //! Compares the fused gradients with candle's autograd, over several shapes, odd sizes and batch size 1.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor};

@@ -110,7 +110,7 @@ mod tests {
         let path = folder.path().join("run.cast");
         std::fs::write(&path, b"mine").expect("a file");
         let error = Recorder::begin(&path, false).err().expect("it is there");
-        assert!(error.to_string().contains("run.cast: the file exists already"), "{error}");
+        assert!(error.to_string().contains("run.cast: the file already exists"), "{error}");
         assert_eq!(std::fs::read(&path).expect("kept"), b"mine");
         assert!(Recorder::begin(&path, true).is_ok());
         assert!(std::fs::read_to_string(&path).expect("a recording").starts_with("{\"version\":2"));
