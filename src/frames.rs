@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_replaced_only_on_request() {
+    fn pictures_are_replaced_only_with_overwrite() {
         let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
         let (_folder, mut args) = recording(&lines, &[1.0, 2.0]);
         std::fs::create_dir(&args.out).expect("a folder");

@@ -36,7 +36,7 @@ fn file(name: &str) -> String {
 }
 
 #[test]
-fn records_have_the_documented_form() {
+fn records_have_the_documented_format() {
     let all =
         run(&["trap", "--seed", "5", "--max-updates", "1000", "--eval-tasks", "2", "--eval-every-updates", "500"]);
     let of = |event: &str| all.iter().filter(|r| r["event"] == event).collect::<Vec<_>>();
@@ -366,7 +366,7 @@ fn help_shows_how_to_get_started() {
 }
 
 #[test]
-fn frames_writes_only_what_was_asked_for() {
+fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
     let folder = tempfile::tempdir().unwrap();
     let frames = |cast: &str, more: &[&str]| {
         std::fs::write(folder.path().join("run.cast"), cast).unwrap();

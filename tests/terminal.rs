@@ -96,7 +96,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
 }
 
 #[test]
-fn suspending_restores_the_terminal_and_continuing_takes_it_back() {
+fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("quit");

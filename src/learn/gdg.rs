@@ -37,7 +37,7 @@ pub type FullGradient = (Vec<f32>, Vec<f32>);
 /// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
-    about: "goal-distance gradient: an actor trained through a distance critic and a dynamics model",
+    about: "trains an actor through a distance critic and a dynamics model",
     create: |spec, settings, threads, rng| Ok(Box::new(Gdg::new(spec, settings, threads, rng)?)),
     parameters: Gdg::parameters,
 };

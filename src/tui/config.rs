@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_reported_with_line_and_column() {
+    fn errors_are_reported_with_line_and_column() {
         for (text, place) in [
             ("theme = \"drak\"\n", "f:1:9: "),
             ("\nautosave_minutes = -1\n", "f:2:1: "),

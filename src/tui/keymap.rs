@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_can_be_changed_and_mistakes_are_reported() {
+    fn keys_can_be_changed_and_invalid_keys_are_reported() {
         let changed = keymap(&[("pause", &["ctrl-k", "f5"])]).expect("good keys");
         assert_eq!(changed.action(press(KeyCode::F(5), KeyModifiers::NONE), false), Some(Action::TogglePause));
         assert_eq!(changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), false), None);

@@ -105,7 +105,7 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_replaces_another_only_when_asked_to() {
+    fn a_recording_replaces_a_file_only_with_overwrite() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
         std::fs::write(&path, b"mine").expect("a file");

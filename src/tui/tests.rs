@@ -352,7 +352,7 @@ fn without_colours_walls_are_still_distinct_from_floor() {
 }
 
 #[test]
-fn a_setting_can_change_during_training_and_mistakes_are_reported() {
+fn a_setting_can_change_during_training_and_invalid_values_are_reported() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
@@ -429,7 +429,7 @@ fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
 }
 
 #[test]
-fn saving_spares_another_runs_file_and_reuses_the_runs_own() {
+fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mine.safetensors");
     std::fs::write(&path, b"another run's").expect("written");
