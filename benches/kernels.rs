@@ -65,7 +65,7 @@ fn adam(bencher: Bencher, width: usize) {
     bencher.bench_local(|| kernel::adam(black_box(&mut w), &mut m, &mut v, &g, rate));
 }
 
-/// The weights of a hidden layer packed for the way back, once an update.
+/// The weights of a hidden layer packed for the backward pass, once per update.
 #[divan::bench(args = [64, 128, 256])]
 fn pack_transposed(bencher: Bencher, width: usize) {
     let (w, mut packed) = (numbers(width * width), Panels::default());

@@ -1,6 +1,6 @@
 //! A custom world and learner: a bead on a wire, and a Q-table.
 //!
-//! The library knows neither. The bead has a speed that is hidden from the learner; the table learns D by Q-learning on
+//! Neither is part of the library. The bead has a speed that is hidden from the learner; the table learns D by Q-learning on
 //! intervals of the wire. The library does everything else: exploration, bridges, evaluation, checkpoints, records.
 //!
 //! ```sh
@@ -204,7 +204,7 @@ impl Learner for Table {
     fn load(&mut self, store: &Store) -> Result<(), LearnError> {
         let steps = store.f32("table.steps")?;
         if steps.len() != self.steps.len() {
-            return Err(StoreError::misfit("the stored table is of another size").into());
+            return Err(StoreError::misfit("the stored table has another size").into());
         }
         self.steps.copy_from_slice(steps);
         Ok(())

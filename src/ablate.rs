@@ -1,4 +1,4 @@
-//! `gdg-tui ablate`: measures what each piece of the default preset is worth by switching it off.
+//! `gdg-tui ablate`: measures the effect of switching off each component of the default preset.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -33,7 +33,7 @@ const fn without(name: &'static str, set: &'static str) -> Variant {
 const VARIANTS: [Variant; 21] = [
     without("default", ""),
     without("1-step targets", "n_step=1"),
-    without("targets by behaviour alone", "greedy_targets=false"),
+    without("targets from behaviour alone", "greedy_targets=false"),
     without("... and an expectile of 0.95", "greedy_targets=false expectile=0.95"),
     without("no hindsight bound", "hindsight_bound=false"),
     without("one critic", "critics=1"),
@@ -45,7 +45,7 @@ const VARIANTS: [Variant; 21] = [
     without("unbounded actor", "actor_bound=0"),
     without("no distillation", "distillation=0"),
     without("unverified edges", "verify_edges=false"),
-    without("no edges by candidates alone", "keep_observed_edges=false"),
+    without("no edges from trajectories alone", "keep_observed_edges=false"),
     without("no progress check", "progress_check=false"),
     without("current weights, no averages", "averaged_weights=false"),
     without("no bridge goals in exploration", "bridge_epsilon=0"),
@@ -143,13 +143,13 @@ fn train(variant: &Variant, seed: u64, world: &PointMaze, args: &AblateArgs) -> 
 
 fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
     let mut out = format!(
-        "{}, {} updates, means of {} seeds (of success: the worst seed's in brackets), {} tasks at each of six distances\n\n",
+        "{}, {} updates, means of {} seeds (success: worst seed in brackets), {} tasks at each of six distances\n\n",
         map.name(),
         args.updates,
         args.seeds,
         args.eval_tasks
     );
-    out += "| variant | planned | SPL | greedy | error of D | of the graph's | false edges |\n|---|---|---|---|---|---|---|\n";
+    out += "| variant | planned | SPL | greedy | error of D | error of graph | false edges |\n|---|---|---|---|---|---|---|\n";
     for own in outcomes.chunk_by(|a, b| a.variant == b.variant) {
         let all =
             |of: &dyn Fn(&Evaluation) -> Option<f64>| own.iter().map(|o| of(&o.evaluation)).collect::<Option<Vec<_>>>();

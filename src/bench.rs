@@ -91,7 +91,7 @@ struct Timed {
 /// Runs all measurements and returns a table, or JSON.
 ///
 /// # Errors
-/// Fails if candle or the measuring process does.
+/// Fails if candle or the benchmark process does.
 pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
     // Compare one thread to one thread, which is also candle at its best: it would spread its operations over spinning
     // threads. Candle reads the number of threads from the environment, which can be set safely only for a new process.
@@ -104,7 +104,7 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
             .env(CANDLE_THREADS, "1");
         let output = again.stderr(Stdio::inherit()).output().into_diagnostic()?;
         if !output.status.success() {
-            return Err(Report::msg("the measuring process failed"));
+            return Err(Report::msg("the benchmark process failed"));
         }
         return String::from_utf8(output.stdout).into_diagnostic();
     }

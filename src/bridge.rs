@@ -1,6 +1,6 @@
 //! Bridge points: states b with D(s,b) + D(b,g) < D(s,g) that split a hard task into easy ones.
 //!
-//! [`Candidates`] spreads candidates over the visited states and records the fewest steps observed from one to another;
+//! [`Candidates`] spreads candidates over the visited states and records the fewest steps observed between them;
 //! [`BridgeGraph`] connects them with edges that the critics propose and observed trajectories verify; [`Walker`]
 //! follows the graph to a goal, one waypoint at a time; [`search()`] is the published search for a single bridge point.
 

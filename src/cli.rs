@@ -21,9 +21,9 @@ Examples:
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not reached;
-129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM, with saving; a second signal exits at once, without saving.";
+129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (the run is saved; a second signal exits without saving).";
 
-/// Watch an agent learn distance and find its way without any reward.
+/// Watch agents learn distance and reach goals without any reward.
 #[derive(Debug, Parser)]
 #[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
 pub struct Cli {
@@ -85,7 +85,7 @@ pub enum Command {
     Check {
         /// Map (.map or plain ASCII) or scenario (.scen)
         file: PathBuf,
-        /// Map of the scenario, if it is not beside it
+        /// Map of the scenario, if it is not in the same folder
         #[arg(long, value_name = "FILE")]
         map: Option<PathBuf>,
     },
@@ -205,7 +205,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE")]
     pub save: Option<PathBuf>,
 
-    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface: see its settings]
+    /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface: see autosave_minutes]
     #[arg(long, value_name = "MINUTES", value_parser = minutes, requires = "no_ui")]
     pub save_every: Option<f64>,
 
@@ -251,9 +251,8 @@ pub struct EditAt {
 }
 
 fn edit_at(text: &str) -> Result<EditAt, String> {
-    let (updates, file) =
-        text.split_once(':').ok_or("a number of updates, a colon and a map file, as 20000:closed.txt")?;
-    let updates = updates.parse().map_err(|_| format!("{updates:?} is no number of updates"))?;
+    let (updates, file) = text.split_once(':').ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
+    let updates = updates.parse().map_err(|_| format!("{updates:?} is not a number of updates"))?;
     Ok(EditAt { updates, file: PathBuf::from(file) })
 }
 
@@ -296,7 +295,7 @@ pub enum LogLevel {
     Off,
     /// Errors
     Error,
-    /// Also problems that were recovered from
+    /// Also recovered problems
     Warn,
     /// Also runs started, saved, loaded and changed
     Info,
@@ -347,15 +346,15 @@ fn seconds(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|s| *s >= 0.0 && f64::is_finite(*s))
-        .ok_or_else(|| "a number of seconds, 0 or more".to_owned())
+        .ok_or_else(|| "expected a number of seconds, 0 or more".to_owned())
 }
 
 fn minutes(text: &str) -> Result<f64, String> {
     let minutes = text.parse().ok().filter(|m| (0.0..=1e6).contains(m));
-    minutes.ok_or_else(|| "a number of minutes, 0 for never".to_owned())
+    minutes.ok_or_else(|| "expected a number of minutes, 0 for none".to_owned())
 }
 
 fn share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
-    share.ok_or_else(|| "a share from 0 to 1, as 0.95".to_owned())
+    share.ok_or_else(|| "expected a fraction from 0 to 1, e.g. 0.95".to_owned())
 }

@@ -212,7 +212,7 @@ pub trait Environment: Any + Send + Sync {
         true
     }
 
-    /// Describes what changes when this world replaces `before` in a run.
+    /// Describes the changes when this world replaces `before` in a run.
     ///
     /// # Errors
     /// Returns an error if it cannot replace `before`.

@@ -34,15 +34,17 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
         let stems = [name.trim_end_matches(".scen").to_owned(), first_map_name(file).unwrap_or_default()];
         let found = stems.iter().filter(|s| !s.is_empty()).map(|s| file.with_file_name(s)).find(|p| p.is_file());
         found.ok_or_else(|| {
-            let what = "the scenario's map does not lie beside it";
-            of_map(MapError::whole(&file.to_string_lossy(), what, "name it with --map FILE"))
+            let what = "the scenario's map is not in the same folder";
+            of_map(MapError::whole(&file.to_string_lossy(), what, "give it with --map FILE"))
         })
     };
     // Report an unreadable scenario before a missing map.
     if !file.is_file() {
-        return Err(of_map(map::load_map(file).err().unwrap_or_else(|| {
-            MapError::whole(&file.to_string_lossy(), "is not a file", "give the file of a scenario")
-        })));
+        return Err(of_map(
+            map::load_map(file)
+                .err()
+                .unwrap_or_else(|| MapError::whole(&file.to_string_lossy(), "is not a file", "give a scenario file")),
+        ));
     }
     let path = map_file.map_or_else(beside, |p| Ok(p.to_owned()))?;
     let grid = map::load_map(&path).map_err(of_map)?;
@@ -67,7 +69,7 @@ fn facts(grid: &Grid) -> String {
         format!("size:       {} x {}", grid.width(), grid.height()),
         format!("free cells: {free} ({:.1} %)", 100.0 * free as f64 / grid.free().len() as f64),
         format!(
-            "components: {}, the largest {largest} cells ({:.1} % of the free ones)",
+            "components: {}, the largest {largest} cells ({:.1} % of the free cells)",
             components.sizes.len(),
             100.0 * largest as f64 / free as f64
         ),

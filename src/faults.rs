@@ -122,7 +122,7 @@ pub fn point(name: &str) -> bool {
     for fault in demanded().iter().filter(|fault| fault.point == name) {
         let pass = fault.passes.fetch_add(1, Ordering::Relaxed) + 1;
         match fault.kind {
-            Kind::Panic => assert!(pass != fault.at, "a fault on demand in {name}"),
+            Kind::Panic => assert!(pass != fault.at, "injected fault in {name}"),
             Kind::Delay(time) if pass == fault.at => std::thread::sleep(time),
             Kind::Fail => fails |= pass >= fault.at,
             Kind::Once => fails |= pass == fault.at,
@@ -137,7 +137,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn faults_are_parsed_and_nonsense_is_rejected() {
+    fn faults_are_parsed_and_invalid_ones_rejected() {
         let fault = parse("viewer=delay:250@7").expect("a fault");
         assert_eq!((fault.point.as_str(), fault.at), ("viewer", 7));
         assert!(matches!(fault.kind, Kind::Delay(time) if time == Duration::from_millis(250)));
@@ -145,6 +145,6 @@ mod tests {
         for nonsense in ["viewer", "viewer=hop", "viewer=delay:x", "viewer=panic@x"] {
             assert!(parse(nonsense).is_none(), "{nonsense}");
         }
-        assert!(!point("nothing that is demanded"));
+        assert!(!point("no such point"));
     }
 }

@@ -1,4 +1,4 @@
-//! File access: regular files only, within size limits, replaced as a whole or not at all.
+//! File access: regular files only, within size limits, replaced atomically.
 
 mod read;
 mod verified;

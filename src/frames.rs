@@ -1,4 +1,4 @@
-//! Renders single moments of a screen recording as pictures.
+//! Renders frames of a screen recording as PNG files.
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -60,8 +60,8 @@ pub fn run(args: &FramesArgs) -> Result<String, Report> {
     let name = args.cast.to_string_lossy();
     let seconds = length(&args.cast)?;
     if let Some(at) = moments.iter().find(|at| !(0.0..=seconds).contains(*at)) {
-        let right = format!("give moments from 0 to {seconds}");
-        return Err(miette!(help = right, "{name}: nothing is shown at {at} s: the recording is {seconds} s long"));
+        let right = format!("give times from 0 to {seconds}");
+        return Err(miette!(help = right, "{name}: no frame at {at} s: the recording is {seconds} s long"));
     }
     for at in &moments {
         refuse_existing(&picture(args, *at), args.overwrite)?;
@@ -117,7 +117,7 @@ impl Cast {
         let name = path.to_string_lossy().into_owned();
         // The recording is read twice, which is impossible with a pipe.
         let file = files::open(path)
-            .map_err(|error| miette!(help = "give the file of a recording", "{name}: cannot be read: {error}"))?;
+            .map_err(|error| miette!(help = "give a recording file", "{name}: cannot be read: {error}"))?;
         let mut cast = Self { name, file: BufReader::new(file), line: Vec::new(), number: 0 };
         if !cast.next_line()? {
             return Err(miette!(help = "--record makes recordings", "{}: is empty", cast.name));
@@ -188,7 +188,7 @@ impl Cast {
     }
 
     fn wrong(&self) -> Report {
-        miette!("{}: is no line of an asciinema recording of version 2", self.place())
+        miette!("{}: is not a line of an asciinema version 2 recording", self.place())
     }
 }
 
@@ -260,7 +260,7 @@ mod tests {
     }
 
     #[test]
-    fn a_moment_shows_the_output_up_to_it() {
+    fn a_frame_shows_all_output_up_to_its_time() {
         let events = [HEAD, r#"[1.0,"o","\u001b[31mab"]"#, r#"[2.0,"r","6x2"]"#, r#"[2.5,"o","cd"]"#];
         let (_folder, args) = recording(&events.join("\n"), &[1.5, 0.5, 2.5, 1.5]);
         assert_eq!(run(&args).expect("pictures").lines().count(), 3);
@@ -304,7 +304,7 @@ mod tests {
     }
 
     #[test]
-    fn moments_outside_the_recording_are_refused() {
+    fn times_outside_the_recording_are_refused() {
         let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
         for at in [2.6, 500.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(error(&lines, &[1.0, at]).contains("2.5 s long"), "{at}");
@@ -314,7 +314,7 @@ mod tests {
     }
 
     #[test]
-    fn pictures_are_replaced_only_on_request() {
+    fn pictures_are_replaced_only_with_overwrite() {
         let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
         let (_folder, mut args) = recording(&lines, &[1.0, 2.0]);
         std::fs::create_dir(&args.out).expect("a folder");

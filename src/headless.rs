@@ -45,7 +45,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let (reason, evaluation) = ended?;
     saved?;
     if let Some(failure) = crate::faults::take().first() {
-        let what = format!("an internal error in the thread {}: {}", failure.thread, failure.what);
+        let what = format!("internal error in thread {}: {}", failure.thread, failure.what);
         return Err(miette::miette!(help = crate::logging::hint(), "{what}"));
     }
     print(&Record::end(reason, &session.setup.trainer))?;
@@ -55,7 +55,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     }
     match (args.require_success, evaluation) {
         (Some(required), Some(found)) if success(&found) < required => {
-            tell(&format!("success {:.3} does not reach the {required} required", success(&found)));
+            tell(&format!("success rate {:.3} is below the required {required}", success(&found)));
             Ok(NOT_REACHED)
         }
         _ => Ok(0),
@@ -92,7 +92,7 @@ impl Session<'_> {
             if reason == EndReason::Interrupted {
                 return Ok((reason, None));
             }
-            // The machine may go down during the evaluation, which takes a while.
+            // Save first: the evaluation may take long and be interrupted.
             session.save_on_the_way();
             match session.evaluate()? {
                 Some(evaluation) => Ok((reason, Some(evaluation))),
@@ -101,7 +101,7 @@ impl Session<'_> {
         };
         catch_unwind(AssertUnwindSafe(|| run(self))).unwrap_or_else(|_| {
             let mended = self.setup.trainer.mend_after_panic().is_ok();
-            let state = if mended { "what was learned is saved where --save says" } else { "saving may fail" };
+            let state = if mended { "the run is saved if --save is given" } else { "saving may fail" };
             Err(miette::miette!(help = crate::logging::hint(), "an internal error ended training; {state}"))
         })
     }
@@ -151,7 +151,7 @@ impl Session<'_> {
     fn save_on_the_way(&mut self) {
         if let Err(error) = self.save() {
             tracing::warn!("{error}");
-            crate::report::show(error.wrap_err("training goes on, and saving is tried again later"));
+            crate::report::show(error.wrap_err("training continues; saving will be tried again"));
         }
     }
 

@@ -1,4 +1,4 @@
-//! gdg-tui trains agents that learn *distance* instead of reward, and shows how they do it.
+//! gdg-tui trains agents that learn *distance* instead of reward, and shows how they learn.
 //!
 //! # The idea
 //!
@@ -9,34 +9,34 @@
 //!
 //! # The layout
 //!
-//! Modules know those to their left and none to their right:
+//! Each module depends only on modules to its left:
 //!
 //! ```text
 //! text, faults, files, store <- map <- env <- learn <- bridge <- train <- view <- headless, tui, ablate
 //! ```
 //!
 //! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely. [`faults`]: collects
-//!   panics. [`store`]: named arrays and texts, the form in which everything is saved.
+//!   panics. [`store`]: named arrays and texts, the form of all saved state.
 //! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning never does.
 //! * [`env`](mod@env): the interface of a world ([`env::Environment`]) and the built-in worlds, a folder each.
-//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file each. In its rooms:
+//! * [`learn`]: the interface of a learner ([`learn::Learner`]) and the built-in learners, a file each. Submodules:
 //!   `data` (replay and batches), `networks` (inputs, weights, policies), `kernels` (dense loops and products; the only
 //!   unsafe code is in [`learn::kernel`]) and `update` (losses and their hand-written gradients, optimiser steps,
 //!   threads; [`learn::Reference`] computes the same by candle's autograd, for tests and for other devices).
-//! * [`bridge`]: candidates and what trajectories show about the ways between them, the bridge graph, walking through it,
-//!   the published search.
+//! * [`bridge`]: candidates and the paths between them that trajectories have taken, the bridge graph, following plans through
+//!   it, the published search.
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints; and
 //!   [`train::Engine`], which runs a trainer on its own thread. [`train::Registry`] lists worlds and learners.
-//! * [`view`]: what there is to see of a run, computed on its own thread: distance fields, the bridge graph, an agent that
+//! * [`view`]: what the screen shows of a run, computed on its own thread: distance fields, the bridge graph, an agent that
 //!   walks to the goal.
 //! * [`headless`], `tui` and [`ablate`]: the front ends. [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and
-//!   [`facts`] serve them; [`bench`](mod@bench) measures; `frames` draws moments of recordings. `tui` and `frames` need the
+//!   [`facts`] serve them; [`bench`](mod@bench) measures; `frames` renders frames of recordings. `tui` and `frames` need the
 //!   feature `tui`, which is on by default.
 //!
 //! # Add a world
 //!
 //! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
-//! and are saved; tasks, truth, coverage and a picture where there are any) and its [`env::WorldKind`]. Then one line in
+//! and are saved; where available, tasks, true distances, coverage and a scene) and its [`env::WorldKind`]. Then one line in
 //! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME --no-ui`. For the interface to draw
 //! it, add a variant to [`env::Scene`].
 //!
@@ -45,13 +45,13 @@
 //! One file, `src/learn/NAME.rs`: a type that implements [`learn::Learner`] (an update from the replay, a
 //! [`learn::Policy`] that offers D and mu, saving and loading) and its [`learn::LearnerKind`]; a learner with a Q function
 //! offers D(s,g) = -Q(s, mu(s,g), g). Then one line in [`learn::LEARNERS`], and one in [`train::METHODS`] for each
-//! combination with a planner that deserves a name of its own. `examples/own_world.rs` does both from outside.
+//! combination with a planner that should have its own name. `examples/own_world.rs` does both in another crate.
 //!
 //! # Add a pane
 //!
 //! A variant of `tui::panes::Pane` with its name, a file in `src/tui/render/` that draws it from the screen's state, its
-//! line in `src/tui/render/side.rs`, and a binding in the table of `src/tui/action.rs`, which the help and the list of
-//! everything read. What takes long to compute belongs to [`view`].
+//! line in `src/tui/render/side.rs`, and a binding in the table of `src/tui/action.rs`, from which help and command palette
+//! are built. Slow computations belong in [`view`].
 //!
 //! # Invariants
 //!

@@ -35,7 +35,7 @@ pub fn begin(level: LogLevel) {
     let log = tracing_subscriber::fmt().with_max_level(level).with_ansi(false).log_internal_errors(false);
     if log.with_writer(std::sync::Mutex::new(file)).try_init().is_ok() {
         let _ = FOLDER.set(folder);
-        tracing::info!("gdg-tui {} begins, process {}", env!("CARGO_PKG_VERSION"), std::process::id());
+        tracing::info!("gdg-tui {} started, process {}", env!("CARGO_PKG_VERSION"), std::process::id());
     }
 }
 

@@ -17,7 +17,7 @@ pub fn show(error: Report) {
     tell(format!("{:?}", Report::new(Shown::from(error))).trim_end());
 }
 
-/// An error that says what would be right and, of a file, quotes the offending part.
+/// An error with a hint and, for a file, an excerpt of the offending part.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
 pub struct Explained {

@@ -62,7 +62,7 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
         let run = Run { method: args.method.clone(), preset: args.preset, seed: args.seed, settings: settings(args)? };
         let world = open_world(&args.map, &run, registry)?;
         train::memory::check(&run, &*world, registry).map_err(|error| match error {
-            TrainError::Memory { .. } => Report::msg(error).wrap_err("there is not enough memory"),
+            TrainError::Memory { .. } => Report::msg(error).wrap_err("not enough memory"),
             other => Report::msg(other),
         })?;
         Loaded { trainer: Trainer::new(run, &*world, registry, threads).into_diagnostic()?, warning: None }
@@ -83,21 +83,21 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
     }
     let map = Arc::new(find_map(name)?);
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
-        let what = "has no start S, where restart=start-cell would begin all episodes";
-        return Err(of_map(MapError::whole(name, what, "mark one with S, or leave restart=anywhere")));
+        let what = "has no start S, which restart=start-cell requires";
+        return Err(of_map(MapError::whole(name, what, "mark a start with S, or use restart=anywhere")));
     }
     Ok(Box::new(PointMaze::new(map, 0)))
 }
 
 /// Reports an option that applies only to mazes.
 fn not_a_maze(option: &str) -> Report {
-    miette!(help = "give a map", "{option} is about maps: this world has none")
+    miette!(help = "give a map", "{option} applies only to maps")
 }
 
 /// Returns how to save to the path of `--save`: another run's file is not replaced.
 fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
     files::check_target(path).map_err(|error| {
-        let help = "give --save a file in a folder that can be written to";
+        let help = "give --save a file in a writable folder";
         miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
     })?;
     let same =
@@ -125,8 +125,8 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
         let names = map::BUILTIN.map(|(known, _)| known);
         let nearest = names.iter().find(|known| strsim::jaro_winkler(known, name) > 0.8);
         let right = match nearest {
-            Some(known) => format!("did you mean {known}? Built in are {}; else give a map file", names.join(", ")),
-            None => format!("built in are {}; else give a map file", names.join(", ")),
+            Some(known) => format!("did you mean {known}? Built-in maps: {}; or give a map file", names.join(", ")),
+            None => format!("built-in maps: {}; or give a map file", names.join(", ")),
         };
         return Err(of_map(MapError::whole(name, "is neither a built-in map nor a file", right)));
     }
@@ -143,15 +143,15 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     let load = |edit: &EditAt| {
         let never = |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
         if edit.updates < begun {
-            return Err(never(format!("the run goes on from update {begun}, give that or a later one")));
+            return Err(never(format!("the run starts at update {begun}: give that or a later one")));
         }
         if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
-            return Err(never(format!("the run ends at update {most}, give that or an earlier one")));
+            return Err(never(format!("the run ends at update {most}: give that or an earlier one")));
         }
         let new = map::load_map(&edit.file).map_err(of_map)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
             let what = format!("is {} x {} cells", new.width(), new.height());
-            let right = format!("give a map of {} x {}, as the run has", map.width(), map.height());
+            let right = format!("give a map of {} x {}, the size of the run's map", map.width(), map.height());
             return Err(of_map(MapError::whole(&edit.file.to_string_lossy(), what, right)));
         }
         let new: Box<dyn Environment> = Box::new(maze.on_map(Arc::new(new)));
@@ -181,7 +181,7 @@ pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
 }
 
 fn taken(path: &Path) -> Report {
-    miette!(help = "give another name, or --overwrite", "{}: the file exists already", path.display())
+    miette!(help = "give another name, or --overwrite", "{}: the file already exists", path.display())
 }
 
 /// Saves a run that cannot be saved to `path` elsewhere: to `saves/`, or to the user's state folder.

@@ -32,10 +32,10 @@ pub struct Store {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum StoreError {
     /// An array or text is missing.
-    #[error("holds no {0}: it is not a checkpoint")]
+    #[error("has no {0}: it is not a checkpoint")]
     Missing(String),
     /// An array has the wrong type.
-    #[error("its {name} is of another type than {expected}")]
+    #[error("its {name} is not of type {expected}")]
     Type {
         /// Name of the array.
         name: String,
@@ -62,7 +62,7 @@ impl StoreError {
     }
 }
 
-/// Ties each type of number to its variant: how arrays are made, and how a store returns them.
+/// Maps each number type to its variant.
 macro_rules! array_types {
     ($($variant:ident $number:ident),*) => {
         $(impl From<Vec<$number>> for Array {
@@ -75,7 +75,7 @@ macro_rules! array_types {
             #[doc = concat!("Returns the array `name` of `", stringify!($number), "` numbers.")]
             ///
             /// # Errors
-            /// Fails if it is missing or of another type.
+            /// Fails if it is missing or has another type.
             pub fn $number(&self, name: &str) -> Result<&[$number], StoreError> {
                 match self.array(name)? {
                     Array::$variant(numbers) => Ok(numbers),

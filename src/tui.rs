@@ -134,7 +134,7 @@ async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> 
                     app.on_event(&event?);
                     pace.asked = true;
                 }
-                // End of input: nobody is left at the keyboard.
+                // End of input: the terminal is gone.
                 None => break,
             },
             Ok(()) = snapshots.changed() => {

@@ -98,7 +98,7 @@ pub struct View {
     pub path: Vec<[f32; 2]>,
     /// Recent positions of the walking agent, the current one last.
     pub trail: Vec<[f32; 2]>,
-    /// Its journey.
+    /// Its current walk.
     pub walk: Walk,
     /// Information about the cell under the cursor.
     pub inspected: Option<Inspected>,

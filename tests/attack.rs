@@ -1,7 +1,7 @@
 //! Stress tests that attack the program and count their attempts. The short form runs with the other tests, the long
 //! one with `ATTACK=long cargo test --release --test attack -- --nocapture`.
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 mod support;
 
@@ -167,7 +167,7 @@ fn mutated_maps_scenarios_and_settings_are_read_or_refused() {
             }
         }
     }
-    println!("{count} each of maps, Moving AI maps, scenarios and settings: {taken:?} were still sound");
+    println!("{count} each of maps, Moving AI maps, scenarios and settings: {taken:?} were still valid");
 }
 
 #[test]
@@ -201,13 +201,13 @@ fn mutated_checkpoints_are_refused_or_can_be_trained() {
                 // Training may fail, but must neither hang nor panic.
                 let began = Instant::now();
                 while trainer.counters().updates < more && trainer.tick().is_ok() {
-                    assert!(began.elapsed() < Duration::from_mins(1), "number {i} trains for ever");
+                    assert!(began.elapsed() < Duration::from_mins(1), "checkpoint {i} trains forever");
                 }
             }
             Err(error) => assert!(!error.to_string().is_empty()),
         }
     }
-    println!("{count} checkpoints, {taken} were still sound");
+    println!("{count} checkpoints, {taken} were still valid");
 }
 
 #[test]
@@ -323,7 +323,7 @@ fn concurrent_programs_never_save_to_the_same_file() {
     let found = checkpoints(folder.path());
     assert_eq!((done.into_inner(), found.len()), (programs, programs), "{found:?}");
     found.iter().for_each(|path| drop(load(path)));
-    println!("{programs} programs side by side");
+    println!("{programs} concurrent programs");
 }
 
 /// Returns a program's current memory in MB, its open handles and its updates.
@@ -369,7 +369,7 @@ fn a_long_run_leaks_neither_memory_nor_handles() {
         println!("{memory:.0} MB, {handles} handles, {updates:.0} updates");
     }
     // After a fifth of the time the replay is full and all buffers have their final size. Writing a checkpoint takes
-    // more memory for a while, so compare the minima.
+    // more memory temporarily, so compare the minima.
     let fifth = all.len() / 5;
     let (first, last) = (&all[fifth], &all[all.len() - 1]);
     if rounds > 1_000 {
@@ -410,7 +410,7 @@ fn fuzzing_seeds_are_read_or_refused() {
                 }
             }
             "cast" => drop(gdg_tui::frames::play(&path, vec![0.0, f64::MAX], |_, _| Ok(()))),
-            other => panic!("what are {other}?"),
+            other => panic!("unknown fuzz target {other}"),
         }
         count += 1;
     }

@@ -1,6 +1,6 @@
 //! The program as run from a shell: records, exit statuses, errors.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use std::path::Path;
 use std::process::{Command, Stdio};
@@ -27,7 +27,7 @@ fn records(output: &[u8]) -> Vec<Value> {
 fn run(args: &[&str]) -> Vec<Value> {
     let output = gdg().arg("--no-ui").args(args).args(SMALL).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    assert!(output.stderr.is_empty(), "nothing but records when all is well");
+    assert!(output.stderr.is_empty(), "nothing on standard error on success");
     records(&output.stdout)
 }
 
@@ -36,7 +36,7 @@ fn file(name: &str) -> String {
 }
 
 #[test]
-fn records_have_the_documented_form() {
+fn records_have_the_documented_format() {
     let all =
         run(&["trap", "--seed", "5", "--max-updates", "1000", "--eval-tasks", "2", "--eval-every-updates", "500"]);
     let of = |event: &str| all.iter().filter(|r| r["event"] == event).collect::<Vec<_>>();
@@ -57,7 +57,7 @@ fn records_have_the_documented_form() {
         assert!(progress["losses"][loss].as_f64().unwrap() > 0.0, "{loss}");
     }
     let evaluations = of("evaluation");
-    assert_eq!(evaluations.len(), 2, "one on the way, one at the end");
+    assert_eq!(evaluations.len(), 2, "one during training, one at the end");
     let last = evaluations[1];
     for score in [&last["greedy"], &last["planned"]] {
         assert!((0.0..=1.0).contains(&score["success"].as_f64().unwrap()));
@@ -149,7 +149,7 @@ fn ablate_checks_its_json_path_before_training() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("there.json"), "mine").unwrap();
     for (json, more, expected) in [
-        ("there.json", None, "there.json: the file exists already"),
+        ("there.json", None, "there.json: the file already exists"),
         ("no/such.json", None, "no/such.json: cannot be written"),
         (".", Some("--overwrite"), ".: cannot be written"),
     ] {
@@ -267,15 +267,15 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read"]),
         (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
         (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
-        (&["--no-ui", "--method", "my-own+none"], &["no learner \"my-own\"", "gdg, random"]),
-        (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "whole number from 1"]),
+        (&["--no-ui", "--method", "my-own+none"], &["unknown learner \"my-own\"", "gdg, random"]),
+        (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "integer from 1"]),
         (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "squared, sqrt or log"]),
         (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
         (&["--no-ui", "--config", "no-such.json"], &["no-such.json", "cannot be read"]),
         (&["--no-ui", "--resume", "no-such.safetensors"], &["no-such.safetensors", "cannot be read"]),
         (&["--no-ui", "--method", "gpg"], &["gpg", "possible values"]),
         (&["--no-ui", "--max-updates", "-3"], &["-3"]),
-        (&["--no-ui", "--require-success", "2"], &["share from 0 to 1"]),
+        (&["--no-ui", "--require-success", "2"], &["fraction from 0 to 1"]),
         (&["--no-ui", "--max-seconds", "soon"], &["number of seconds"]),
         (&["--nonsense"], &["--nonsense"]),
     ];
@@ -302,9 +302,7 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
         assert_eq!(output.status.code(), Some(2));
         String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ")
     };
-    assert!(
-        error("{\n  \"tau\": 0.1,\n  \"hiden\": 3\n}").contains("settings.json:3:4: there is no setting \"hiden\"")
-    );
+    assert!(error("{\n  \"tau\": 0.1,\n  \"hiden\": 3\n}").contains("settings.json:3:4: unknown setting \"hiden\""));
     assert!(error("{\n  \"tau\": \"x\"\n}").contains("settings.json:2:10: tau cannot be \"x\""));
     assert!(error("{\n  \"tau\": 0.1\n  \"batch\": 3\n}").contains("settings.json:3:3: expected"));
     assert!(error("[]").contains("settings.json:1:"));
@@ -355,7 +353,7 @@ fn check_of_the_largest_map_takes_seconds() {
     assert!(began.elapsed() < Duration::from_secs(20), "it took {:?}", began.elapsed());
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     assert!(text.contains("farthest:   at least 4095 steps") && text.contains("components: 1,"), "{text}");
-    assert!(output.stderr.is_empty(), "where standard error is no terminal nothing turns there");
+    assert!(output.stderr.is_empty(), "no spinner unless standard error is a terminal");
 }
 
 #[test]
@@ -368,7 +366,7 @@ fn help_shows_how_to_get_started() {
 }
 
 #[test]
-fn frames_writes_only_what_was_asked_for() {
+fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
     let folder = tempfile::tempdir().unwrap();
     let frames = |cast: &str, more: &[&str]| {
         std::fs::write(folder.path().join("run.cast"), cast).unwrap();
@@ -381,7 +379,7 @@ fn frames_writes_only_what_was_asked_for() {
     for (cast, more, expected) in [
         (huge, &["--at", "0"][..], "run.cast:1: a screen of 65535 x 65535 characters is too large"),
         ("", &["--at", "0"], "run.cast: is empty"),
-        (cast, &["--at", "1,500"], "run.cast: nothing is shown at 500 s: the recording is 3.5 s long"),
+        (cast, &["--at", "1,500"], "run.cast: no frame at 500 s: the recording is 3.5 s long"),
         (cast, &["--at=-1"], "a number of seconds, 0 or more"),
         (cast, &["--at", "inf"], "a number of seconds, 0 or more"),
     ] {
@@ -393,13 +391,13 @@ fn frames_writes_only_what_was_asked_for() {
     assert_eq!(frames(cast, &["--at", "1,3.5"]).0, Some(0));
     let (status, error) = frames(cast, &["--at", "0,1"]);
     assert_eq!(status, Some(2));
-    assert!(error.contains("run-1.png: the file exists already") && error.contains("--overwrite"), "{error}");
+    assert!(error.contains("run-1.png: the file already exists") && error.contains("--overwrite"), "{error}");
     assert!(!folder.path().join("run-0.png").exists());
     assert_eq!(frames(cast, &["--at", "0,1", "--overwrite"]).0, Some(0));
 }
 
 #[test]
-fn bench_measures_everything_it_promises() {
+fn bench_reports_every_measurement() {
     let output = gdg().args(["bench", "--runs", "1", "--json"]).output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let found: Value = serde_json::from_slice(&output.stdout).unwrap();
@@ -476,8 +474,8 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
     assert_eq!(resume(&at(40, "again"), "60"), (Some(0), String::new(), vec![(40, "again".to_owned())]));
     assert_eq!(resume(&at(60, "again"), "60"), (Some(0), String::new(), vec![(60, "again".to_owned())]));
     for (at, expected) in [
-        (at(39, "late"), "the run goes on from update 40"),
-        (at(0, "late"), "the run goes on from update 40"),
+        (at(39, "late"), "the run starts at update 40"),
+        (at(0, "late"), "the run starts at update 40"),
         (at(61, "late"), "the run ends at update 60"),
     ] {
         let (status, error, edits) = resume(&at, "60");

@@ -1,6 +1,6 @@
 //! Compares the fused gradients with candle's autograd, over several shapes, odd sizes and batch size 1.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor};
@@ -159,7 +159,7 @@ fn gradients_of_an_actor_beyond_its_bound_match_autograd() {
 }
 
 #[test]
-fn gradients_of_a_state_with_a_constant_number_match_autograd() {
+fn gradients_of_a_state_with_a_constant_component_match_autograd() {
     let mut spec = spec(4, 2, true);
     (spec.state_half_range[3], spec.change_scale[3]) = (0.0, 0.0);
     check(&spec, &settings(40, 32, 2));

@@ -1,6 +1,6 @@
 //! Checks that the code follows the module layout drawn in `src/lib.rs`.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use std::path::{Path, PathBuf};
 
@@ -80,7 +80,7 @@ fn modules_depend_only_on_lower_layers() {
             continue;
         }
         for other in named(&code(&path)).filter_map(layer) {
-            assert!(other <= own, "{} knows a module of layer {other} above its own, {own}", path.display());
+            assert!(other <= own, "{} depends on layer {other}, above its own layer {own}", path.display());
             seen += 1;
         }
     }
@@ -91,10 +91,10 @@ fn modules_depend_only_on_lower_layers() {
 fn learner_bridges_and_trainer_do_not_depend_on_maps() {
     for (module, path) in sources().into_iter().filter(|(module, _)| WITHOUT_MAPS.contains(&module.as_str())) {
         let code = code(&path);
-        assert!(named(&code).all(|other| other != "map"), "{module}: {} knows maps", path.display());
+        assert!(named(&code).all(|other| other != "map"), "{module}: {} depends on map", path.display());
         let mut words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
         let found = words.find(|word| OF_MAPS.contains(word));
-        assert!(found.is_none(), "{module}: {} speaks of {}", path.display(), found.unwrap_or_default());
+        assert!(found.is_none(), "{module}: {} mentions {}", path.display(), found.unwrap_or_default());
     }
 }
 

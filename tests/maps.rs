@@ -1,6 +1,6 @@
 //! Maps and scenarios: folders of valid and invalid files, properties of parsing and geometry, the built-in maps.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -224,7 +224,7 @@ fn no_task_of_the_city_has_more_than_nine_obstacles() {
 }
 
 /// Within ten steps of the start, a cell of a dead end is nearer to the goal than the start and everything around it;
-/// the way round takes more than 80 steps.
+/// the detour takes more than 80 steps.
 #[test]
 fn the_trap_is_a_local_optimum() {
     let grid = built_in("trap");
@@ -346,7 +346,7 @@ fn shared(file: &str) -> Option<PathBuf> {
     if path.is_file() {
         return Some(path);
     }
-    println!("skipped: {} is not here", path.display());
+    println!("skipped: {} does not exist", path.display());
     None
 }
 

@@ -1,6 +1,6 @@
 //! A custom world and a custom learner go through the same trainer as the built-in ones.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 #[allow(dead_code, reason = "its main function is the example's")]
 #[path = "../examples/own_world.rs"]

@@ -1,6 +1,6 @@
 //! The real program in a pseudo-terminal: what a user sees and presses, and what remains on the terminal.
 #![cfg(unix)]
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 mod support;
 
@@ -71,8 +71,8 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     // Move the goal two cells left of the map's; the agent reaches it repeatedly.
     session.press("3hh");
     session.wait_for("to G      10.5, 4.5");
-    for journeys in ["arrived   1 of", "arrived   2 of"] {
-        session.wait_for(journeys);
+    for arrivals in ["arrived   1 of", "arrived   2 of"] {
+        session.wait_for(arrivals);
     }
     session.press("s");
     session.wait_for("saved saves/rooms-gdg-bridge-seed3.safetensors");
@@ -96,7 +96,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
 }
 
 #[test]
-fn suspending_restores_the_terminal_and_continuing_takes_it_back() {
+fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("quit");
@@ -154,7 +154,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     assert!(told.lines().all(|file| folder.path().join(file).is_file()), "{told}");
     // Another run replaces it only with --overwrite.
     let mut again = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
-    again.wait_for("run.cast: the file exists already");
+    again.wait_for("run.cast: the file already exists");
     assert_eq!(again.child.wait().unwrap().exit_code(), 2);
     assert!(!again.raw.lock().unwrap().windows(8).any(|w| w == b"\x1b[?1049h"), "the terminal is left alone");
     assert_eq!(std::fs::read_to_string(folder.path().join("run.cast")).unwrap(), cast);
@@ -211,7 +211,7 @@ fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     session.press("\x1b[201~");
     session.wait_for("> ");
     session.press("\x1b");
-    session.wait_until_gone("find anything");
+    session.wait_until_gone("find an action");
     session.press("\x03");
     session.wait_for_end_or("quit without saving");
     session.press("\x03");

@@ -1,6 +1,6 @@
 //! Training: runs are reproducible, and learning works.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use std::path::Path;
 use std::sync::Arc;
@@ -175,7 +175,7 @@ fn a_setting_that_applies_immediately_changes_nothing_else() {
 }
 
 #[test]
-fn changing_any_setting_keeps_what_is_promised() {
+fn changing_any_setting_keeps_the_documented_state() {
     let mut base = settings();
     base.learn.buffer_size = 5_000;
     for (name, value) in train::list_settings(&base) {

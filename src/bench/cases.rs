@@ -154,16 +154,14 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
     let (states, goals) = (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
     let mut actions = vec![0.0; 64];
     let mut all = Vec::new();
-    all.push(timed("acting for 32 agents", 200, &mut || policy.actions(&states, &goals, &mut actions, &mut scratch)));
+    all.push(timed("actions of 32 agents", 200, &mut || policy.actions(&states, &goals, &mut actions, &mut scratch)));
     let cells: Vec<f32> = map.free_cells().flat_map(crate::map::Cell::centre).collect();
     let one_goal = [40.5, 200.5].repeat(cells.len() / 2);
     let mut field = vec![0.0; cells.len() / 2];
     all.push(timed("distance field of a 256 x 256 map (both critics)", 7, &mut || {
         policy.distances(&cells, &one_goal, &mut field, &mut scratch);
     }));
-    for (candidates, what) in
-        [(500, "a planning query at 500 candidates"), (1500, "a planning query at 1500 candidates")]
-    {
+    for (candidates, what) in [(500, "planning query, 500 candidates"), (1500, "planning query, 1500 candidates")] {
         let (candidates, settings) = explored(&map, candidates);
         let graph = BridgeGraph::build(world.spec(), &settings, &candidates.frozen(), &*policy, &mut scratch);
         all.push(timed(what, 50, &mut || {
@@ -173,10 +171,10 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
     }
     // Asking for 500 candidates yields three times as many on this map.
     let (candidates, _) = explored(&map, 500);
-    all.push(timed("holding training up for a graph of 1500 candidates", 20, &mut || {
+    all.push(timed("blocking training to build a graph of 1500 candidates", 20, &mut || {
         std::hint::black_box((learner.policy(true).is_ok(), candidates.frozen()));
     }));
-    all.push(timed("a step of 32 agents in the environment", 500, &mut || world.step(&actions, &mut rng)));
+    all.push(timed("environment step of 32 agents", 500, &mut || world.step(&actions, &mut rng)));
     Ok(all)
 }
 

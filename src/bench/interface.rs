@@ -1,4 +1,4 @@
-//! What the interface costs.
+//! The cost of the interface.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};

@@ -16,11 +16,11 @@ pub const UNOBSERVED: u16 = u16::MAX;
 /// agents move one goal radius per step.)
 const MAX_SPACING_SHARE: f32 = 0.45;
 
-/// Candidates spread over all visited states, and the fewest steps in which a trajectory went from near one to near
+/// Candidates spread over all visited states, and the fewest steps of any trajectory from near one to near
 /// another.
 ///
 /// Candidates persist. A state farther than the spacing from all of them becomes a new one; when there would be more
-/// than wanted (on large maps, more than the hard limit), the spacing grows and candidates that are now too close
+/// than the target (on large maps, more than the hard limit), the spacing grows and candidates that are now too close
 /// retire (streaming farthest-point sampling). *Near* a candidate means within a quarter of the spacing, but at most
 /// the goal radius (the environment's own criterion for having arrived) and at least half of it. The radius is this
 /// small because straight-line distance ignores thin walls and touching corners.
@@ -44,7 +44,7 @@ pub struct Candidates {
     ids: Vec<u32>,
     /// The next candidate's id.
     next_id: u32,
-    /// What is known about the paths from each candidate. Frozen copies share the rows that have not changed since.
+    /// Observed paths from each candidate. Frozen copies share the rows that have not changed since.
     ways: Vec<Arc<Ways>>,
     /// Each agent's recent visits: step within the episode, candidate.
     visits: Vec<VecDeque<(u32, u32)>>,
@@ -52,7 +52,7 @@ pub struct Candidates {
     clocks: Vec<u32>,
 }
 
-/// What is known about the paths from one candidate to others. Sparse, as recorded paths are short.
+/// Observed paths from one candidate to others. Sparse, as recorded paths are short.
 #[derive(Clone, Debug, Default, PartialEq)]
 struct Ways {
     /// Index of another candidate and the fewest steps to it, sorted by index.
@@ -142,7 +142,7 @@ impl Candidates {
         &self.points
     }
 
-    /// Returns the fewest steps in which a trajectory went from near `from` to near `to`, or [`UNOBSERVED`] if none did.
+    /// Returns the fewest steps of any trajectory from near `from` to near `to`, or [`UNOBSERVED`] if there is none.
     pub fn observed(&self, from: usize, to: usize) -> u16 {
         if from == to {
             return 0;
@@ -334,7 +334,7 @@ pub(super) mod tests {
         for (a, _) in &before {
             before.iter().for_each(|(b, _)| candidates.record_walk((*a, *b), true));
         }
-        // Far enough for more candidates than wanted, so that some have to retire.
+        // Far enough for more candidates than the target, so that some have to retire.
         walk(&mut candidates, 60.0);
         let place = |name: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == name);
         let (kept, gone): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| place(*name, &candidates).is_some());

@@ -55,7 +55,7 @@ impl From<WalkRecord> for Standing {
 /// A [`BridgeGraph`] as plain numbers, for checkpoints.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct GraphState {
-    /// The candidates and what was known about them.
+    /// The candidates and the paths observed between them.
     pub candidates: CandidatesState,
     /// Source and target of each edge.
     pub ends: Vec<u32>,
@@ -107,7 +107,7 @@ pub struct BridgeGraph {
 
 impl BridgeGraph {
     /// Builds the graph from the current candidates and critics: an edge i -> j where D(i,j) is below the cut-off and,
-    /// if edges need verification, some trajectory went from i to j in about D steps.
+    /// if edges need verification, some trajectory led from i to j in about D steps.
     pub fn build(
         spec: &Spec,
         settings: &BridgeSettings,

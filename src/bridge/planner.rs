@@ -127,7 +127,7 @@ impl Walker {
         }
         let finite = state.goal.iter().chain(&state.remaining).all(|v| v.is_finite());
         if state.goal.len() != graph.spec().goal_dim() || !finite {
-            return Err(StoreError::misfit("a stored walk holds numbers that are out of range"));
+            return Err(StoreError::misfit("a stored walk contains values out of range"));
         }
         Ok(Self {
             route: graph.route_by(&state.goal, state.nearest, state.links),
@@ -237,7 +237,7 @@ impl Walker {
                     && !graph.spec().reached(state, graph.point(i));
                 usable.then_some((i, hop.distance, cost + ahead))
             });
-            // A stuck agent stands where the actor makes no progress: take the shortest hop away from there.
+            // A stuck agent is where the actor makes no progress: take the shortest hop away from there.
             let key = |option: &(usize, f32, f32)| if self.strikes >= STUCK { option.1 } else { option.2 };
             usable.min_by(|a, b| key(a).total_cmp(&key(b)))
         };

@@ -31,9 +31,9 @@ impl Planner {
     /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
-            Self::None => "straight for the goal",
+            Self::None => "the actor heads straight for the goal",
             Self::Bridges => "explores and plans through bridge points",
-            Self::Sorb => "unverified edges, waypoints planned once",
+            Self::Sorb => "unverified edges, one plan per episode",
         }
     }
 }
@@ -51,13 +51,13 @@ pub struct BridgeSettings {
     /// Overhead of passing a waypoint, in steps beyond D to it and D from it: D ends a goal radius before its goal,
     /// short of where the next hop starts.
     pub hop_steps: f32,
-    /// Whether an edge also needs a stored trajectory that went from one end to the other in about D steps.
+    /// Whether an edge also needs a stored trajectory from one end to the other in about D steps.
     pub verify_edges: bool,
     /// Whether a pair that trajectories connect is kept as a costly edge if D is above the cut-off.
     pub keep_observed_edges: bool,
     /// Updates between rebuilds of the bridge graph.
     pub graph_every_updates: u64,
-    /// Whether a waypoint not reached in time is banned for a while.
+    /// Whether a waypoint not reached in time is banned temporarily.
     pub progress_check: bool,
     /// A waypoint is late after this many times D ...
     pub late_factor: f32,

@@ -21,7 +21,7 @@ use crate::text::file_name;
 /// Registry entry of the maze.
 pub const KIND: WorldKind = WorldKind {
     name: NAME,
-    about: "a point on a grid map, that slides along walls",
+    about: "a point on a grid map that slides along walls",
     create: None,
     load: |store| Ok(Box::new(PointMaze::load(store)?)),
 };

@@ -28,7 +28,7 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
     let file = open(path)?;
     let size = file.metadata()?.len();
     let too_large = |size: u64| {
-        let text = format!("its {size} bytes are more than the {most} that there is room for");
+        let text = format!("its size of {size} bytes exceeds the limit of {most}");
         Error::new(ErrorKind::FileTooLarge, text)
     };
     if size > most {
@@ -47,7 +47,7 @@ pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
 /// Fails like [`read`], and on bytes that are not UTF-8.
 pub fn read_text(path: &Path, most: u64) -> Result<String> {
     String::from_utf8(read(path, most)?).map_err(|e| {
-        let text = format!("byte {} is not UTF-8 text", e.utf8_error().valid_up_to());
+        let text = format!("byte {} is not valid UTF-8", e.utf8_error().valid_up_to());
         Error::new(ErrorKind::InvalidData, text)
     })
 }

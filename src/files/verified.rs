@@ -38,7 +38,7 @@ pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) 
         std::fs::rename(&backup, &target.path)?;
         sync_folder(target.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
     }
-    Err(Error::new(ErrorKind::InvalidData, "what was written could not be read back; the file before is kept"))
+    Err(Error::new(ErrorKind::InvalidData, "the new file could not be read back; the previous one is kept"))
 }
 
 /// Keeps the file at `path` as `backup`.
@@ -83,7 +83,7 @@ mod tests {
         std::fs::write(&path, b"broken").expect("written");
         std::fs::write(backup_of(&path), b"good 1").expect("written");
         write_verified(&path, b"bad", whole).expect_err("not good");
-        assert_eq!(std::fs::read(&path).expect("there"), b"good 1", "the broken one is not what is kept");
+        assert_eq!(std::fs::read(&path).expect("there"), b"good 1", "the broken file is not kept");
         std::fs::write(backup_of(&path), b"good 0").expect("written");
         write_verified(&path, b"bad", whole).expect_err("not good");
         assert_eq!(std::fs::read(&path).expect("there"), b"good 1", "the newer good one is kept");

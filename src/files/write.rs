@@ -74,7 +74,7 @@ impl Target {
     pub fn of(path: &Path) -> Result<Self> {
         let path = followed(path)?;
         if path.file_name().is_none() {
-            return Err(Error::new(ErrorKind::InvalidFilename, "is not the name of a file"));
+            return Err(Error::new(ErrorKind::InvalidFilename, "is not a file name"));
         }
         let there = match std::fs::metadata(&path) {
             Ok(there) => Some(there),
@@ -142,7 +142,7 @@ fn followed(path: &Path) -> Result<PathBuf> {
             _ => return Ok(path),
         }
     }
-    Err(Error::new(ErrorKind::InvalidInput, "is one of too many links that lead to each other"))
+    Err(Error::new(ErrorKind::InvalidInput, "has too many levels of symbolic links"))
 }
 
 /// Syncs a folder, so that its entries survive a power failure.

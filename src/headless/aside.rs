@@ -21,7 +21,7 @@ pub fn aside<T: Send + 'static>(
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<Option<T>, Report> {
     let (done, result) = channel();
-    // Sending fails only if a signal arrived and nobody waits any longer.
+    // Sending fails only if a signal has ended the wait.
     let work = move || drop(done.send(work()));
     std::thread::Builder::new().name(name.to_owned()).spawn(work).into_diagnostic()?;
     loop {

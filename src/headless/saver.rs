@@ -58,7 +58,7 @@ impl Saver {
         let asked = self.to.path();
         if path != asked {
             let (asked, path) = (plain(&asked.to_string_lossy()), plain(&path.to_string_lossy()));
-            tell(&format!("{asked} is another run's (--overwrite replaces it): saving to {path}"));
+            tell(&format!("{asked} belongs to another run (--overwrite replaces it): saving to {path}"));
         }
         self.to = SaveTo::Own(path.clone());
         self.state = state;

@@ -1,4 +1,4 @@
-//! What agents did, and the batches drawn from it.
+//! The replay buffer, and the batches sampled from it.
 
 pub mod batch;
 pub mod replay;

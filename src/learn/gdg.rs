@@ -37,7 +37,7 @@ pub type FullGradient = (Vec<f32>, Vec<f32>);
 /// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
-    about: "goal-distance gradient: learns D and a dynamics model, and an actor through both",
+    about: "trains an actor through a distance critic and a dynamics model",
     create: |spec, settings, threads, rng| Ok(Box::new(Gdg::new(spec, settings, threads, rng)?)),
     parameters: Gdg::parameters,
 };
@@ -82,7 +82,7 @@ impl Gdg {
     /// Returns an error if states are too large, a tensor operation fails or a thread cannot be started.
     pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
         if spec.state_dim() > MAX_STATE_DIM {
-            candle_core::bail!("states of more than {MAX_STATE_DIM} numbers are not supported");
+            candle_core::bail!("states with more than {MAX_STATE_DIM} components are not supported");
         }
         let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
         let grid = shapes.encoder.grid();
@@ -250,7 +250,7 @@ impl Gdg {
         Reference::of(self.shapes(), critics.chain(others).collect::<Result<_>>()?, layers)
     }
 
-    /// Calls `use_nets` with the current networks or their running averages; no update can run meanwhile.
+    /// Calls `use_nets` with the current networks or their running averages; no update can run in the meantime.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.

@@ -31,7 +31,7 @@ pub type CreateLearner = fn(&Spec, &LearnSettings, usize, &mut ChaCha8Rng) -> Re
 
 /// What an update learns from.
 pub struct TrainingData<'a> {
-    /// The agents' experience; holds at least one transition.
+    /// The replay buffer; contains at least one transition.
     pub replay: &'a Replay,
     /// Distances from the bridge graph, if there is one.
     pub known: Option<KnownDistances<'a>>,

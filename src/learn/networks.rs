@@ -1,4 +1,4 @@
-//! Networks: their inputs, weights, averages, and what has been learned, ready to use.
+//! Networks: inputs, weights, running averages, and policies for inference.
 
 pub mod dense;
 pub mod encoder;

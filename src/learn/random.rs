@@ -12,7 +12,7 @@ use crate::store::Store;
 /// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
-    about: "random actions, nothing is learned",
+    about: "random actions without learning",
     create: |spec, settings, threads, rng| Ok(Box::new(Random(Gdg::new(spec, settings, threads, rng)?))),
     parameters: gdg::KIND.parameters,
 };

@@ -58,7 +58,7 @@ pub struct LearnSettings {
     /// makes distances that are too short hardly grow.
     pub greedy_targets: bool,
     /// Updates after walls are added during which targets follow the behaviour alone, over many steps: distances have
-    /// grown, and the dynamics model has yet to learn that the walls block the way.
+    /// grown, and the dynamics model has yet to learn that the walls block the path.
     pub relearn_updates: u64,
     /// Whether a goal that was reached j steps later bounds the target by j.
     pub hindsight_bound: bool,

@@ -1,4 +1,4 @@
-//! What an update is made of: losses, gradients, optimiser steps, and the threads that share them.
+//! The parts of an update: losses, gradients, optimiser steps, and the thread pool.
 
 pub mod adam;
 pub mod gradient;

@@ -67,8 +67,8 @@ pub fn print_ascii(grid: &Grid) -> String {
 
 /// Creates the error for a map of more than [`MAX_CELLS`] cells.
 pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
-    let right = format!("a map may have up to {MAX_CELLS} cells, as 4096 x 4096 has");
-    text.line_error(0, format!("a map of {width} x {height} cells does not fit"), right)
+    let right = format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096");
+    text.line_error(0, format!("a map of {width} x {height} cells is too large"), right)
 }
 
 /// Creates the error for a character that is not a map character.
@@ -87,7 +87,7 @@ pub fn check_row_length(text: &Text, line: usize, width: usize, because: &str) -
         line,
         at..length.max(at + 1),
         format!("this row has {length} characters, {because} {width}"),
-        "all rows of a map are equally long (an editor may have cut spaces at the end: write free cells as '.')",
+        "all rows must have the same length (an editor may have removed trailing spaces: write free cells as '.')",
     ))
 }
 

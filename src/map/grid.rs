@@ -47,7 +47,7 @@ impl Grid {
         let grid = Self { name: name.to_owned(), width, height, free, starts, goals };
         assert!(
             grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)),
-            "starts and goals stand on free cells"
+            "starts and goals must be on free cells"
         );
         grid
     }
@@ -118,7 +118,7 @@ impl Grid {
     /// # Panics
     /// If the map would have no cells, or more than [`MAX_CELLS`].
     pub fn empty(name: &str, width: usize, height: usize) -> Self {
-        assert!(width > 0 && height > 0 && width * height <= MAX_CELLS, "a map of a size that maps can have");
+        assert!(width > 0 && height > 0 && width * height <= MAX_CELLS, "the size is out of range");
         Self::new(name, width, vec![true; width * height], Vec::new(), Vec::new())
     }
 

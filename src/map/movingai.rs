@@ -40,11 +40,11 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     }
     if rows < height {
         let line = text.lines.len() - 1;
-        let what = format!("the map ends after {rows} rows, the header says height {height}");
+        let what = format!("the map ends after {rows} rows, but the header says height {height}");
         return Err(text.line_error(line, what, "give as many rows as the header says"));
     }
     if rows > height {
-        let what = format!("row {} of a map whose header says height {height}", height + 1);
+        let what = format!("row {}, but the header says height {height}", height + 1);
         return Err(text.line_error(first_row + height, what, "give as many rows as the header says"));
     }
     check_some_free(text, &free)?;
@@ -59,34 +59,34 @@ fn parse_header(text: &Text) -> MapResult<(usize, usize, usize)> {
         match words.as_slice() {
             ["type", "octile"] if i == 0 => {}
             ["type", ..] if i == 0 => {
-                return Err(text.line_error(i, "only maps of type octile are known", HEADER));
+                return Err(text.line_error(i, "only maps of type octile are supported", HEADER));
             }
             ["height", value] if height.is_none() => height = Some(parse_size(text, i, value)?),
             ["width", value] if width.is_none() => width = Some(parse_size(text, i, value)?),
             ["map"] => {
                 return match (width, height) {
                     (Some(w), Some(h)) => Ok((w, h, i + 1)),
-                    (None, _) => Err(text.line_error(i, "the header does not say the width", HEADER)),
-                    (_, None) => Err(text.line_error(i, "the header does not say the height", HEADER)),
+                    (None, _) => Err(text.line_error(i, "the header has no width", HEADER)),
+                    (_, None) => Err(text.line_error(i, "the header has no height", HEADER)),
                 };
             }
-            _ => return Err(text.line_error(i, "this line does not belong in the header", HEADER)),
+            _ => return Err(text.line_error(i, "unexpected line in the header", HEADER)),
         }
     }
-    Err(text.line_error(text.lines.len() - 1, "the header does not end with a line 'map'", HEADER))
+    Err(text.line_error(text.lines.len() - 1, "the header has no final line 'map'", HEADER))
 }
 
 fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
     let column = text.lines[line].chars().count() - text.lines[line].trim_start().chars().count();
     let from = column + text.lines[line].trim_start().find(value).unwrap_or(0);
     let error = |what: String| {
-        text.error(line, from..from + value.chars().count(), what, "sizes are whole numbers from 1 to 16777216")
+        text.error(line, from..from + value.chars().count(), what, "sizes are integers from 1 to 16777216")
     };
     match value.parse::<usize>() {
-        Ok(0) => Err(error("a map cannot have size 0".to_owned())),
+        Ok(0) => Err(error("a size of 0 is invalid".to_owned())),
         Ok(size) if size <= MAX_CELLS => Ok(size),
-        Ok(_) => Err(error(format!("{value} cells do not fit"))),
-        Err(e) if *e.kind() == IntErrorKind::PosOverflow => Err(error(format!("{value} cells do not fit"))),
+        Ok(_) => Err(error(format!("a size of {value} is too large"))),
+        Err(e) if *e.kind() == IntErrorKind::PosOverflow => Err(error(format!("a size of {value} is too large"))),
         Err(_) => Err(error(format!("{value:?} is not a size"))),
     }
 }

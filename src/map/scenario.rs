@@ -15,7 +15,7 @@ pub struct ScenarioTask {
     pub optimal_octile: f64,
 }
 
-const FIELDS: &str = "a task has 9 fields parted by tabs: bucket, map, map width, map height, start x, start y, \
+const FIELDS: &str = "a task has 9 fields separated by tabs: bucket, map, map width, map height, start x, start y, \
                       goal x, goal y, optimal length";
 
 /// Parses a scenario for `grid`; scales coordinates if the stated map size differs from the grid's.
@@ -26,7 +26,7 @@ const FIELDS: &str = "a task has 9 fields parted by tabs: bucket, map, map width
 pub fn parse_scenario(text: &Text, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
     let version: Vec<&str> = text.lines[0].split_whitespace().collect();
     if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
-        return Err(text.line_error(0, "not a scenario of version 1", "the first line is 'version 1'"));
+        return Err(text.line_error(0, "not a scenario of version 1", "the first line must be 'version 1'"));
     }
     let tasks: MapResult<Vec<ScenarioTask>> = text
         .lines
@@ -38,7 +38,7 @@ pub fn parse_scenario(text: &Text, grid: &Grid) -> MapResult<Vec<ScenarioTask>> 
         .collect();
     let tasks = tasks?;
     if tasks.is_empty() {
-        return Err(text.line_error(0, "the scenario has no task", FIELDS));
+        return Err(text.line_error(0, "the scenario has no tasks", FIELDS));
     }
     Ok(tasks)
 }
@@ -57,7 +57,7 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
         fields[field]
             .trim()
             .parse::<usize>()
-            .map_err(|_| text.error(line, columns(field), format!("{:?} is not a whole number", fields[field]), FIELDS))
+            .map_err(|_| text.error(line, columns(field), format!("{:?} is not an integer", fields[field]), FIELDS))
     };
     let (stated_width, stated_height) = (number(2)?, number(3)?);
     let cell = |field: usize, which: &str| {
@@ -74,12 +74,12 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
         let (x, y) = (cell.x, cell.y);
         let outside = x >= grid.width() || y >= grid.height();
         let what = if outside {
-            format!("the {which} ({x}, {y}) lies off the map of {} x {}", grid.width(), grid.height())
+            format!("the {which} ({x}, {y}) is outside the map of {} x {}", grid.width(), grid.height())
         } else {
             format!("the {which} ({x}, {y}) is a wall of {}", grid.name())
         };
         let right =
-            "starts and goals are free cells as x, y from (0, 0) at the upper left; is this the map's scenario?";
+            "starts and goals must be free cells, as x, y from (0, 0) at the upper left; is this the right map?";
         Err(text.error(line, columns(field).start..columns(field + 1).end, what, right))
     };
     let optimal_octile = fields[8].trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);

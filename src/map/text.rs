@@ -13,7 +13,7 @@ impl<'a> Text<'a> {
     pub fn new(file: &'a str, bytes: &'a [u8]) -> MapResult<Self> {
         let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
         if let Some(at) = bytes.iter().position(|b| *b == 0) {
-            return Err(not_text(file, bytes, at, "a zero byte"));
+            return Err(not_text(file, bytes, at, "a NUL byte"));
         }
         let text = std::str::from_utf8(bytes)
             .map_err(|e| not_text(file, bytes, e.valid_up_to(), "a byte that is not UTF-8"))?;
@@ -22,7 +22,7 @@ impl<'a> Text<'a> {
             lines.pop();
         }
         if lines.is_empty() {
-            return Err(MapError::whole(file, "the file is empty", "a map has at least one row with one free cell"));
+            return Err(MapError::whole(file, "the file is empty", "a map needs at least one free cell"));
         }
         Ok(Self { file, lines })
     }
@@ -56,6 +56,6 @@ fn not_text(file: &str, bytes: &[u8], at: usize, found: &str) -> Box<MapError> {
         (line, &text),
         before..before + 1,
         format!("this is not a text file: {found}"),
-        "maps and scenarios are plain text: one character a cell, or the Moving AI formats",
+        "maps and scenarios are plain text: one character per cell, or the Moving AI formats",
     )
 }

@@ -95,7 +95,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
 }
 
 fn unreadable(path: &Path, what: &str) -> CheckpointError {
-    let right = "give a checkpoint that gdg-tui saved: saves/NAME.safetensors".to_owned();
+    let right = "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors".to_owned();
     CheckpointError { file: path.to_owned(), what: shortened(what, SHOWN), right }
 }
 
@@ -164,10 +164,10 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     let failed = |what: String| CheckpointError {
         file: to.path().to_owned(),
         what: format!("not saved: {what}"),
-        right: "give a file in a folder that can be written to, with room for it".to_owned(),
+        right: "choose a file in a writable folder with enough free space".to_owned(),
     };
     if crate::faults::point("save") {
-        return Err(failed("a fault on demand".to_owned()));
+        return Err(failed("injected fault".to_owned()));
     }
     let store = trainer.save().map_err(|e| failed(e.to_string()))?;
     let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
@@ -210,7 +210,7 @@ pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loa
         Err(what) => match backup.is_file().then(|| load(&backup)) {
             Some(Ok(trainer)) => {
                 let (what, name) = (shortened(&what, SHOWN), plain(&path.to_string_lossy()));
-                let warning = format!("{name} {what}; the save before it was taken: {name}.bak");
+                let warning = format!("{name} {what}; loaded the previous save, {name}.bak");
                 tracing::warn!("{warning}");
                 Ok(Loaded { trainer, warning: Some(warning) })
             }

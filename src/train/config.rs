@@ -80,8 +80,8 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
         let shown = shortened(assignment, QUOTED);
         let (name, value) = assignment.split_once('=').ok_or_else(|| {
             ConfigError::new(
-                format!("--set {shown}: no value is given"),
-                "write --set name=value, as in --set expectile=0.9".to_owned(),
+                format!("--set {shown}: no value given"),
+                "use --set name=value, e.g. --set expectile=0.9".to_owned(),
             )
         })?;
         apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.of(format!("--set {shown}: ")))?;
@@ -126,7 +126,7 @@ pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Sett
     Ok(settings)
 }
 
-/// Parses `text` as JSON, or else takes it as a string, so that words need no quotes: loss=sqrt.
+/// Parses `text` as JSON, or treats it as a string if that fails, so that words need no quotes: loss=sqrt.
 fn value_of(text: &str) -> Value {
     serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()))
 }
@@ -144,7 +144,7 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     serde_json::from_value(Value::Object(values.clone())).map_err(|e| {
         ConfigError::new(
             shortened(&e.to_string(), QUOTED),
-            "see --print-config for values of the right kind".to_owned(),
+            "see --print-config for values of the right type".to_owned(),
         )
     })
 }
@@ -154,7 +154,7 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
     values.insert(setting.name.to_owned(), value.clone());
     let kind = |_| {
-        let right = format!("{name} is {}", setting.range);
+        let right = format!("{name} must be {}", setting.range);
         ConfigError::new(format!("{name} cannot be {}", shortened(&value.to_string(), QUOTED)), right)
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
@@ -174,7 +174,7 @@ fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<Con
 
 fn out_of_range(Setting { name, range, .. }: &Setting, value: &Value) -> Box<ConfigError> {
     let value = shortened(&value.to_string(), QUOTED);
-    ConfigError::new(format!("{name} cannot be {value}"), format!("{name} is {range}"))
+    ConfigError::new(format!("{name} cannot be {value}"), format!("{name} must be {range}"))
 }
 
 fn unknown(name: &str) -> Box<ConfigError> {
@@ -187,7 +187,7 @@ fn unknown(name: &str) -> Box<ConfigError> {
         Some((_, known)) => format!("did you mean {known}? --print-config prints all settings"),
         None => "--print-config prints all settings".to_owned(),
     };
-    ConfigError::new(format!("there is no setting {:?}", shortened(name, QUOTED)), right)
+    ConfigError::new(format!("unknown setting {:?}", shortened(name, QUOTED)), right)
 }
 
 /// Names and values of a settings file, borrowed from its text so that errors can locate them.
@@ -200,7 +200,7 @@ struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
 fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
     let file = path.to_string_lossy();
     let text = files::read_text(path, MAX_BYTES).map_err(|e| {
-        let right = "give a JSON file, as --print-config prints one".to_owned();
+        let right = "give a JSON file in the format of --print-config".to_owned();
         ConfigError::new(format!("cannot be read: {e}"), right).of(format!("{}: ", plain(&file)))
     })?;
     apply_text(values, &file, &text)
@@ -208,7 +208,7 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
 
 fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
-        let right = "a settings file is a JSON object of names and values, as --print-config prints it".to_owned();
+        let right = "a settings file is a JSON object of names and values, in the format of --print-config".to_owned();
         let message = e.to_string();
         let what = shortened(message.split(" at line ").next().unwrap_or(&message), QUOTED);
         ConfigError::new(what, right).within(file, text, (offset_of(text, e.line(), e.column()), 0))

@@ -163,8 +163,8 @@ impl Worker {
     fn mend(&mut self, what: &str) {
         let mended = catch_unwind(AssertUnwindSafe(|| self.trainer.mend_after_panic()));
         let state = match mended {
-            Ok(Ok(())) => "what was learned can be saved",
-            _ => "it may not be possible to save it",
+            Ok(Ok(())) => "the run can be saved",
+            _ => "saving may fail",
         };
         self.current.phase = Phase::Failed(format!("an internal error ended {what}; {state}"));
     }
@@ -293,7 +293,7 @@ impl Worker {
                 self.trainer.history_mut().add_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
-            Ok(_) => self.notify(format!("the evaluation at update {updates} gave numbers that are not finite")),
+            Ok(_) => self.notify(format!("the evaluation at update {updates} returned non-finite values")),
             Err(_) => self.notify("an evaluation failed with an internal error".to_owned()),
         }
         self.publish();

@@ -17,7 +17,7 @@ pub enum TrainError {
     #[error(transparent)]
     Learn(#[from] LearnError),
     /// A thread cannot be started.
-    #[error("a thread cannot be started: {0}")]
+    #[error("cannot start a thread: {0}")]
     Thread(#[from] std::io::Error),
     /// Saved state cannot be restored, or current state cannot be saved.
     #[error(transparent)]
@@ -26,7 +26,7 @@ pub enum TrainError {
     #[error(transparent)]
     Env(#[from] EnvError),
     /// The learner is not registered.
-    #[error("there is no learner {name:?}: there are {known}")]
+    #[error("unknown learner {name:?}; known learners: {known}")]
     UnknownLearner {
         /// The requested name.
         name: String,
@@ -35,8 +35,8 @@ pub enum TrainError {
     },
     /// The run diverged again after the maximum number of rollbacks.
     #[error(
-        "training diverged again at update {updates} after going back {times} times: set a smaller learning_rate (it is \
-         {learning_rate} now); the networks are those of update {back_to}, and can be saved"
+        "training diverged again at update {updates} after {times} rollbacks: set a smaller learning_rate (now \
+         {learning_rate}); the networks of update {back_to} are restored and can be saved"
     )]
     Diverged {
         /// The update after which numbers were not finite.
@@ -50,8 +50,8 @@ pub enum TrainError {
     },
     /// The settings need more memory than is available.
     #[error(
-        "these settings need about {:.1} GB of memory, and there are {:.1} GB: make hidden, layers, batch, candidates, \
-         buffer_size or grid_channels smaller",
+        "these settings need about {:.1} GB of memory, but {:.1} GB are available: reduce hidden, layers, batch_size, \
+         candidates, buffer_size or grid_channels",
         *needed as f64 / 1e9,
         *available as f64 / 1e9
     )]
@@ -62,6 +62,6 @@ pub enum TrainError {
         available: u64,
     },
     /// The networks are not finite and must not overwrite a good checkpoint.
-    #[error("the networks hold numbers that are not finite")]
+    #[error("the networks contain non-finite values")]
     NotFinite,
 }

@@ -82,7 +82,7 @@ impl StoredGraph {
             return Ok(None);
         }
         let [at, due] = store.u64(&when)? else {
-            return Err(StoreError::misfit(format!("its {when} is of another length than 2")));
+            return Err(StoreError::misfit(format!("its {when} does not have length 2")));
         };
         Ok(Some(Self { at: *at, due: *due, state: GraphState::read(store, prefix)? }))
     }

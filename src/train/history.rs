@@ -14,7 +14,7 @@ const POINT_EVERY_UPDATES: u64 = 50;
 /// Maximum number of points; beyond it, every other point is dropped.
 const MOST_POINTS: usize = 2048;
 
-/// Maximum number of evaluations, thinned likewise.
+/// Maximum number of evaluations, thinned in the same way.
 const MOST_EVALUATIONS: usize = 1000;
 
 /// Maximum number of log entries (the oldest are dropped), and of characters per entry.

@@ -85,7 +85,7 @@ mod tests {
     use crate::train::{Method, Preset, Settings};
 
     #[test]
-    fn the_default_fits_and_what_is_beyond_all_machines_does_not() {
+    fn the_default_fits_into_memory_and_oversized_settings_do_not() {
         let world = PointMaze::new(builtin("fourrooms").expect("built in").into(), 0);
         let registry = Registry::builtin();
         let run = |change: fn(&mut Settings)| {

@@ -37,7 +37,7 @@ pub const METHODS: [NamedMethod; 4] = [
         name: "gdg-bridge",
         learner: "gdg",
         planner: Planner::Bridges,
-        about: "Explores, and plans at execution, through bridge points",
+        about: "Explores and plans through bridge points",
     },
     NamedMethod {
         name: "gdg",
@@ -55,13 +55,13 @@ pub const METHODS: [NamedMethod; 4] = [
         name: "random",
         learner: "random",
         planner: Planner::None,
-        about: "Random actions, nothing learned: the floor",
+        about: "Random actions without learning: the baseline",
     },
 ];
 
 /// Error for a text that does not name a method.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("there is no method {0:?}")]
+#[error("unknown method {0:?}")]
 pub struct UnknownMethod(String);
 
 impl Default for Method {
@@ -159,8 +159,8 @@ impl Preset {
     /// Returns a short description.
     pub fn about(self) -> &'static str {
         match self {
-            Self::Default => "Everything that measurement has shown to help",
-            Self::Paper => "The published algorithms to the letter",
+            Self::Default => "All additions that measurably help",
+            Self::Paper => "The algorithms exactly as published",
         }
     }
 
@@ -182,7 +182,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn every_combination_is_read_back_from_its_name() {
+    fn every_method_name_parses_to_the_same_method() {
         for learner in ["gdg", "random", "my-own"] {
             for planner in Planner::ALL {
                 let method = Method { learner: learner.to_owned(), planner };

@@ -38,8 +38,8 @@ impl Effect {
     pub fn about(self) -> &'static str {
         match self {
             Self::Immediate => "takes effect immediately",
-            Self::NewAgents => "restarts the agents; networks and replay are kept",
-            Self::NewNetworks => "resets the networks; the replay is kept",
+            Self::NewAgents => "restarts the agents; keeps networks and replay",
+            Self::NewNetworks => "resets the networks; keeps the replay",
         }
     }
 }

@@ -269,7 +269,7 @@ impl Trainer {
             let mut around = StepContext { bridges, acting, settings, policy, graph, replay, candidates };
             done = act.take().map(|act| act(rollout, &mut around));
         })?;
-        Ok(done.unwrap_or_else(|| unreachable!("a learner uses what is handed to it once")))
+        Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
     }
 
     fn update(&mut self) -> Result<Tick> {
@@ -421,8 +421,8 @@ impl Trainer {
     pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
         let run: Run = store.json("run")?;
         let range = |OutOfRange(name)| {
-            let right = Setting::named(name).map_or("in its range", |setting| setting.range);
-            StoreError::misfit(format!("its setting {name} is not {right}"))
+            let right = Setting::named(name).map_or("in range", |setting| setting.range);
+            StoreError::misfit(format!("its setting {name} must be {right}"))
         };
         run.settings.check().map_err(range)?;
         let world = registry.load_world(store)?;
@@ -466,7 +466,7 @@ impl Trainer {
         self.history = history;
         self.last_good = LastGood::of(self.counters.updates, self.counters.losses, &*self.learner)?;
         if !self.last_good.is_finite() {
-            let what = "its networks hold numbers that are not finite: the run had diverged";
+            let what = "its networks contain non-finite values: the run had diverged";
             return Err(StoreError::misfit(what).into());
         }
         Ok(())

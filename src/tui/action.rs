@@ -101,7 +101,7 @@ pub enum Action {
     Palette,
     /// Show or hide the help.
     Help,
-    /// Close whatever is on top.
+    /// Close the topmost dialog or mode.
     Close,
     /// Stop the program until the shell resumes it.
     Suspend,
@@ -191,14 +191,14 @@ pub const SECTIONS: &[Section] = &[
         ],
     },
     Section {
-        title: "try it",
+        title: "goal and agent",
         bindings: &[
             bind(Action::NewGoal, "new-goal", &["n"], "goal", "a random new goal (or click on the map)").watching(),
             bind(Action::Move(-1, 0), "left", &["left", "h"], "", "move the goal or cursor left"),
             bind(Action::Move(0, 1), "down", &["down", "j"], "", "... down"),
             bind(Action::Move(0, -1), "up", &["up", "k"], "", "... up"),
             bind(Action::Move(1, 0), "right", &["right", "l"], "", "... to the right"),
-            bind(Action::NewStart, "new-start", &["w"], "", "put the walking agent @ somewhere else (or right-click)")
+            bind(Action::NewStart, "new-start", &["w"], "", "put @ at a random place (right-click: at that cell)")
                 .watching(),
             bind(Action::StartHere, "start-here", &["shift-s"], "", "put @ at the cursor or goal").watching(),
             bind(Action::GoalHere, "goal-here", &["enter"], "", "put the goal at the cursor").watching(),
@@ -209,11 +209,10 @@ pub const SECTIONS: &[Section] = &[
     Section {
         title: "view",
         bindings: &[
-            bind(Action::Field(true), "next-field", &["v"], "view", "colour the map by another distance").watching(),
-            bind(Action::Field(false), "previous-field", &["shift-v"], "", "... by the one before").watching(),
+            bind(Action::Field(true), "next-field", &["v"], "view", "colour the map by the next quantity").watching(),
+            bind(Action::Field(false), "previous-field", &["shift-v"], "", "... by the previous one").watching(),
             bind(Action::Toggle(Overlay::Contours), "contours", &["c"], "", "contour lines, on or off").watching(),
-            bind(Action::Toggle(Overlay::Directions), "directions", &["r"], "", "the actor's direction everywhere")
-                .watching(),
+            bind(Action::Toggle(Overlay::Directions), "directions", &["r"], "", "the actor's directions").watching(),
             bind(Action::Toggle(Overlay::Agents), "agents", &["a"], "", "exploring agents and their trails").watching(),
             bind(Action::Toggle(Overlay::Candidates), "candidates", &["b"], "", "bridge candidates").watching(),
             bind(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph").watching(),
@@ -221,9 +220,9 @@ pub const SECTIONS: &[Section] = &[
                 .watching(),
             bind(Action::Toggle(Overlay::Path), "path", &["p"], "", "the path planned by @").watching(),
             bind(Action::Inspect, "inspect", &["i"], "", "inspect cells with a cursor").watching(),
-            bind(Action::ZoomIn, "zoom-in", &["+", "="], "", "closer (or the mouse wheel)"),
-            bind(Action::ZoomOut, "zoom-out", &["-"], "", "farther"),
-            bind(Action::ZoomOff, "whole-map", &["0"], "", "the whole map").watching(),
+            bind(Action::ZoomIn, "zoom-in", &["+", "="], "", "zoom in (or mouse wheel)"),
+            bind(Action::ZoomOut, "zoom-out", &["-"], "", "zoom out"),
+            bind(Action::ZoomOff, "whole-map", &["0"], "", "show the whole map").watching(),
             bind(Action::Pan(-1, 0), "pan-left", &["shift-left", "alt-left"], "", "pan the map"),
             bind(Action::Pan(1, 0), "pan-right", &["shift-right", "alt-right"], "", ""),
             bind(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", ""),
@@ -235,12 +234,12 @@ pub const SECTIONS: &[Section] = &[
     Section {
         title: "panes",
         bindings: &[
-            bind(Action::Show(Pane::Training), "training", &["1"], "", "training and success").watching(),
+            bind(Action::Show(Pane::Training), "training", &["1"], "", "training progress and success").watching(),
             bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, losses and errors").watching(),
             bind(Action::Show(Pane::Walk), "walk", &["3"], "", "the followed agent").watching(),
-            bind(Action::Show(Pane::Legend), "legend", &["4"], "", "what the map shows").watching(),
-            bind(Action::Show(Pane::Log), "log", &["5"], "", "what happened").watching(),
-            bind(Action::NextPane, "next-pane", &["tab"], "panes", "the next pane"),
+            bind(Action::Show(Pane::Legend), "legend", &["4"], "", "legend of the map").watching(),
+            bind(Action::Show(Pane::Log), "log", &["5"], "", "event log").watching(),
+            bind(Action::NextPane, "next-pane", &["tab"], "panes", "select the next pane"),
             bind(Action::Maximise, "maximise", &["z"], "", "maximise or restore the pane").watching(),
             bind(Action::Scroll(-1), "scroll-back", &["pageup"], "", "scroll curves and log back"),
             bind(Action::Scroll(1), "scroll-on", &["pagedown"], "", "scroll curves and log forward"),
@@ -253,16 +252,16 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::ToggleEdit, "edit", &["e"], "edit", "open or close the editor"),
             bind(Action::Tool(Tool::Pencil), "pencil", &["1"], "", "draw walls (drag; right-drag: floor)").editing(),
             bind(Action::Tool(Tool::Eraser), "eraser", &["2"], "", "draw floor").editing(),
-            bind(Action::Tool(Tool::Line), "line", &["3"], "", "a straight wall").editing(),
-            bind(Action::Tool(Tool::Rectangle), "rectangle", &["4"], "", "walls around a rectangle").editing(),
+            bind(Action::Tool(Tool::Line), "line", &["3"], "", "draw a straight wall").editing(),
+            bind(Action::Tool(Tool::Rectangle), "rectangle", &["4"], "", "draw walls around a rectangle").editing(),
             bind(Action::Tool(Tool::Fill), "fill", &["5"], "", "fill an area with wall, or a wall with floor")
                 .editing(),
             bind(Action::Tool(Tool::Start), "start", &["6"], "", "add or remove a start S").editing(),
             bind(Action::Tool(Tool::Goal), "goal", &["7"], "", "add or remove a goal G").editing(),
             bind(Action::Apply, "apply", &["x", "enter"], "", "use the tool at the cursor; twice for a line").editing(),
-            bind(Action::Undo, "undo", &["u"], "", "take an edit back"),
-            bind(Action::Redo, "redo", &["ctrl-r"], "", "make it again"),
-            bind(Action::NewMap, "new-map", &[], "", "an empty map"),
+            bind(Action::Undo, "undo", &["u"], "", "undo an edit"),
+            bind(Action::Redo, "redo", &["ctrl-r"], "", "redo an edit"),
+            bind(Action::NewMap, "new-map", &[], "", "create an empty map"),
             bind(Action::ResizeMap, "resize-map", &[], "", "resize the map"),
             bind(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file"),
             bind(Action::OpenMap, "open-map", &["shift-o"], "", "open another map"),
@@ -281,7 +280,7 @@ pub const SECTIONS: &[Section] = &[
     Section {
         title: "program",
         bindings: &[
-            bind(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find anything by its name"),
+            bind(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find an action by name"),
             bind(Action::Help, "help", &["?", "f1"], "help", "show or hide this help"),
             bind(Action::Close, "close", &["esc"], "", "close the topmost dialog or mode"),
             bind(Action::Suspend, "suspend", &["ctrl-z"], "", "suspend to the shell; fg resumes"),

@@ -79,7 +79,7 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
     let name = path.to_string_lossy();
     let text = files::read_text(&path, MAX_BYTES).map_err(|e| {
-        let right = "give a TOML file, as --print-config-template prints one";
+        let right = "give a TOML file in the format of --print-config-template";
         error(&name, "", None, &format!("cannot be read: {e}"), right)
     })?;
     parse(&name, &text)
@@ -90,12 +90,12 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
 /// # Errors
 /// Something in the text is invalid.
 pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigError>> {
-    let hint = "--print-config-template prints a file with everything that can be set";
+    let hint = "--print-config-template prints all options";
     let config: UiConfig = toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
     if !(0.0..=1e6).contains(&config.autosave_minutes) {
         let what = format!("autosave_minutes cannot be {}", config.autosave_minutes);
         let at = text.find("autosave_minutes").map(|at| at..at + "autosave_minutes".len());
-        return Err(error(name, text, at, &what, "a number of minutes, 0 for never"));
+        return Err(error(name, text, at, &what, "autosave_minutes must be a number of minutes; 0 turns autosave off"));
     }
     let keys = config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
     let keymap = Keymap::new(&keys).map_err(|e| {
@@ -121,13 +121,13 @@ pub fn template() -> String {
     let default = UiConfig::default();
     let names = |names: Vec<&str>| names.join(", ");
     let mut text = format!(
-        "# gdg-tui: what you set for yourself.{}\n\
-         # Take the # away from a line to change it.\n\n\
+        "# gdg-tui configuration.{}\n\
+         # Remove the # from a line to change its value.\n\n\
          # Colours: {}.\n# theme = \"{}\"\n\n\
-         # What the map is drawn with: {}.\n# marker = \"{}\"\n\n\
+         # Characters of the map: {}.\n# marker = \"{}\"\n\n\
          # Minutes between autosaves; 0 for none.\n# autosave_minutes = {}\n\n\
          # Keys of each action: \"a\", \"shift-a\", \"ctrl-a\", \"alt-a\", \"space\", \"enter\", \"left\", \"f1\" ...\n[keys]\n",
-        default_path().map_or(String::new(), |path| format!(" Its place: {}", path.display())),
+        default_path().map_or(String::new(), |path| format!(" Default path: {}", path.display())),
         names(ThemeName::ALL.map(ThemeName::name).to_vec()),
         default.theme.name(),
         names(Marker::ALL.map(Marker::name).to_vec()),
@@ -160,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn mistakes_are_reported_with_line_and_column() {
+    fn errors_are_reported_with_line_and_column() {
         for (text, place) in [
             ("theme = \"drak\"\n", "f:1:9: "),
             ("\nautosave_minutes = -1\n", "f:2:1: "),

@@ -125,7 +125,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn no_export_replaces_another() {
+    fn exports_never_replace_each_other() {
         let folder = tempfile::tempdir().expect("a folder");
         let mut names = Vec::new();
         for _ in 0..3 {

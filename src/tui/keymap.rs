@@ -37,7 +37,7 @@ impl Keymap {
                 .max_by(|a, b| strsim::jaro_winkler(a.name, name).total_cmp(&strsim::jaro_winkler(b.name, name)));
             let right = nearest.map_or(String::new(), |b| format!("did you mean {}?", b.name));
             let right = format!("{right} --print-config-template lists all names");
-            let what = "there is no such action".to_owned();
+            let what = "unknown action".to_owned();
             return Err(KeymapError { binding: name.clone(), what, right: right.trim().to_owned() });
         }
         let mut keymap = Self { keys: Vec::new() };
@@ -53,14 +53,14 @@ impl Keymap {
                 };
                 let parsed = crokey::parse(&key).map_err(|_| {
                     fail(
-                        format!("{key:?} is no key"),
-                        "write keys as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"",
+                        format!("{key:?} is not a key"),
+                        "keys are written as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"",
                     )
                 })?;
                 let pressed = normal(parsed);
                 if let Some(other) = keymap.binding(pressed, binding.when) {
-                    let what = format!("{key:?} is the key of {} too", other.name);
-                    return Err(fail(what, "give one of them another key"));
+                    let what = format!("{key:?} is already bound to {}", other.name);
+                    return Err(fail(what, "bind one of them to another key"));
                 }
                 keymap.keys.push((pressed, binding));
             }
@@ -165,7 +165,7 @@ mod tests {
     }
 
     #[test]
-    fn keys_can_be_changed_and_mistakes_are_reported() {
+    fn keys_can_be_changed_and_invalid_keys_are_reported() {
         let changed = keymap(&[("pause", &["ctrl-k", "f5"])]).expect("good keys");
         assert_eq!(changed.action(press(KeyCode::F(5), KeyModifiers::NONE), false), Some(Action::TogglePause));
         assert_eq!(changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), false), None);

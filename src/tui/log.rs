@@ -8,7 +8,7 @@ use crate::train::{LogEntry, MOST_ENTRIES};
 const SHOWN: Duration = Duration::from_secs(4);
 const FADING: Duration = Duration::from_secs(2);
 
-/// The log of everything that happened.
+/// The event log.
 #[derive(Debug)]
 pub struct Log {
     began: Instant,

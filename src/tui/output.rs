@@ -25,12 +25,12 @@ impl What {
     /// Returns the name shown on the screen.
     pub fn name(self) -> &'static str {
         match self {
-            Self::MapPng => "the map as a picture",
-            Self::MapSvg => "the map as a drawing",
-            Self::ScreenPng => "the screen as a picture",
-            Self::ScreenSvg => "the screen as a drawing",
-            Self::CurvesSvg => "the curves as a drawing",
-            Self::CurvesCsv => "the curves as numbers",
+            Self::MapPng => "map as bitmap",
+            Self::MapSvg => "map as vector graphic",
+            Self::ScreenPng => "screen as bitmap",
+            Self::ScreenSvg => "screen as vector graphic",
+            Self::CurvesSvg => "curves as vector graphic",
+            Self::CurvesCsv => "curves as table",
         }
     }
 

@@ -10,7 +10,7 @@ pub enum Pane {
     Curves,
     /// The followed agent.
     Walk,
-    /// What the map shows, and in which colours.
+    /// The legend of the map.
     Legend,
     /// The log.
     Log,

@@ -1,4 +1,4 @@
-//! Where the map lies on the screen, and which part of it is shown.
+//! Placement of the map on the screen, and the visible part of it.
 
 use ratatui::layout::{Position, Rect};
 use serde::{Deserialize, Serialize};
@@ -73,7 +73,7 @@ impl Default for Viewport {
     }
 }
 
-/// Where the map lies on the screen.
+/// Placement of the map on the screen.
 #[derive(Clone, Debug, PartialEq)]
 pub struct MapFrame {
     /// The characters it covers.

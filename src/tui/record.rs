@@ -105,12 +105,12 @@ mod tests {
     }
 
     #[test]
-    fn a_recording_replaces_another_only_when_asked_to() {
+    fn a_recording_replaces_a_file_only_with_overwrite() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
         std::fs::write(&path, b"mine").expect("a file");
         let error = Recorder::begin(&path, false).err().expect("it is there");
-        assert!(error.to_string().contains("run.cast: the file exists already"), "{error}");
+        assert!(error.to_string().contains("run.cast: the file already exists"), "{error}");
         assert_eq!(std::fs::read(&path).expect("kept"), b"mine");
         assert!(Recorder::begin(&path, true).is_ok());
         assert!(std::fs::read_to_string(&path).expect("a recording").starts_with("{\"version\":2"));

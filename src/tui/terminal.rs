@@ -1,4 +1,4 @@
-//! The terminal: set up at the start, and restored whatever happens.
+//! The terminal: set up at the start, and always restored.
 
 mod guard;
 
@@ -157,7 +157,7 @@ fn take_over() -> std::io::Result<()> {
     execute!(stdout(), EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)
 }
 
-/// Restores the terminal. Errors are ignored, as there is nobody left to report them to.
+/// Restores the terminal. Ignores errors, which cannot be reported any more.
 pub fn restore() {
     leave_screen();
     let _ = disable_raw_mode();

@@ -120,7 +120,7 @@ fn wait_until(app: &mut App, is: impl Fn(&App) -> bool) {
     let (snapshots, views) = (app.snapshots(), app.views());
     let began = Instant::now();
     while !is(app) {
-        assert!(began.elapsed() < Duration::from_mins(1), "it did not come about");
+        assert!(began.elapsed() < Duration::from_mins(1), "timed out");
         std::thread::sleep(Duration::from_millis(5));
         let (snapshot, view) = (snapshots.borrow().clone(), views.borrow().clone());
         app.on_snapshot(snapshot);
@@ -352,7 +352,7 @@ fn without_colours_walls_are_still_distinct_from_floor() {
 }
 
 #[test]
-fn a_setting_can_change_during_training_and_mistakes_are_reported() {
+fn a_setting_can_change_during_training_and_invalid_values_are_reported() {
     let mut app = app();
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20);
@@ -362,7 +362,7 @@ fn a_setting_can_change_during_training_and_mistakes_are_reported() {
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "lots");
     press(&mut app, KeyCode::Enter);
-    assert!(text(&draw(&mut app, 80, 24)).contains("random_actions cannot be"), "the mistake is told");
+    assert!(text(&draw(&mut app, 80, 24)).contains("random_actions cannot be"), "the mistake is reported");
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "0.5");
     press(&mut app, KeyCode::Enter);
@@ -425,11 +425,11 @@ fn autosaves_use_their_own_files_and_only_the_newest_are_kept() {
     }
     let there: Vec<_> = all.iter().filter(|path| path.is_file()).collect();
     assert!((1..=4).contains(&there.len()), "the newest are kept: {there:?}");
-    assert!(!path.exists() && app.screen.snapshot.saved.is_none(), "what the user named is the user's");
+    assert!(!path.exists() && app.screen.snapshot.saved.is_none(), "the user's own file is left alone");
 }
 
 #[test]
-fn saving_spares_another_runs_file_and_reuses_the_runs_own() {
+fn saving_keeps_another_runs_file_and_replaces_the_runs_own() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("mine.safetensors");
     std::fs::write(&path, b"another run's").expect("written");
@@ -510,7 +510,7 @@ fn a_frozen_screen_stays_unchanged_while_training_continues() {
     assert_eq!(app.screen.snapshot.counters.updates, updates);
     assert!(text(&draw(&mut app, 80, 24)).contains("frozen"));
     press(&mut app, KeyCode::Char('F'));
-    assert!(app.screen.snapshot.counters.updates > updates + 50, "it goes on with what there is by now");
+    assert!(app.screen.snapshot.counters.updates > updates + 50, "it shows the current state");
 }
 
 #[test]

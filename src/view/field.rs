@@ -41,11 +41,11 @@ impl Field {
         match self {
             Self::Learned => "D to G",
             Self::FromStart => "D from S",
-            Self::Composed => "D by bridges",
+            Self::Composed => "D via graph",
             Self::True => "true steps",
             Self::Error => "error of D",
             Self::Visits => "visits",
-            Self::Plain => "map alone",
+            Self::Plain => "map only",
         }
     }
 
@@ -153,7 +153,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turning_forth_and_back_leads_round_and_home() {
+    fn next_and_previous_cycle_through_the_fields() {
         for method in &["gdg", "gdg-bridge"].map(|name| name.parse::<Method>().expect("a method")) {
             let there = (0..7).scan(Field::Learned, |field, _| {
                 *field = field.turn(true, method);

@@ -41,14 +41,14 @@ impl Tour {
     /// Returns its name on the screen.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Again => "start again",
-            Self::Visit => "visit others",
-            Self::Stay => "stay there",
+            Self::Again => "restart",
+            Self::Visit => "visit other goals",
+            Self::Stay => "stay",
         }
     }
 }
 
-/// The walking agent's journey.
+/// The walking agent's current walk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Walk {
     /// Start position.
@@ -63,7 +63,7 @@ pub struct Walk {
     pub waypoint: Option<[f32; 2]>,
     /// Whether it has arrived.
     pub arrived: bool,
-    /// Journeys that reached the goal, and all that ended.
+    /// Walks that reached the goal, and all finished walks.
     pub journeys: (u32, u32),
 }
 
@@ -78,7 +78,7 @@ impl Worker {
         self.begin_journey();
     }
 
-    /// Starts a journey from the agent's position to the goal.
+    /// Starts a walk from the agent's position to the goal.
     pub(super) fn begin_journey(&mut self) {
         let at = self.position();
         self.resting = 0;

@@ -1,6 +1,6 @@
 //! Runs the real program, with or without a pseudo-terminal, and modifies checkpoints.
 
-#![allow(clippy::unwrap_used, reason = "a test that cannot go on has failed")]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 #![allow(dead_code, reason = "not every test uses all of it")]
 
 use std::io::{Read, Write};
@@ -90,7 +90,7 @@ impl Session {
     pub fn wait_for(&self, text: &str) {
         let began = Instant::now();
         while !self.shows().contains(text) {
-            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not come:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not appear:\n{}", self.shows());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -102,7 +102,7 @@ impl Session {
     pub fn wait(&self, is: impl Fn(&Self) -> bool) {
         let began = Instant::now();
         while !is(self) {
-            assert!(began.elapsed() < Duration::from_mins(1), "it did not come about:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "timed out:\n{}", self.shows());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -111,7 +111,7 @@ impl Session {
     pub fn wait_for_end_or(&mut self, text: &str) {
         let began = Instant::now();
         while !self.shows().contains(text) && self.child.try_wait().unwrap().is_none() {
-            assert!(began.elapsed() < Duration::from_mins(1), "neither came:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "neither appeared:\n{}", self.shows());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -139,7 +139,7 @@ impl Session {
             if began.elapsed() > Duration::from_mins(1) {
                 let shown = self.shows();
                 self.child.kill().unwrap();
-                panic!("it did not end:\n{shown}");
+                panic!("the program did not exit:\n{shown}");
             }
             std::thread::sleep(Duration::from_millis(10));
         }

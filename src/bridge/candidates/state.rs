@@ -119,7 +119,7 @@ impl Candidates {
         }
         let sound = state.spacing > 0.0 && state.spacing.is_finite() && state.states.iter().all(|v| v.is_finite());
         if !sound {
-            return Err(StoreError::misfit("the stored bridge candidates hold numbers that are out of range"));
+            return Err(StoreError::misfit("the stored bridge candidates contain values out of range"));
         }
         let (next_id, ids) = state.ids.split_last().ok_or_else(misfit)?;
         let sorted = ids.is_sorted_by(|a, b| a < b) && ids.last().is_none_or(|last| last < next_id);

@@ -65,7 +65,7 @@ pub fn of_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> T
     set
 }
 
-/// Returns the map's own task, from its first start to its first goal, if it has both and a path between them.
+/// Returns the task from the map's first start to its first goal, if it has both and a path between them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
     let steps = StepSearch::new(map).from(goal)[map.index(start)];

@@ -340,7 +340,7 @@ impl Replay {
         }
         let finite = |numbers: &[f32]| numbers.iter().all(|v| v.is_finite());
         if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.ends_are_sound(state) {
-            return Err(StoreError::misfit("the stored replay holds numbers that are out of range"));
+            return Err(StoreError::misfit("the stored replay contains values out of range"));
         }
         self.written.clone_from(&state.written);
         self.episode.clone_from(&state.episode);

@@ -108,7 +108,7 @@ impl Network {
                 into.copy_from_slice(&values);
                 Ok(())
             }
-            Some(values) => bail!("{name} holds {} numbers instead of {}", values.len(), into.len()),
+            Some(values) => bail!("{name} has {} values instead of {}", values.len(), into.len()),
             None => bail!("{name} is missing"),
         };
         self.dense.restore(steps, &mut fill)?;

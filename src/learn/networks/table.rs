@@ -160,7 +160,7 @@ impl Table {
         let mut last = vec![0.0; stored.len()];
         fill("table_last", &mut last)?;
         if last.iter().any(|last| u64::from(last.to_bits()) > done) {
-            bail!("table_last holds updates that have yet to come");
+            bail!("table_last contains updates in the future");
         }
         *stored = last.into_iter().map(f32::to_bits).collect();
         *steps = done;

@@ -106,7 +106,7 @@ pub struct Workspaces {
     pub actor: Workspace,
     /// Of the model.
     pub model: Workspace,
-    /// Of the critic that judges where the model's step leads.
+    /// Of the critic that evaluates the model's prediction.
     pub critic: Workspace,
 }
 

@@ -1,7 +1,7 @@
 //! A thread pool for short pieces of work.
 //!
 //! An update consists of a few pieces of some hundred microseconds each. Waking a thread through the operating system
-//! takes a good part of that, so helpers spin for a while waiting for the next piece before they sleep.
+//! takes a considerable part of that, so helpers spin for a while waiting for the next piece before they sleep.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
@@ -67,7 +67,7 @@ pub struct ThreadPool {
 }
 
 impl ThreadPool {
-    /// Creates a team of `threads` threads, including the caller.
+    /// Creates a pool of `threads` threads, including the caller.
     ///
     /// # Errors
     /// Returns an error if a thread cannot be started.
@@ -81,7 +81,7 @@ impl ThreadPool {
         Ok(team)
     }
 
-    /// Calls `work` with each index below `tasks`, on all threads of the team; returns when all calls are done.
+    /// Calls `work` with each index below `tasks`, on all threads of the pool; returns when all calls are done.
     ///
     /// # Panics
     /// Panics if a call panicked.
@@ -102,7 +102,7 @@ impl ThreadPool {
         while piece.done.load(Ordering::Acquire) < tasks {
             std::hint::spin_loop();
         }
-        assert!(!piece.panicked.load(Ordering::Relaxed), "a task of the team panicked");
+        assert!(!piece.panicked.load(Ordering::Relaxed), "a task of the thread pool panicked");
     }
 }
 
@@ -129,7 +129,7 @@ impl JobSlot {
         }
     }
 
-    /// Runs a helper until the team is dropped.
+    /// Runs a helper until the pool is dropped.
     fn serve(&self) {
         let mut seen = 0;
         while !self.over.load(Ordering::SeqCst) {
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn every_task_runs_once_whether_helpers_sleep_or_not() {
         for threads in [1, 2, 4] {
-            let team = ThreadPool::new(threads).expect("a team");
+            let team = ThreadPool::new(threads).expect("a pool");
             for round in 0..300 {
                 let counts: Arc<Vec<AtomicUsize>> = Arc::new((0..7).map(|_| AtomicUsize::new(0)).collect());
                 let shared = counts.clone();
@@ -185,8 +185,8 @@ mod tests {
     }
 
     #[test]
-    fn a_panic_in_a_task_reaches_the_caller_and_the_team_stays_usable() {
-        let team = ThreadPool::new(2).expect("a team");
+    fn a_panic_in_a_task_reaches_the_caller_and_the_pool_stays_usable() {
+        let team = ThreadPool::new(2).expect("a pool");
         let outcome = catch_unwind(AssertUnwindSafe(|| team.run(4, |i| assert!(i != 2, "task 2"))));
         assert!(outcome.is_err());
         team.run(4, |_| {});

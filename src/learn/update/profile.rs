@@ -39,8 +39,8 @@ impl Stage {
     /// Returns its name in reports.
     pub fn name(self) -> &'static str {
         match self {
-            Self::Explore => "explore: act, step, remember",
-            Self::Sample => "draw the batch",
+            Self::Explore => "explore: act, step, store",
+            Self::Sample => "sample the batch",
             Self::CriticModelGradients => "gradients of critics and model",
             Self::CriticModelSteps => "steps of critics and model",
             Self::ActorGradient => "gradient of the actor",

@@ -26,7 +26,7 @@ pub enum ContentError {
     #[error("is not a safetensors file")]
     Header,
     /// A format unknown to this version.
-    #[error("is of the format {format:?}, written by version {version}; this one reads {FORMAT:?}")]
+    #[error("has format {format:?}, written by version {version}; this version reads {FORMAT:?}")]
     Format {
         /// The format.
         format: String,
@@ -34,7 +34,7 @@ pub enum ContentError {
         version: String,
     },
     /// The contents do not match the checksum.
-    #[error("is damaged: its checksum is not that of its contents")]
+    #[error("is damaged: its checksum does not match its contents")]
     Damaged,
     /// Contents are missing or invalid.
     #[error(transparent)]

@@ -18,7 +18,7 @@ use crate::train::trainer::Trainer;
 /// Number of autosaved checkpoints to keep.
 const AUTOSAVES_KEPT: usize = 3;
 
-/// Makes a world from the run's: on the trainer's thread, as preparing a large map takes a while.
+/// Makes a world from the run's, on the trainer's thread, as preparing a large map is slow.
 pub type MakeWorld = Box<dyn FnOnce(&dyn Environment) -> Box<dyn Environment> + Send>;
 
 /// A command from a front end.
@@ -82,8 +82,8 @@ impl Worker {
         self.renew(true)?;
         Ok(match (kept.networks, kept.agents) {
             (true, true) => "changed; training continues".to_owned(),
-            (true, false) => "changed; networks and replay are kept, agents restarted".to_owned(),
-            (false, _) => "changed; the networks are fresh, the replay is kept".to_owned(),
+            (true, false) => "changed; agents restarted, networks and replay kept".to_owned(),
+            (false, _) => "changed; networks reset, replay kept".to_owned(),
         })
     }
 
@@ -114,7 +114,7 @@ impl Worker {
         let updates = self.trainer.counters().updates;
         let mut text = format!("saved {} at update {updates}", path.display());
         if to.path() != path {
-            text += &format!(" ({} is another run's)", to.path().display());
+            text += &format!(" ({} belongs to another run)", to.path().display());
         }
         if let SaveTo::Fresh(asked) = to {
             self.fresh = Some((asked, path.clone()));
@@ -214,7 +214,7 @@ impl Worker {
         };
         let trainer = begin()?;
         self.adopt(trainer)?;
-        Ok("a new run has started".to_owned())
+        Ok("started a new run".to_owned())
     }
 
     fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {

@@ -61,7 +61,7 @@ pub struct Setting {
     pub name: &'static str,
     /// The group it belongs to.
     pub group: Group,
-    /// What it does.
+    /// Description.
     pub about: &'static str,
     /// Its unit; empty if it has none.
     pub unit: &'static str,
@@ -104,24 +104,23 @@ impl Setting {
 
 use Group::{Agents, Batches, Bridges, Exploration, Networks, Optimiser, Planning, Targets};
 
-const SHARE: &str = "a share from 0 to 1";
+const SHARE: &str = "a fraction from 0 to 1";
 const PROBABILITY: &str = "a probability from 0 to 1";
 const SWITCH: &str = "true or false";
 
 /// All settings, group by group.
 pub const SETTINGS: [Setting; 54] = [
-    Setting::new(Networks, "hidden", "", "a whole number from 1 to 4096", "width of each hidden layer").for_networks(),
-    Setting::new(Networks, "layers", "", "a whole number from 1 to 8", "hidden layers (ReLU)").for_networks(),
-    Setting::new(Networks, "critics", "", "1 or 2", "critics; their maximum counts: pessimism about short cuts")
-        .for_networks(),
+    Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
+    Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
+    Setting::new(Networks, "critics", "", "1 or 2", "number of critics; D is their maximum").for_networks(),
     Setting::new(Networks, "distance_scale_steps", "steps", "a number above 0", "D = scale * softplus(output)")
         .for_networks(),
     Setting::new(
         Networks,
         "fourier_octaves",
         "",
-        "a whole number from 0 to 12",
-        "Fourier features sin, cos(pi 2^l u) of positions, for l below this",
+        "an integer from 0 to 12",
+        "Fourier features sin, cos(pi 2^l u) of positions u, for l below this",
     )
     .for_networks(),
     Setting::new(
@@ -144,8 +143,8 @@ pub const SETTINGS: [Setting; 54] = [
         Networks,
         "grid_channels",
         "",
-        "a whole number from 1 to 32",
-        "trainable numbers at each corner of each grid",
+        "an integer from 1 to 32",
+        "trainable features at each corner of each grid",
     )
     .for_networks(),
     Setting::new(
@@ -153,112 +152,106 @@ pub const SETTINGS: [Setting; 54] = [
         "actor_bound",
         "",
         "a number from 0 to 100",
-        "actions are tanh(z); a z beyond this either way is pulled back, as a saturated actor has no gradient; 0 for no bound",
+        "actions are tanh(z); |z| above this is penalised, as a saturated actor has no gradient; 0 for no bound",
     ),
-    Setting::new(Targets, "n_step", "steps", "a whole number from 1 to 1000", "steps before a target bootstraps"),
+    Setting::new(Targets, "n_step", "steps", "an integer from 1 to 1000", "n of the n-step return"),
     Setting::new(
         Targets,
         "expectile",
         "",
         "a number above 0 and below 1",
-        "weight of errors where the target lies below D, 1 minus it where above; 0.5 for the plain square",
+        "weight of errors where the target is below D, 1 minus it above; 0.5 is the squared error",
     ),
     Setting::new(
         Targets,
         "greedy_targets",
         "",
         SWITCH,
-        "bound targets by a step of the actor and what follows, 1 + D'(f(s, mu'(s, g)), g)",
+        "cap targets at the actor's one-step lookahead, 1 + D'(f(s, mu'(s, g)), g)",
     ),
     Setting::new(
         Targets,
         "hindsight_bound",
         "",
         SWITCH,
-        "bound targets by the steps in which a trajectory reached the goal",
+        "cap targets at the steps in which a trajectory reached the goal",
     ),
     Setting::new(
         Targets,
         "relearn_updates",
         "updates",
-        "a whole number, 0 or more",
-        "after walls went up: updates during which targets follow behaviour alone",
+        "an integer, 0 or more",
+        "updates after walls are added during which targets follow behaviour alone",
     ),
-    Setting::new(Targets, "loss", "", "squared, sqrt or log", "scale on which a critic's error is measured"),
+    Setting::new(Targets, "loss", "", "squared, sqrt or log", "scale on which the critic error is measured"),
     Setting::new(Targets, "tau", "", "a number above 0, at most 1", "Polyak factor of target networks and averages"),
-    Setting::new(
-        Batches,
-        "batch_size",
-        "pairs",
-        "a whole number from 1 to 65536",
-        "pairs, and transitions, in a batch",
-    )
-    .formerly("batch"),
+    Setting::new(Batches, "batch_size", "pairs", "an integer from 1 to 65536", "pairs, and transitions, per batch")
+        .formerly("batch"),
     Setting::new(
         Batches,
         "goal_hindsight",
         "",
         SHARE,
-        "share of goals that are states reached later in the same episode",
+        "fraction of goals relabelled in hindsight: states reached later in the episode",
     ),
     Setting::new(
         Batches,
         "goal_geometric",
         "",
         SHARE,
-        "share of hindsight goals a geometric number of steps ahead; the rest are uniform in the future",
+        "fraction of hindsight goals a geometric number of steps ahead; the rest are uniform over the future",
     ),
     Setting::new(
         Batches,
         "goal_geometric_mean_steps",
         "steps",
         "a number of steps, at least 1",
-        "mean of that geometric number",
+        "mean of that geometric distribution",
     ),
     Setting::new(
         Batches,
         "goal_random",
         "",
-        "a share from 0 to 1, and at most 1 together with goal_hindsight",
-        "share of goals that are random states of the replay; the rest are those really pursued",
+        "a fraction from 0 to 1, at most 1 together with goal_hindsight",
+        "fraction of goals that are random states of the replay buffer; the rest are the goals pursued",
     ),
     Setting::new(
         Batches,
         "distillation",
         "",
         SHARE,
-        "share of pairs that are bridge candidates with their graph distance as the target",
+        "fraction of pairs that are bridge candidates with their graph distance as target",
     ),
     Setting::new(
         Batches,
         "buffer_size",
         "transitions",
-        "a whole number from 1000 to 100000000, with room for an episode of every agent",
-        "transitions kept for replay",
+        "an integer from 1000 to 100000000, with room for an episode of every agent",
+        "capacity of the replay buffer",
     )
     .for_agents()
     .formerly("replay_capacity"),
-    Setting::new(Optimiser, "learning_rate", "", "a number above 0", "Adam's step size for the networks"),
-    Setting::new(Optimiser, "grid_learning_rate", "", "a number above 0", "Adam's step size for the grid encoding"),
+    Setting::new(Optimiser, "learning_rate", "", "a number above 0", "Adam's learning rate for the networks"),
+    Setting::new(Optimiser, "grid_learning_rate", "", "a number above 0", "Adam's learning rate for the grid encoding"),
     Setting::new(
         Optimiser,
         "env_steps_per_update",
         "steps",
-        "a whole number of at least 1",
-        "environment steps, of all agents together, for each update",
+        "an integer, at least 1",
+        "environment steps, summed over all agents, per update",
     ),
     Setting::new(
         Optimiser,
         "update_when",
         "",
         "step or episode-end",
-        "whether updates are done as soon as they are due or, as in Algorithm 1, after each episode",
+        "run updates as soon as they are due or, as in Algorithm 1, after each episode",
     ),
     Setting::new(
         Optimiser,
         "learning_starts",
         "steps",
-        "a whole number, 0 or more",
+        "an integer, 0 or more",
         "environment steps before the first update",
     )
     .formerly("warmup_env_steps"),
@@ -267,18 +260,17 @@ pub const SETTINGS: [Setting; 54] = [
         "backend",
         "",
         "fused, tape or cuda",
-        "what computes updates: our kernels, candle's tape, or candle on the first GPU",
+        "implementation of updates: hand-written kernels, candle's tape, or candle on the first GPU",
     )
     .for_networks(),
-    Setting::new(Agents, "agents", "", "a whole number from 1 to 4096", "agents that explore side by side")
-        .for_agents(),
-    Setting::new(Agents, "episode_steps", "steps", "a whole number from 1 to 60000", "steps of an episode"),
+    Setting::new(Agents, "agents", "", "an integer from 1 to 4096", "agents exploring in parallel").for_agents(),
+    Setting::new(Agents, "episode_steps", "steps", "an integer from 1 to 60000", "steps per episode"),
     Setting::new(
         Agents,
         "restart",
         "",
         "anywhere or start-cell",
-        "where episodes begin: at a random place, or at the map's start S",
+        "start of an episode: a random position, or the map's start S",
     )
     .for_agents(),
     Setting::new(
@@ -293,20 +285,20 @@ pub const SETTINGS: [Setting; 54] = [
         "env_noise",
         "",
         "a number from 0 to 100",
-        "standard deviation of the noise that the world adds to every action",
+        "standard deviation of the noise added to every action by the environment",
     ),
     Setting::new(
         Exploration,
         "random_actions",
         "",
         SHARE,
-        "share of steps that follow a random direction instead of the actor",
+        "fraction of steps in a random direction instead of the actor's",
     ),
     Setting::new(
         Exploration,
         "random_hold_steps",
         "steps",
-        "a number of steps of at least 1",
+        "a number of steps, at least 1",
         "mean number of steps for which a random direction is held",
     ),
     Setting::new(
@@ -328,68 +320,62 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "search_budget",
         "candidates",
-        "a whole number from 1 to 100000",
-        "candidates that one bridge search may try (Algorithm 2)",
+        "an integer from 1 to 100000",
+        "maximum number of candidates that one bridge search tries (Algorithm 2)",
     ),
     Setting::new(
         Exploration,
         "planned_episodes",
         "",
         PROBABILITY,
-        "probability that an episode is walked through the bridge graph",
+        "probability that an episode follows a plan through the bridge graph",
     ),
     Setting::new(
         Exploration,
         "frontier_epsilon",
         "",
         PROBABILITY,
-        "probability that an episode's first goal is at the frontier: a candidate that few edges leave",
+        "probability that an episode's first goal is at the frontier: a candidate with few outgoing edges",
     ),
     Setting::new(
         Bridges,
         "candidates",
         "",
-        "a whole number from 2 to 10000",
-        "bridge candidates wanted; up to three times as many where these would lie too far apart",
+        "an integer from 2 to 10000",
+        "target number of bridge candidates; up to three times as many if they would be too far apart",
     ),
     Setting::new(
         Bridges,
         "candidate_spacing",
         "goal radii",
         "a number from 0.01 to 1000000",
-        "least distance between candidates; it grows when there would be too many",
+        "minimum distance between candidates; grows if there would be too many",
     ),
-    Setting::new(
-        Bridges,
-        "edge_cutoff_steps",
-        "steps",
-        "a number of steps from 1 to 100",
-        "the longest D that makes an edge",
-    ),
+    Setting::new(Bridges, "edge_cutoff_steps", "steps", "a number of steps from 1 to 100", "maximum D of an edge"),
     Setting::new(Bridges, "verify_edges", "", SWITCH, "require a stored trajectory along an edge in about D steps"),
     Setting::new(
         Bridges,
         "keep_observed_edges",
         "",
         SWITCH,
-        "keep pairs that trajectories join as costly edges where D is above the cut-off",
+        "keep pairs connected by trajectories as costly edges if D is above the cut-off",
     ),
     Setting::new(
         Bridges,
         "graph_every_updates",
         "updates",
-        "a whole number of at least 1",
-        "updates between two builds of the bridge graph",
+        "an integer, at least 1",
+        "updates between builds of the bridge graph",
     ),
     Setting::new(
         Planning,
         "hop_steps",
         "steps",
         "a number of steps from 0 to 100",
-        "steps that a way through a waypoint takes beyond D to it and D from it",
+        "overhead of passing a waypoint, in steps beyond D to it and D from it",
     ),
-    Setting::new(Planning, "open_loop", "", SWITCH, "plan once and follow that to its end"),
-    Setting::new(Planning, "progress_check", "", SWITCH, "ban a waypoint for a while that was not reached in time"),
+    Setting::new(Planning, "open_loop", "", SWITCH, "plan once and follow the plan to its end"),
+    Setting::new(Planning, "progress_check", "", SWITCH, "temporarily ban a waypoint that was not reached in time"),
     Setting::new(
         Planning,
         "late_factor",
@@ -397,34 +383,22 @@ pub const SETTINGS: [Setting; 54] = [
         "a number from 0 to 100",
         "a waypoint is late after this many times D, plus late_slack_steps",
     ),
-    Setting::new(Planning, "late_slack_steps", "steps", "a number of steps of at least 1", "see late_factor"),
-    Setting::new(
-        Planning,
-        "ban_steps",
-        "steps",
-        "a whole number, 0 or more",
-        "steps for which a late waypoint is banned",
-    ),
-    Setting::new(
-        Planning,
-        "averaged_weights",
-        "",
-        SWITCH,
-        "plan and evaluate with the running averages of critics and actor",
-    ),
+    Setting::new(Planning, "late_slack_steps", "steps", "a number of steps, at least 1", "see late_factor"),
+    Setting::new(Planning, "ban_steps", "steps", "an integer, 0 or more", "steps for which a late waypoint is banned"),
+    Setting::new(Planning, "averaged_weights", "", SWITCH, "plan and evaluate with the averaged critics and actor"),
 ];
 
 /// Returns the reference page in Markdown.
 pub fn reference_page() -> String {
-    let mut page = "# Settings\n\nChange one with `--set NAME=VALUE`, several with `--config FILE` (JSON, as \
-                    `--print-config` prints it), any of them during a run with `o`. Former names still work. This page \
+    let mut page = "# Settings\n\nSet one with `--set NAME=VALUE`, several with `--config FILE` (JSON, in the \
+                    format of `--print-config`), or change any of them during training with `o`. Former names still work. This page \
                     is printed by `gdg-tui settings`.\n"
         .to_owned();
     let values = list_settings(&Settings::default()).into_iter().zip(list_settings(&Preset::Paper.settings()));
     let rows: Vec<_> = SETTINGS.iter().zip(values).collect();
     for group in Group::ALL {
         page += &format!(
-            "\n## {}\n\n| setting | default | paper | unit | values | what it does | a change |\n|---|---|---|---|---|---|---|\n",
+            "\n## {}\n\n| setting | default | paper | unit | values | description | effect of a change |\n|---|---|---|---|---|---|---|\n",
             group.name()
         );
         for (setting, ((_, default), (_, paper))) in rows.iter().filter(|(setting, _)| setting.group == group) {
@@ -456,7 +430,7 @@ mod tests {
     }
 
     #[test]
-    fn former_names_are_taken() {
+    fn former_names_are_accepted() {
         for setting in SETTINGS.iter().filter(|setting| setting.former.is_some()) {
             let former = setting.former.unwrap_or_default();
             let value = list_settings(&Preset::Default.settings()).into_iter().find(|(name, _)| name == setting.name);
@@ -467,7 +441,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_page_is_the_one_that_is_kept() {
+    fn docs_settings_md_matches_the_reference_page() {
         let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/settings.md");
         let kept = std::fs::read_to_string(kept).unwrap_or_default();
         assert!(kept == reference_page(), "gdg-tui settings > docs/settings.md");

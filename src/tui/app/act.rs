@@ -1,4 +1,4 @@
-//! What actions do.
+//! Executes actions.
 
 use crossterm::event::{KeyCode, KeyEvent};
 
@@ -64,7 +64,7 @@ impl App {
                 let all = crate::tui::raster::Marker::ALL;
                 let at = all.iter().position(|m| *m == self.screen.marker).unwrap_or(0);
                 self.screen.marker = all[(at + 1) % all.len()];
-                self.notify(&format!("drawn with: {}", self.screen.marker.name()));
+                self.notify(&format!("marker: {}", self.screen.marker.name()));
             }
             Action::ZoomIn => self.zoom(1.5, None),
             Action::ZoomOut => self.zoom(1.0 / 1.5, None),
@@ -104,7 +104,7 @@ impl App {
             Action::SaveAs => self.ask_save_as(),
             Action::Load => self.pick_checkpoint(),
             Action::Autosave => {
-                let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 for never");
+                let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
                 self.ask(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
             }
             Action::Export => self.pick(lists::exports()),
@@ -228,7 +228,7 @@ impl App {
 
     fn ask_seed(&mut self) {
         let next = self.screen.run().seed.wrapping_add(1).to_string();
-        let hint = "a whole number: same seed, same run. Unsaved learning is lost";
+        let hint = "an integer: same seed, same run. Unsaved training is lost";
         self.ask(Prompt::new(Question::Seed, "restart with seed", hint, next));
     }
 

@@ -1,4 +1,4 @@
-//! What answers to dialogs do.
+//! Executes the answers to dialogs.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -16,28 +16,28 @@ pub(super) enum AnswerError {
     #[error("{EXISTS}")]
     Exists,
     /// An empty name of a checkpoint.
-    #[error("a name, e.g. rooms-at-95-percent")]
+    #[error("enter a name, e.g. rooms-at-95-percent")]
     NoName,
     /// An empty name of a map file.
-    #[error("a file name, e.g. rooms.txt or rooms.map")]
+    #[error("enter a file name, e.g. rooms.txt or rooms.map")]
     NoFileName,
     /// A file that cannot be written.
     #[error("{0} cannot be written: {1}")]
     Unwritable(String, std::io::Error),
     /// A text that is not two numbers.
-    #[error("two numbers, e.g. 40 x 30")]
+    #[error("enter two numbers, e.g. 40 x 30")]
     NoSize,
     /// A size that no map can have.
-    #[error("a map has at least one cell, and up to {MAX_CELLS}")]
+    #[error("a map has from 1 to {MAX_CELLS} cells")]
     NoMapSize,
     /// A size that leaves walls only.
     #[error("the map would have no free cell")]
     NoFreeCell,
     /// A text that is not a seed.
-    #[error("a whole number, 0 or more")]
+    #[error("enter an integer, 0 or more")]
     NoSeed,
     /// A text that is not a number of minutes.
-    #[error("a number of minutes, 0 for never")]
+    #[error("enter a number of minutes, 0 for none")]
     NoMinutes,
     /// A setting that cannot have this value.
     #[error("{}", .0.in_a_line())]
@@ -135,7 +135,7 @@ impl App {
     }
 
     pub(super) fn ask_size(&mut self, question: Question) {
-        let title = if question == Question::NewMap { "an empty map of size" } else { "the map's new size" };
+        let title = if question == Question::NewMap { "size of the empty map" } else { "new size of the map" };
         let now = format!("{} x {}", self.screen.map.width(), self.screen.map.height());
         self.ask(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
     }

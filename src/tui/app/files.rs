@@ -24,7 +24,7 @@ const MAX_BYTES: u64 = 1 << 20;
 impl App {
     pub(super) fn ask_save_as(&mut self) {
         let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-        let hint = format!("a name: it goes to {SAVES}/NAME.safetensors; or a path");
+        let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
         self.ask(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
     }
 
@@ -37,7 +37,7 @@ impl App {
         files.retain(|path| path.extension().is_some_and(|e| e == "safetensors"));
         if files.is_empty() {
             let key = self.screen.keymap.key_of(Action::Save);
-            self.notify(&format!("there is no checkpoint in {}: {key} saves one", own.display()));
+            self.notify(&format!("no checkpoints in {}: {key} saves one", own.display()));
             return;
         }
         let found = files.iter().map(|path| describe(path)).collect();
@@ -46,8 +46,8 @@ impl App {
 
     pub(super) fn ask_map_file(&mut self) {
         let name = format!("{}-edited.txt", self.screen.map.name().trim_end_matches("-edited"));
-        let hint = "NAME.map is written as Moving AI's, any other as plain ASCII";
-        self.ask(Prompt::new(Question::SaveMap, "write the map to", hint, name));
+        let hint = "NAME.map: Moving AI format; any other: plain ASCII";
+        self.ask(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }
 
     pub(super) fn save_map(&mut self, name: &str) -> Result<(), AnswerError> {

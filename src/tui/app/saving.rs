@@ -79,7 +79,7 @@ impl Saving {
 pub struct Closed {
     /// The text left on the terminal.
     pub summary: String,
-    /// Whether saving at the end succeeded, if it was wanted.
+    /// Result of the final save, if one was requested.
     pub saved: Result<(), Report>,
     /// Whether there was an internal error or training failed.
     pub failed: bool,
@@ -175,7 +175,7 @@ impl App {
         if now.save_failed.0 > before.save_failed.0 && self.saving.leaving == Leaving::Saving {
             self.saving.leaving = Leaving::Asking;
             let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
-            let title = "not saved: save elsewhere and quit (Esc stays)";
+            let title = "not saved: save elsewhere and quit (Esc cancels)";
             let mut prompt = Prompt::new(Question::SaveAs, title, "", stem);
             prompt.error = Some(now.save_failed.1.clone());
             self.ask(prompt);
@@ -185,7 +185,7 @@ impl App {
     /// Reports internal errors, and saves the run after the first one.
     pub(super) fn on_failures(&mut self) {
         for failure in crate::faults::take() {
-            let text = format!("internal error in the thread {}: {}", failure.thread, failure.what);
+            let text = format!("internal error in thread {}: {}", failure.thread, failure.what);
             self.notify(&text);
             if self.failures.is_empty() {
                 self.autosave();
@@ -221,7 +221,7 @@ impl App {
         self.saving.named.clone()
     }
 
-    /// Ends training, and saves if that is wanted and still to be done.
+    /// Ends training, and saves if that is requested and not yet done.
     pub fn close(self) -> Closed {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
@@ -267,7 +267,7 @@ impl App {
     }
 }
 
-/// Saves to the wanted file; if that fails, saves to another one where possible and returns the error.
+/// Saves to the requested file; if that fails, tries another one and returns the error.
 fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Result<(), Report> {
     let first = match train::save(trainer, to) {
         Ok(path) => {

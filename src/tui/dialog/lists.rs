@@ -20,13 +20,13 @@ use crate::tui::theme::ThemeName;
 pub fn actions(keymap: &Keymap) -> Picker {
     let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
     let item = |b: &Binding| Item::new(b.long, keymap.shown(b).join(" "), Choice::Act(b.action));
-    Picker::new("find anything", bindings().filter(named).map(item).collect())
+    Picker::new("find an action", bindings().filter(named).map(item).collect())
 }
 
 /// Lists the themes.
 pub fn themes(now: ThemeName) -> Picker {
     let items = ThemeName::ALL.map(|name| Item::new(name.name(), "", Choice::Theme(name))).to_vec();
-    Picker::new("colours", items).selecting(|choice| *choice == Choice::Theme(now))
+    Picker::new("theme", items).selecting(|choice| *choice == Choice::Theme(now))
 }
 
 /// Lists the methods.
@@ -59,7 +59,7 @@ pub fn settings(settings: &Settings) -> Picker {
 /// Lists the kinds of exports.
 pub fn exports() -> Picker {
     let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what)));
-    Picker::new("write to a file", items.to_vec())
+    Picker::new("export", items.to_vec())
 }
 
 /// Asks whether to save before quitting.
@@ -69,10 +69,10 @@ pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
         Item::new(
             "quit without saving",
-            format!("{unsaved_updates} updates are not saved{autosaved}"),
+            format!("{unsaved_updates} unsaved updates are lost{autosaved}"),
             Choice::Quit { save: false },
         ),
-        Item::new("stay", "", Choice::Nothing),
+        Item::new("cancel", "", Choice::Nothing),
     ];
     Picker::new("quit?", items)
 }
@@ -82,7 +82,7 @@ pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
         // A long detail is fine: the selected item is shown in full below the list.
         Item::new("save and quit", format!("to {}; {what}; {hint}", file.display()), Choice::Quit { save: true }),
-        Item::new("stay", "look around, save, change a setting, load a checkpoint", Choice::Nothing),
+        Item::new("stay", "to inspect, save, change a setting or load a checkpoint", Choice::Nothing),
     ];
     Picker::new(title, items)
 }
@@ -91,19 +91,19 @@ pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
 pub fn ways_to_turn_to(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
     let mut items = vec![Item::new(
         "start a new run on it",
-        "fresh networks; unsaved learning is lost",
+        "new networks; unsaved training is lost",
         Choice::BeginOn(map.clone()),
     )];
     let (width, height) = (now.width(), now.height());
     if (map.width(), map.height()) == (width, height) {
         let same = Choice::GoOnWith(map.clone());
-        items.insert(0, Item::new("go on with these networks", "they learn the new walls", same));
+        items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same));
     } else if let Some(fitted) = fitted {
-        let label = format!("go on with these networks, cut or filled up to {width} x {height}");
+        let label = format!("continue on it, cropped or padded to {width} x {height}");
         let fitted = Choice::GoOnWith(Arc::new(fitted));
-        items.push(Item::new(label, "they know positions on a map of this size", fitted));
+        items.push(Item::new(label, "the networks expect a map of this size", fitted));
     }
-    items.push(Item::new("stay here", "", Choice::Nothing));
+    items.push(Item::new("cancel", "", Choice::Nothing));
     Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
 }
 

@@ -71,7 +71,7 @@ fn success(snapshot: &Snapshot) -> Vec<Series> {
 
 fn errors(snapshot: &Snapshot) -> Vec<Series> {
     let learned = series("learned", snapshot, |e| Some(e.distance_error?.mape));
-    let composed = series("by bridges", snapshot, |e| Some(e.distance_error?.graph?.mape));
+    let composed = series("via graph", snapshot, |e| Some(e.distance_error?.graph?.mape));
     vec![learned, composed]
 }
 

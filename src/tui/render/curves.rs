@@ -72,7 +72,7 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     let success =
         vec![of("planned", &|e| e.planned.as_ref().map(|s| s.success)), of("greedy", &|e| Some(e.greedy.success))];
     let errors =
-        vec![of("D", &|e| Some(e.distance_error?.mape)), of("by bridges", &|e| Some(e.distance_error?.graph?.mape))];
+        vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
     vec![
         Plot { title: "success", series: success, most: Some(1.0), log: false },
         Plot { title: "loss of D", series: vec![loss(0)], most: None, log: true },
@@ -108,7 +108,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     frame.render_widget(Paragraph::new(line), head);
     let values = || shown.iter().flatten().map(|p| p.1);
     if values().next().is_none() {
-        let text = if plot.log && plot.series.len() == 1 { " nothing yet" } else { " not evaluated yet" };
+        let text = if plot.log && plot.series.len() == 1 { " no data yet" } else { " not evaluated yet" };
         frame.render_widget(Paragraph::new(Line::styled(text, DIM)), body);
         return;
     }

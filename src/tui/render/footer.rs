@@ -32,7 +32,7 @@ fn watching(screen: &Screen) -> Bar {
     let mut bar = Bar::default();
     for binding in bindings().filter(|b| !b.short.is_empty()) {
         let waits = binding.action == Action::TogglePause && !screen.snapshot.phase.trains();
-        let short = if waits { "go on" } else { binding.short };
+        let short = if waits { "resume" } else { binding.short };
         key(&mut bar, screen, binding.action, &format!(" {short} "), Style::new());
     }
     bar

@@ -14,7 +14,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places)
     let run = screen.run();
     let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
-        _ if unsaved > 0 => " * not saved".to_owned(),
+        _ if unsaved > 0 => " * unsaved".to_owned(),
         Some((_, path)) => path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy())),
         None => String::new(),
     };

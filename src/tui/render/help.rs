@@ -1,4 +1,4 @@
-//! The help: every action, and what the map shows.
+//! The help: every action, and the legend of the map.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
@@ -33,9 +33,9 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usi
 
 fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = vec![
-        Line::raw(" Colours show the learned distance D to the goal G, light near, dark far:"),
-        Line::raw(" nobody told the agents about walls or gave them reward. @ walks to G as"),
-        Line::raw(" well as it can by now; click on the map, and it goes there."),
+        Line::raw(" Colours show the learned distance D to the goal G: light near, dark far."),
+        Line::raw(" The agents see no walls and get no reward. @ walks to G with what it has"),
+        Line::raw(" learned so far; click on the map to set another goal."),
     ];
     for section in SECTIONS {
         lines.push(Line::default());

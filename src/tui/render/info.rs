@@ -40,7 +40,7 @@ fn cell_facts(screen: &Screen) -> Line<'static> {
             let error = 100.0 * (learned - truth as f32) / (truth as f32).max(1.0);
             format!("{place}: D {learned:.1}, true {truth} ({error:+.0} %), {visits} visits")
         }
-        None => format!("{place}: D {learned:.1}, but there is no way to G"),
+        None => format!("{place}: D {learned:.1}, no path to G"),
     })
 }
 

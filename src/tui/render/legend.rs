@@ -1,4 +1,4 @@
-//! What the map shows: colours, overlays and signs.
+//! The legend of the map: colours, overlays and signs.
 
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
@@ -30,17 +30,16 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let theme = &screen.theme;
     for (sign, rgb, meaning) in [
         ('G', theme.goal, "goal"),
-        ('S', theme.walker, "where @ started"),
-        ('@', theme.walker, "walks to G"),
-        ('s', theme.cursor, "g: the map's own"),
+        ('S', theme.walker, "start of @"),
+        ('@', theme.walker, "walking agent"),
+        ('s', theme.cursor, "g: the map's start, goal"),
     ] {
         lines.push(Line::from(vec![Span::raw(" "), sample(screen, sign, rgb), Span::raw(format!(" {meaning}"))]));
     }
     if screen.run().method.plans() {
         lines.push(heading("edges"));
         let of = |standing: Standing| screen.view.edges.iter().filter(|(_, s)| *s == standing).count();
-        let kinds =
-            [(Standing::Confirmed, "walked"), (Standing::Demoted, "failed"), (Standing::Untried, "by experience")];
+        let kinds = [(Standing::Confirmed, "walked"), (Standing::Demoted, "failed"), (Standing::Untried, "untried")];
         for ((standing, name), rgb) in kinds.into_iter().zip(theme.edges) {
             let text = format!(" {} {name}", of(standing));
             lines.push(Line::from(vec![Span::raw(" "), sample(screen, '\u{2500}', rgb), Span::raw(text)]));

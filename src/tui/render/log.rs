@@ -19,7 +19,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
         lines.extend(wrapped(&entry.text, width).into_iter().map(|text| Line::from(format!("  {text}"))));
     }
     if lines.is_empty() {
-        lines.push(Line::styled(" nothing yet", DIM));
+        lines.push(Line::styled(" no events yet", DIM));
     }
     let height = usize::from(area.height);
     let most = lines.len().saturating_sub(height);

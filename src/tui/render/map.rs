@@ -142,7 +142,7 @@ fn terrain(canvas: &mut Canvas, raster: &Raster, screen: &Screen) {
     }
 }
 
-/// Returns how ground without a known value looks, with colours and without.
+/// Returns the style of ground without a known value, with colours and without.
 pub fn look_of(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     match ground {
         Ground::Outside => (None, ' '),

@@ -77,8 +77,8 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places
         Pane::Curves => "curves",
         Pane::Walk if screen.following.is_some() => "exploring agent",
         Pane::Walk => "walk @ \u{2192} G",
-        Pane::Legend => "on the map",
-        Pane::Log => "what happened",
+        Pane::Legend => "legend",
+        Pane::Log => "event log",
     };
     let style = if pane == screen.pane { BOLD } else { Style::new() };
     let block = Block::new().borders(Borders::TOP | Borders::LEFT).title(Span::styled(format!(" {title} "), style));

@@ -23,7 +23,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
         fact("mu loss", format!("{:.1} steps", snapshot.losses.actor)),
         heading("success"),
     ];
-    lines.splice(1..1, left(screen).map(|seconds| fact("to go", clock(seconds))));
+    lines.splice(1..1, left(screen).map(|seconds| fact("remaining", clock(seconds))));
     lines.extend(success(screen));
     lines.extend(bridges(screen));
     lines.extend(time(screen));
@@ -77,7 +77,7 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
     let edges = screen.view.edges.len() as f64;
     vec![
         heading("bridges"),
-        fact("points", format!("{}, {} edges", screen.view.candidates.len(), short(edges))),
+        fact("nodes", format!("{}, {} edges", screen.view.candidates.len(), short(edges))),
         fact("search", search),
     ]
 }

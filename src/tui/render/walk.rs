@@ -24,7 +24,7 @@ fn steps(distance: f32) -> String {
 
 fn walker(screen: &Screen) -> Vec<Line<'static>> {
     let walk = &screen.view.walk;
-    let shortest = walk.shortest.map_or("no way".to_owned(), |s| s.to_string());
+    let shortest = walk.shortest.map_or("no path".to_owned(), |s| s.to_string());
     let state = if walk.arrived { "arrived" } else { "walking" };
     let mut lines = vec![
         fact("from S", place(&walk.start)),
@@ -32,36 +32,36 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
         fact(state, format!("{} steps", walk.steps)),
         fact("shortest", shortest),
         fact("D to goal", steps(walk.distances.0)),
-        fact("waypoint", walk.waypoint.map_or("the goal itself".to_owned(), |at| place(&at))),
+        fact("waypoint", walk.waypoint.map_or("the goal".to_owned(), |at| place(&at))),
         fact("D to it", steps(walk.distances.1)),
         fact("ahead", format!("{} waypoints", screen.view.path.len().saturating_sub(1))),
-        heading("journeys"),
+        heading("walks"),
         fact("arrived", format!("{} of {}", walk.journeys.0, walk.journeys.1)),
         fact("then", screen.tour.name()),
     ];
     lines.push(Line::default());
     let key = |action| screen.keymap.key_of(action);
-    lines.push(Line::from(format!(" {} or click: a goal", key(Action::NewGoal))));
-    lines.push(Line::from(format!(" {} or right-click: a start", key(Action::NewStart))));
+    lines.push(Line::from(format!(" {} or click: new goal", key(Action::NewGoal))));
+    lines.push(Line::from(format!(" {} or right-click: new start", key(Action::NewStart))));
     lines.push(Line::from(format!(" {}: follow an explorer", key(Action::Follow))));
     lines
 }
 
 fn explorer(screen: &Screen) -> Vec<Line<'static>> {
     let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
-    let aim = if followed.aim == followed.goal { "the goal itself".to_owned() } else { place(&followed.aim) };
+    let aim = if followed.aim == followed.goal { "the goal".to_owned() } else { place(&followed.aim) };
     vec![
         fact("agent", format!("{} of {}", followed.agent, screen.snapshot.agents.len() / 2)),
         fact("from", place(&followed.start)),
         fact("at A", place(&followed.state)),
         fact("goal \u{2691}", place(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps, screen.run().settings.train.episode_steps)),
-        fact("truly", screen.view.followed_steps.map_or("no way".to_owned(), |steps| format!("{steps} to the goal"))),
+        fact("shortest", screen.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string())),
         fact("D to goal", steps(followed.distances.1)),
-        fact("heads for", aim),
+        fact("target", aim),
         fact("D to it", steps(followed.distances.0)),
-        fact("way", if followed.planned { "through bridges" } else { "by the actor" }),
+        fact("path", if followed.planned { "through bridges" } else { "actor alone" }),
         Line::default(),
-        Line::from(format!(" {}: the next one", screen.keymap.key_of(Action::Follow))),
+        Line::from(format!(" {}: next agent", screen.keymap.key_of(Action::Follow))),
     ]
 }

@@ -28,7 +28,7 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
             app.screen.keymap.shown(binding).iter().all(|key| binding.long.is_empty() || help.contains(key.as_str()))
         );
     }
-    for sign in ["goal", "walks to G", "where @ started", "planned path", "exploring agents", "bridge candidates"] {
+    for sign in ["goal", "walking agent", "start of @", "planned path", "exploring agents", "bridge candidates"] {
         assert!(help.contains(sign), "{sign} is missing");
     }
     assert!(app.screen.dialogs.is_empty(), "Esc closes it");

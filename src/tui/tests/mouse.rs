@@ -107,7 +107,7 @@ fn clicks_answer_and_close_dialogs() {
     assert!(app.screen.dialogs.is_empty());
     app.act(Action::Method);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(1, 20));
-    assert!(app.screen.dialogs.is_empty(), "a click beside it closes it");
+    assert!(app.screen.dialogs.is_empty(), "a click outside closes it");
     assert!(!app.screen.editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
     type_text(&mut app, "7");
@@ -174,7 +174,7 @@ fn the_middle_button_and_the_minimap_pan_the_map() {
     mouse(&mut app, MouseEventKind::Down(MouseButton::Middle), middle);
     let to = Position::new(30, 15);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Middle), to);
-    assert!(window(&mut app)[0] < before[0], "the map goes to the right with the mouse");
+    assert!(window(&mut app)[0] < before[0], "the map follows the mouse to the right");
     let now = app.screen.places.map.clone().expect("a map").cell_at(to, app.screen.map());
     let (cell, now) = (cell.expect("a cell"), now.expect("a cell"));
     assert!(now.x.abs_diff(cell.x) <= 1 && now.y.abs_diff(cell.y) <= 1, "{now:?} is not {cell:?}");

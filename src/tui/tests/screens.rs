@@ -176,21 +176,21 @@ fn check(name: &str, app: &mut App, width: u16, height: u16) {
 }
 
 #[test]
-fn overviews() {
+fn overviews_match_their_snapshots() {
     for (width, height) in [(80, 24), (120, 40), (200, 60)] {
         check(&format!("overview-{width}x{height}"), &mut stage(width, height), width, height);
     }
 }
 
 #[test]
-fn without_colours() {
+fn the_screen_without_colours_matches_its_snapshot() {
     let mut app = stage(80, 24);
     app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
     check("mono-80x24", &mut app, 80, 24);
 }
 
 #[test]
-fn without_colours_on_larger_screens() {
+fn larger_screens_without_colours_match_their_snapshots() {
     for (width, height) in [(120, 40), (200, 60)] {
         let mut app = stage(width, height);
         app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
@@ -199,7 +199,7 @@ fn without_colours_on_larger_screens() {
 }
 
 #[test]
-fn panes() {
+fn panes_match_their_snapshots() {
     for pane in Pane::ALL {
         let mut app = stage(80, 24);
         app.screen.pane = pane;
@@ -213,7 +213,7 @@ fn panes() {
 }
 
 #[test]
-fn all_overlays() {
+fn all_overlays_together_match_their_snapshot() {
     let mut app = stage(120, 40);
     Overlay::ALL.into_iter().filter(|o| !app.screen.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(
         |overlay| {
@@ -225,7 +225,7 @@ fn all_overlays() {
 }
 
 #[test]
-fn dialogs() {
+fn dialogs_match_their_snapshots() {
     for (name, keys) in
         [("help", "?"), ("palette", ":goal"), ("settings", "o"), ("seed", "R"), ("export", "E"), ("colours", "T")]
     {
@@ -240,7 +240,7 @@ fn dialogs() {
 }
 
 #[test]
-fn dialogs_without_a_key() {
+fn dialogs_of_actions_without_a_key_match_their_snapshots() {
     let actions = [Action::Method, Action::Preset, Action::NewMap, Action::ResizeMap, Action::SaveAs, Action::SaveMap];
     for action in actions.into_iter().chain([Action::Autosave]) {
         let mut app = stage(80, 24);
@@ -251,7 +251,7 @@ fn dialogs_without_a_key() {
 }
 
 #[test]
-fn lists_of_files() {
+fn lists_of_files_match_their_snapshots() {
     let folder = Path::new("/home/ada/maps");
     let entries = [("cellar.map", false), ("old", true), ("notes.pdf", false), ("rooms.txt", false)];
     let entries = entries.map(|(name, is_folder)| (folder.join(name), is_folder));
@@ -296,7 +296,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
             let mut app = stage(80, 24);
             app.screen.following = following;
             let mut snapshot = (*app.screen.snapshot).clone();
-            // Numbers as long as they get in a day of training.
+            // Numbers as long as after a day of training.
             Arc::make_mut(&mut snapshot.run).method = method.clone();
             snapshot.seconds = 90_000.0;
             snapshot.rates = (1_234.0, 19_744.0);
@@ -320,7 +320,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
 }
 
 #[test]
-fn the_editor() {
+fn the_editor_matches_its_snapshot() {
     let mut app = stage(80, 24);
     type_text(&mut app, "e4x");
     (0..4).for_each(|_| press(&mut app, KeyCode::Left));
@@ -356,7 +356,7 @@ fn everything_can_be_exported() {
                 assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{what:?}");
                 let part = if what == What::CurvesSvg { "relative error of D" } else { "\nG\n" };
                 assert!(text.contains(part), "{what:?} shows {part:?}");
-                assert!(!text.contains("nobody told"), "what lies on top is left out");
+                assert!(!text.contains("get no reward"), "the dialog on top is left out");
             }
             _ => {
                 let text = String::from_utf8(bytes).expect("text");
@@ -371,7 +371,7 @@ fn everything_can_be_exported() {
 }
 
 #[test]
-fn fields() {
+fn fields_match_their_snapshots() {
     for field in [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain] {
         let mut app = stage(80, 24);
         app.screen.field = field;
