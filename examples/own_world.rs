@@ -84,12 +84,12 @@ impl Environment for Bead {
         &self.positions
     }
 
-    fn whole(&self, agent: usize) -> Vec<f64> {
+    fn full_state(&self, agent: usize) -> Vec<f64> {
         vec![f64::from(self.positions[agent]), f64::from(self.speeds[agent])]
     }
 
-    fn place(&mut self, agent: usize, whole: &[f64]) {
-        (self.positions[agent], self.speeds[agent]) = (whole[0] as f32, whole[1] as f32);
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
+        (self.positions[agent], self.speeds[agent]) = (full_state[0] as f32, full_state[1] as f32);
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
@@ -204,7 +204,7 @@ impl Learner for Table {
     fn load(&mut self, store: &Store) -> Result<(), LearnError> {
         let steps = store.f32("table.steps")?;
         if steps.len() != self.steps.len() {
-            return Err(StoreError::misfit("the stored table is of another size").into());
+            return Err(StoreError::inconsistent("the stored table is of another size").into());
         }
         self.steps.copy_from_slice(steps);
         Ok(())

@@ -3,10 +3,10 @@
 //! All variants of a case take turns within one process, so that a drifting machine speed affects them equally; the
 //! table shows the median of many turns.
 
+mod baseline;
 mod cases;
 #[cfg(feature = "tui")]
 mod interface;
-mod plain;
 
 use std::process::{Command, Stdio};
 use std::time::Instant;

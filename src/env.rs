@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use maze::PointMaze;
-pub use task::{NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
+pub use task::{GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
 /// The built-in worlds.
 pub const WORLDS: [WorldKind; 1] = [maze::KIND];
@@ -138,10 +138,10 @@ pub trait Environment: Any + Send + Sync {
     fn states(&self) -> &[f32];
 
     /// Returns an agent's whole state.
-    fn whole(&self, agent: usize) -> Vec<f64>;
+    fn full_state(&self, agent: usize) -> Vec<f64>;
 
     /// Puts `agent` into a whole state, or as close to it as the world allows if the state itself is not allowed.
-    fn place(&mut self, agent: usize, whole: &[f64]);
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]);
 
     /// Moves `agent` to a start state.
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng);
@@ -191,7 +191,7 @@ pub trait Environment: Any + Send + Sync {
             world.restart(0, rng);
             let mut goal = vec![0.0; world.spec().goal_dim()];
             world.sample_goal(0, rng, &mut goal);
-            Task { start: world.whole(0), goal, shortest: None, group: 0 }
+            Task { start: world.full_state(0), goal, shortest: None, group: 0 }
         });
         TaskSet { tasks: tasks.collect(), distances: vec![0.0] }
     }
@@ -202,7 +202,7 @@ pub trait Environment: Any + Send + Sync {
     }
 
     /// Returns the true distances if they are known; for evaluation and display only.
-    fn truth(&self) -> Option<Box<dyn Truth + '_>> {
+    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
         None
     }
 
@@ -288,7 +288,7 @@ pub enum EnvError {
     NotEditable(&'static str),
     /// The world is of another kind.
     #[error("the run uses a world of kind {run}, not {other}")]
-    OtherKind {
+    KindMismatch {
         /// Kind of the run's world.
         run: &'static str,
         /// Kind of the other world.
@@ -296,7 +296,7 @@ pub enum EnvError {
     },
     /// The map has another size.
     #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
-    OtherSize {
+    SizeMismatch {
         /// Columns and rows of the map.
         map: (usize, usize),
         /// Columns and rows of the run's map.

@@ -42,10 +42,10 @@ use futures_util::StreamExt;
 use miette::{IntoDiagnostic, Report};
 
 use crate::cli::TrainArgs;
-use crate::report::Explained;
+use crate::report::ExplainedError;
 use crate::setup::Setup;
-use crate::signals::Ending;
-use crate::text::plain_lines;
+use crate::signals::TerminationSignal;
+use crate::text::sanitized_lines;
 use crate::train::Engine;
 use crate::view::Viewer;
 use app::{App, Files};
@@ -79,8 +79,8 @@ pub struct Prepared {
 /// # Errors
 /// The configuration is invalid, or the recording exists already or cannot be written.
 pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
-    let config =
-        config::load(args.ui_config.as_deref()).map_err(|e| Explained::report(e.to_string(), e.right, e.excerpt))?;
+    let config = config::load(args.ui_config.as_deref())
+        .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
     let recorder = args.record.as_deref().map(|path| Recorder::begin(path, args.overwrite)).transpose()?;
     Ok(Prepared { config, recorder })
 }
@@ -90,7 +90,7 @@ pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
 /// # Errors
 /// Errors of the terminal, of training or of saving.
 pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainArgs) -> Result<u8, Report> {
-    let ending = Ending::listen(terminal::restore)?;
+    let termination = TerminationSignal::listen(terminal::restore)?;
     let Setup { trainer, save, resumed, warning, .. } = setup;
     let engine = Engine::start(trainer, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
@@ -100,17 +100,17 @@ pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainAr
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
     let mut terminal = Terminal::enter(recorder).into_diagnostic()?;
-    let draw = || runtime.block_on(event_loop(&mut app, &mut terminal, &ending));
+    let draw = || runtime.block_on(event_loop(&mut app, &mut terminal, &termination));
     let shown = catch_unwind(AssertUnwindSafe(draw));
-    if ending.number().is_some() || !matches!(shown, Ok(Ok(()))) {
+    if termination.number().is_some() || !matches!(shown, Ok(Ok(()))) {
         app.on_signal();
     }
     // First, since writing to a terminal that is gone may block.
     let closed = app.close();
     drop(terminal);
-    let _ = writeln!(std::io::stdout(), "{}", plain_lines(&closed.summary));
+    let _ = writeln!(std::io::stdout(), "{}", sanitized_lines(&closed.summary));
     closed.saved?;
-    if let Some(status) = ending.status() {
+    if let Some(status) = termination.status() {
         return Ok(status);
     }
     match shown {
@@ -120,14 +120,14 @@ pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainAr
 }
 
 /// Handles events and draws frames until the user or a signal ends the loop.
-async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> std::io::Result<()> {
+async fn event_loop(app: &mut App, terminal: &mut Terminal, termination: &TerminationSignal) -> std::io::Result<()> {
     let mut events = EventStream::new();
     let mut snapshots = app.snapshots();
     let mut views = app.views();
     let mut pace = Pace { asked: true, ..Pace::default() };
     let mut stops = Stops::listen()?;
     let mut cache = render::Cache::default();
-    while !app.is_done() && ending.number().is_none() {
+    while !app.is_done() && termination.number().is_none() {
         tokio::select! {
             event = events.next() => match event {
                 Some(event) => {

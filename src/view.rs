@@ -13,7 +13,7 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use tokio::sync::watch;
 
-use crate::bridge::{BridgeGraph, BridgeSettings, Standing, Walker};
+use crate::bridge::{BridgeGraph, BridgeSettings, EdgeStatus, Walker};
 use crate::env::{Environment, MazeScene, PointMaze};
 use crate::learn::Scratch;
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
@@ -60,7 +60,7 @@ pub struct Candidate {
 }
 
 /// An edge between two positions, and its record in practice.
-pub type ShownEdge = ([[f32; 2]; 2], Standing);
+pub type ShownEdge = ([[f32; 2]; 2], EdgeStatus);
 
 /// Information about a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -329,7 +329,7 @@ impl Worker {
         self.view.trail.clear();
         self.graph = None;
         if same_size {
-            self.world.place(0, &at.map(f64::from));
+            self.world.set_full_state(0, &at.map(f64::from));
             self.begin_journey();
         } else {
             self.view.walk.journeys = (0, 0);
@@ -348,7 +348,7 @@ impl Worker {
             let graph =
                 BridgeGraph::build(self.world.spec(), &self.bridge, &networks.candidates, policy, &mut self.scratch);
             let at = |i: usize| [graph.point(i)[0], graph.point(i)[1]];
-            let edge = |e: &crate::bridge::Edge| ([at(e.from), at(e.to)], e.standing);
+            let edge = |e: &crate::bridge::Edge| ([at(e.from), at(e.to)], e.status);
             self.view.edges = Arc::new(graph.edges().iter().map(edge).collect());
             let mut degrees = vec![0u32; networks.candidates.len()];
             graph.edges().iter().for_each(|e| degrees[e.from] += 1);
@@ -372,7 +372,7 @@ impl Worker {
     /// Returns the true steps between two cells, if there is a path.
     fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
         let map = self.world.map();
-        let steps = self.search.from(to)[map.index(from)];
+        let steps = self.search.steps_from(to)[map.index(from)];
         (steps != UNREACHABLE).then_some(steps)
     }
 

@@ -16,7 +16,7 @@ use gdg_tui::train::Registry;
 use gdg_tui::{map, train};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use support::{Session, checkpoints, headless, outcome, plain, resealed, size, some};
+use support::{Session, checkpoints, headless, isolated_command, outcome, size, some, with_updated_checksum};
 
 /// Returns the number of attempts: `short`, or `long` in the long form.
 fn times(short: usize, long: usize) -> usize {
@@ -86,7 +86,7 @@ fn trained(folder: &Path, name: &str, stops: &[u64]) -> PathBuf {
 /// Returns all tensors of a checkpoint and its trainer state, without the elapsed time.
 fn contents(path: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
-    resealed(&std::fs::read(path).unwrap(), |texts, tensors| {
+    with_updated_checksum(&std::fs::read(path).unwrap(), |texts, tensors| {
         all.extend(tensors.iter().map(|(name, (_, bytes))| (name.clone(), bytes.clone())));
         let mut trainer: serde_json::Value = serde_json::from_str(&texts["trainer"]).unwrap();
         trainer.as_object_mut().unwrap().remove("seconds");
@@ -180,7 +180,7 @@ fn mutated_checkpoints_are_refused_or_can_be_trained() {
         let bytes = if i % 2 == 0 {
             mutated(&good, &mut rng)
         } else {
-            resealed(&good, |texts, tensors| {
+            with_updated_checksum(&good, |texts, tensors| {
                 let name = tensors.keys().nth(rng.random_range(0..tensors.len())).unwrap().clone();
                 if rng.random() {
                     let (dtype, bytes) = tensors.get_mut(&name).unwrap();
@@ -217,7 +217,7 @@ fn mutated_recordings_are_drawn_or_refused() {
     for _ in 0..count {
         std::fs::write(folder.path().join("a.cast"), mutated(cast.as_bytes(), &mut rng)).unwrap();
         let began = Instant::now();
-        let mut command = plain(folder.path());
+        let mut command = isolated_command(folder.path());
         let (status, _, errors) =
             outcome(command.args(["frames", "a.cast", "--at", "0.3", "--out", "out", "--overwrite"]));
         assert!(matches!(status, 0 | 2) && began.elapsed() < Duration::from_secs(10), "{status}: {errors}");
@@ -403,7 +403,7 @@ fn fuzzing_seeds_are_read_or_refused() {
                 drop(gdg_tui::tui::parse_config("kept", &text));
             }
             "checkpoint" => {
-                for bytes in [Some(bytes.clone()), train::resealed(&bytes)].into_iter().flatten() {
+                for bytes in [Some(bytes.clone()), train::with_updated_checksum(&bytes)].into_iter().flatten() {
                     if let Ok(mut trainer) = train::from_bytes(&bytes, &Registry::builtin(), 1) {
                         (0..4).for_each(|_| drop(trainer.tick()));
                     }

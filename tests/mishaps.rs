@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use gdg_tui::train::{self, Registry};
 use serde_json::Value;
-use support::{Session, checkpoints, headless, kill, outcome, plain, resealed};
+use support::{Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum};
 
 /// The environment variable that injects faults.
 const FAULTS: &str = "GDG_TUI_FAULTS";
@@ -375,7 +375,7 @@ fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
     let folder = folder();
     let limited = |args: &[&str]| {
         let mut shell = Command::new("sh");
-        let program = plain(folder.path());
+        let program = isolated_command(folder.path());
         shell.args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\""]).arg(program.get_program()).args(args);
         shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
         outcome(shell.current_dir(folder.path()))
@@ -437,7 +437,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
     let good = std::fs::read(&path).unwrap();
     std::fs::write(
         &path,
-        resealed(&good, |texts, _| {
+        with_updated_checksum(&good, |texts, _| {
             let evil = |name: &str| (name.to_owned(), "../../evil/\x1b[2Jx".to_owned());
             texts.extend([evil("map_name"), evil("title")]);
         }),
@@ -460,7 +460,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
         ("replay.episode", None, "out of range"),
         ("critic0.table_last", None, "yet to come"),
     ] {
-        let bytes = resealed(&good, |_, tensors| {
+        let bytes = with_updated_checksum(&good, |_, tensors| {
             let (_, bytes) = tensors.get_mut(tensor).unwrap();
             match number {
                 Some(number) => bytes[..4].copy_from_slice(&number.to_le_bytes()),
@@ -480,7 +480,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
         ("run", "\"hidden\":16", "\"hidden\":0"),
         ("history", "\"every\":50", "\"every\":0"),
     ] {
-        let bytes = resealed(&good, |texts, _| {
+        let bytes = with_updated_checksum(&good, |texts, _| {
             let changed = texts[text].replacen(from, to, 1);
             assert_ne!(changed, texts[text], "{from}");
             texts.insert(text.to_owned(), changed);
@@ -496,13 +496,13 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
 fn old_checkpoints_load_and_newer_ones_are_refused_with_their_version() {
     let folder = folder();
     let good = std::fs::read(checkpoint(folder.path())).unwrap();
-    let former = resealed(&good, |texts, _| {
+    let former = with_updated_checksum(&good, |texts, _| {
         texts.insert("format".to_owned(), "gdg-tui checkpoint 1".to_owned());
         texts.remove("history").unwrap();
     });
     let trainer = train::from_bytes(&former, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}"));
     assert!(trainer.counters().updates == 350 && trainer.history().points().is_empty());
-    let later = resealed(&good, |texts, _| {
+    let later = with_updated_checksum(&good, |texts, _| {
         texts.insert("format".to_owned(), "gdg-tui checkpoint 9".to_owned());
         texts.insert("version".to_owned(), "7.1.0".to_owned());
     });
@@ -525,7 +525,7 @@ fn special_files_are_refused_without_blocking() {
             &["frames", file, "--at", "1"],
         ] {
             let began = Instant::now();
-            let (status, _, errors) = outcome(plain(folder.path()).args(args));
+            let (status, _, errors) = outcome(isolated_command(folder.path()).args(args));
             assert_eq!(status, 2, "{args:?}: {errors}");
             assert!(errors.contains("not a regular file") && began.elapsed() < SOON, "{args:?}: {errors}");
         }
@@ -575,7 +575,7 @@ fn external_text_cannot_control_the_terminal() {
         &["check", "good\u{9b}31m.txt"],
         &["--no-ui", "good\u{9b}31m.txt", "--max-updates", "2", "--eval-tasks", "1", "--set", "hidden=8"],
     ] {
-        let (_, output, errors) = outcome(plain(folder.path()).args(args));
+        let (_, output, errors) = outcome(isolated_command(folder.path()).args(args));
         let acts = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
         assert!(!output.is_empty() || !errors.is_empty());
         assert!(!output.contains(acts) && !errors.contains(acts), "{args:?}: {output:?} {errors:?}");
@@ -588,7 +588,7 @@ fn errors_about_huge_lines_are_short() {
     let line = "x".repeat(50_000_000);
     for text in [format!("{{\"{line}\": 1}}"), format!("{{\"tau\": \"{line}\"}}"), format!("{{\"tau\": {line}}}")] {
         std::fs::write(folder.path().join("long.json"), text).unwrap();
-        let (status, _, errors) = outcome(plain(folder.path()).args(["--no-ui", "--config", "long.json"]));
+        let (status, _, errors) = outcome(isolated_command(folder.path()).args(["--no-ui", "--config", "long.json"]));
         assert_eq!(status, 2);
         assert!(errors.len() < 5_000, "{} bytes of error", errors.len());
     }
@@ -599,7 +599,7 @@ fn a_full_standard_error_does_not_change_the_exit_status() {
     let folder = folder();
     let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     for (args, expected) in [(&["--no-ui", "nomap"][..], 2), (&["--nonsense"], 2), (&["check", "nomap"], 2)] {
-        let status = plain(folder.path()).args(args).stderr(full()).stdout(Stdio::null()).status().unwrap();
+        let status = isolated_command(folder.path()).args(args).stderr(full()).stdout(Stdio::null()).status().unwrap();
         assert_eq!(status.code(), Some(expected), "{args:?}");
     }
     let args = ["trap", "--max-updates", "30", "--eval-tasks", "1", "--save", "kept.safetensors"];

@@ -67,7 +67,9 @@ impl Registry {
         let name = store.text("world").unwrap_or("maze");
         match self.worlds.iter().find(|kind| kind.name == name) {
             Some(kind) => (kind.load)(store),
-            None => Err(StoreError::misfit(format!("is of the world {name:?}, which this program does not know"))),
+            None => {
+                Err(StoreError::inconsistent(format!("is of the world {name:?}, which this program does not know")))
+            }
         }
     }
 }

@@ -127,7 +127,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn spearman_sees_order_alone_and_shares_ranks_of_ties() {
+    fn spearman_depends_only_on_order_and_averages_tied_ranks() {
         assert!((spearman(&[1.0, 2.0, 3.0], &[1.0, 10.0, 1000.0]) - 1.0).abs() < 1e-12);
         assert!((spearman(&[1.0, 2.0, 3.0], &[3.0, 2.0, 1.0]) + 1.0).abs() < 1e-12);
         // Ranks (0, 1.5, 1.5, 3) against (0, 1, 2, 3): covariance 4.5, variances 4.5 and 5.
@@ -137,7 +137,7 @@ mod tests {
     }
 
     #[test]
-    fn ranks_of_what_is_no_number_come_to_an_end() {
+    fn ranks_of_nan_terminate() {
         assert!(spearman(&[f64::NAN, 1.0, f64::NAN], &[1.0, 2.0, 3.0]).is_finite());
     }
 }

@@ -235,8 +235,8 @@ impl App {
 
 /// Makes the maze on `map` that takes the place of the run's: with its settings and scenario.
 fn maze_on(map: Arc<Grid>) -> MakeWorld {
-    Box::new(|world| match PointMaze::of(world) {
-        Some(maze) => Box::new(maze.on_map(map)),
+    Box::new(|world| match PointMaze::downcast_ref(world) {
+        Some(maze) => Box::new(maze.with_map(map)),
         None => Box::new(PointMaze::new(map, 0)),
     })
 }

@@ -13,7 +13,7 @@ use super::keymap::Keymap;
 use super::raster::Marker;
 use super::theme::ThemeName;
 use crate::files;
-use crate::text::{Excerpt, plain, plain_lines, shortened};
+use crate::text::{Excerpt, sanitized, sanitized_lines, truncated};
 
 /// The contents of the configuration file.
 #[derive(Clone, Debug, Deserialize)]
@@ -41,12 +41,12 @@ const QUOTED: usize = 300;
 
 /// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[error("{place}{what}")]
+#[error("{place}{problem}")]
 pub struct UiConfigError {
     place: String,
-    what: String,
+    problem: String,
     /// What is expected instead.
-    pub right: String,
+    pub help: String,
     /// The offending part of the file.
     pub excerpt: Option<Excerpt>,
 }
@@ -79,8 +79,8 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
     let name = path.to_string_lossy();
     let text = files::read_text(&path, MAX_BYTES).map_err(|e| {
-        let right = "give a TOML file, as --print-config-template prints one";
-        error(&name, "", None, &format!("cannot be read: {e}"), right)
+        let help = "give a TOML file, as --print-config-template prints one";
+        error(&name, "", None, &format!("cannot be read: {e}"), help)
     })?;
     parse(&name, &text)
 }
@@ -93,27 +93,27 @@ pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigE
     let hint = "--print-config-template prints a file with everything that can be set";
     let config: UiConfig = toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
     if !(0.0..=1e6).contains(&config.autosave_minutes) {
-        let what = format!("autosave_minutes cannot be {}", config.autosave_minutes);
+        let problem = format!("autosave_minutes cannot be {}", config.autosave_minutes);
         let at = text.find("autosave_minutes").map(|at| at..at + "autosave_minutes".len());
-        return Err(error(name, text, at, &what, "a number of minutes, 0 for never"));
+        return Err(error(name, text, at, &problem, "a number of minutes, 0 for never"));
     }
     let keys = config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
     let keymap = Keymap::new(&keys).map_err(|e| {
         let span = config.keys.get(&e.binding).map(toml::Spanned::span);
-        error(name, text, span, &e.to_string(), &e.right)
+        error(name, text, span, &e.to_string(), &e.help)
     })?;
     Ok((config, keymap))
 }
 
-fn error(name: &str, text: &str, span: Option<Range<usize>>, what: &str, right: &str) -> Box<UiConfigError> {
-    let found = span.map(|span| Excerpt::of(name, text, span));
+fn error(name: &str, text: &str, span: Option<Range<usize>>, problem: &str, help: &str) -> Box<UiConfigError> {
+    let found = span.map(|span| Excerpt::from_span(name, text, span));
     let place = match &found {
-        Some((_, (line, column))) => format!("{}:{line}:{column}: ", plain(name)),
-        None => format!("{}: ", plain(name)),
+        Some((_, (line, column))) => format!("{}:{line}:{column}: ", sanitized(name)),
+        None => format!("{}: ", sanitized(name)),
     };
-    let (what, right) = (shortened(what, QUOTED), plain_lines(right));
+    let (problem, help) = (truncated(problem, QUOTED), sanitized_lines(help));
     let excerpt = found.map(|(excerpt, _)| excerpt);
-    Box::new(UiConfigError { place, what, right, excerpt })
+    Box::new(UiConfigError { place, problem, help, excerpt })
 }
 
 /// Returns a file with all settings at their defaults.

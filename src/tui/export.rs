@@ -15,7 +15,7 @@ use super::output::What;
 use super::render;
 use super::screen::Screen;
 use super::theme::{Rgb, Theme, ThemeName};
-use crate::files::{self, write_whole};
+use crate::files::{self, write_atomically};
 pub use picture::png_of;
 
 /// Folder for exports.
@@ -46,7 +46,7 @@ pub fn write(what: What, screen: &Screen) -> String {
     let (map, updates) = (screen.map().name(), screen.snapshot.counters.updates);
     let name = format!("{map}-{updates}-{}", what.stem());
     let path = unused(Path::new(FOLDER), &name, what.file_type());
-    let written = contents(what, screen).and_then(|bytes| Ok(write_whole(&path, &bytes)?));
+    let written = contents(what, screen).and_then(|bytes| Ok(write_atomically(&path, &bytes)?));
     match written {
         Ok(()) => format!("wrote {}", path.display()),
         Err(error) => format!("{} cannot be written: {error}", path.display()),
@@ -55,7 +55,7 @@ pub fn write(what: What, screen: &Screen) -> String {
 
 /// Returns a file that does not exist yet: a paused run may be exported several times.
 fn unused(folder: &Path, name: &str, file_type: &str) -> PathBuf {
-    files::unused(&folder.join(format!("{name}.{file_type}")))
+    files::unused_path(&folder.join(format!("{name}.{file_type}")))
 }
 
 /// Returns the file's contents.

@@ -15,14 +15,14 @@ pub struct Keymap {
 
 /// A binding that cannot be used.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{binding}: {what}")]
+#[error("{binding}: {problem}")]
 pub struct KeymapError {
     /// The binding's name.
     pub binding: String,
     /// What is wrong.
-    pub what: String,
+    pub problem: String,
     /// What is expected instead.
-    pub right: String,
+    pub help: String,
 }
 
 impl Keymap {
@@ -35,10 +35,10 @@ impl Keymap {
         if let Some(name) = changes.keys().find(|name| !known(name)) {
             let nearest = bindings()
                 .max_by(|a, b| strsim::jaro_winkler(a.name, name).total_cmp(&strsim::jaro_winkler(b.name, name)));
-            let right = nearest.map_or(String::new(), |b| format!("did you mean {}?", b.name));
-            let right = format!("{right} --print-config-template lists all names");
-            let what = "there is no such action".to_owned();
-            return Err(KeymapError { binding: name.clone(), what, right: right.trim().to_owned() });
+            let help = nearest.map_or(String::new(), |b| format!("did you mean {}?", b.name));
+            let help = format!("{help} --print-config-template lists all names");
+            let problem = "there is no such action".to_owned();
+            return Err(KeymapError { binding: name.clone(), problem, help: help.trim().to_owned() });
         }
         let mut keymap = Self { keys: Vec::new() };
         // Changed bindings come last, so that they are the ones blamed for a conflict.
@@ -46,10 +46,10 @@ impl Keymap {
         for binding in own.into_iter().chain(changed) {
             let own = || binding.keys.iter().map(|k| (*k).to_owned()).collect();
             for key in changes.get(binding.name).cloned().unwrap_or_else(own) {
-                let fail = |what: String, right: &str| KeymapError {
+                let fail = |problem: String, help: &str| KeymapError {
                     binding: binding.name.to_owned(),
-                    what,
-                    right: right.to_owned(),
+                    problem,
+                    help: help.to_owned(),
                 };
                 let parsed = crokey::parse(&key).map_err(|_| {
                     fail(
@@ -59,8 +59,8 @@ impl Keymap {
                 })?;
                 let pressed = normal(parsed);
                 if let Some(other) = keymap.binding(pressed, binding.when) {
-                    let what = format!("{key:?} is the key of {} too", other.name);
-                    return Err(fail(what, "give one of them another key"));
+                    let problem = format!("{key:?} is the key of {} too", other.name);
+                    return Err(fail(problem, "give one of them another key"));
                 }
                 keymap.keys.push((pressed, binding));
             }
@@ -170,8 +170,8 @@ mod tests {
         assert_eq!(changed.action(press(KeyCode::F(5), KeyModifiers::NONE), false), Some(Action::TogglePause));
         assert_eq!(changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), false), None);
         let wrong = |name: &str, key: &str| keymap(&[(name, &[key])]).expect_err("a mistake");
-        assert!(wrong("puase", "a").right.contains("pause"));
-        assert!(wrong("pause", "superkey").what.contains("superkey"));
-        assert!(wrong("pause", "q").what.contains("quit"));
+        assert!(wrong("puase", "a").help.contains("pause"));
+        assert!(wrong("pause", "superkey").problem.contains("superkey"));
+        assert!(wrong("pause", "q").problem.contains("quit"));
     }
 }

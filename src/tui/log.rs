@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::train::{LogEntry, MOST_ENTRIES};
+use crate::train::{LogEntry, MAX_LOG_ENTRIES};
 
 /// How long a notice is shown, and how long it then fades.
 const SHOWN: Duration = Duration::from_secs(4);
@@ -49,10 +49,10 @@ impl Log {
 
     /// Logs an event.
     pub fn note(&mut self, text: &str, updates: u64) {
-        if self.entries.len() >= MOST_ENTRIES {
+        if self.entries.len() >= MAX_LOG_ENTRIES {
             self.entries.remove(0);
         }
-        tracing::info!("{}", crate::text::plain(text));
+        tracing::info!("{}", crate::text::sanitized(text));
         self.entries.push(LogEntry::new(self.before + self.began.elapsed().as_secs_f64(), updates, text));
         self.count += 1;
     }

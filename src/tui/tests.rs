@@ -41,7 +41,7 @@ fn app_with(map: Grid, method: Method, limits: Limits) -> App {
 }
 
 fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
-    let files = Files { save: save.map(SaveTo::Fresh), resumed: None };
+    let files = Files { save: save.map(SaveTo::CreateNew), resumed: None };
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;
@@ -133,7 +133,7 @@ fn a_screen_is_drawn_from_its_state_alone() {
     let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
     let world = PointMaze::new(Arc::new(rooms()), 0);
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
-    let snapshot = Arc::new(Snapshot::of(&trainer).expect("a snapshot"));
+    let snapshot = Arc::new(Snapshot::capture(&trainer).expect("a snapshot"));
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let screen = Screen::new((&UiConfig::default(), keymap), snapshot, Arc::default());
     let drawn = || {

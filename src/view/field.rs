@@ -10,7 +10,7 @@ use crate::map::UNREACHABLE;
 use crate::train::{Method, Snapshot};
 
 /// Candidates considered at each pixel for D along the bridge graph.
-const LINKS_OF_A_PIXEL: usize = 6;
+const LINK_CANDIDATES_PER_PIXEL: usize = 6;
 
 /// The quantity shown by the map's colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -119,7 +119,7 @@ impl Worker {
             }
             (Field::Composed, Some(graph)) => {
                 let route = graph.route(&goal, policy, &mut self.scratch);
-                graph.composed(states, &route, LINKS_OF_A_PIXEL, policy, &mut self.scratch)
+                graph.composed_distances(states, &route, LINK_CANDIDATES_PER_PIXEL, policy, &mut self.scratch)
             }
             (kind, _) => {
                 let mut distances = vec![0.0; free.len()];
@@ -139,7 +139,7 @@ impl Worker {
     /// Returns the true steps to the goal; NaN where it is unreachable.
     fn true_distances(&mut self, positions: &[[f32; 2]], goal: [f32; 2]) -> Vec<f32> {
         let map = self.world.map();
-        let steps = self.search.from(cell_of(goal));
+        let steps = self.search.steps_from(cell_of(goal));
         let of = |at: &[f32; 2]| match steps[map.index(cell_of(*at))] {
             UNREACHABLE => f32::NAN,
             steps => steps as f32,

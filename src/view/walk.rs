@@ -71,7 +71,7 @@ impl Worker {
     /// Restarts the walking agent at a cell or at a random position.
     pub(super) fn restart(&mut self, cell: Option<Cell>) {
         match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
-            Some(cell) => self.world.place(0, &cell.centre().map(f64::from)),
+            Some(cell) => self.world.set_full_state(0, &cell.centre().map(f64::from)),
             None => self.world.restart(0, &mut self.rng),
         }
         self.view.trail.clear();
@@ -158,7 +158,7 @@ impl Worker {
         let aim = [aim[0], aim[1]];
         self.view.path = match walker.target() {
             Some(Target::Candidate(_)) => {
-                walker.ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
+                walker.waypoints_ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
             }
             _ => Vec::new(),
         };

@@ -177,7 +177,7 @@ pub fn kill(process: u32, name: &str) {
 
 /// Returns a command for the program in `folder` without the interface, isolated from the user's own configuration.
 pub fn headless(folder: &Path, args: &[&str]) -> Command {
-    let mut command = plain(folder);
+    let mut command = isolated_command(folder);
     command.arg("--no-ui").args(args);
     if !args.contains(&"--resume") {
         command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
@@ -187,7 +187,7 @@ pub fn headless(folder: &Path, args: &[&str]) -> Command {
 }
 
 /// Returns a command for the program with its working folder and home in `folder`.
-pub fn plain(folder: &Path) -> Command {
+pub fn isolated_command(folder: &Path) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
     command.current_dir(folder).env("NO_COLOR", "1");
     for name in ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME", "XDG_DATA_HOME"] {
@@ -219,7 +219,7 @@ pub fn checkpoints(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Changes the texts and tensors of a checkpoint and corrects its checksum.
-pub fn resealed(
+pub fn with_updated_checksum(
     bytes: &[u8],
     change: impl FnOnce(&mut BTreeMap<String, String>, &mut BTreeMap<String, (Dtype, Vec<u8>)>),
 ) -> Vec<u8> {

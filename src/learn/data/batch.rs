@@ -48,7 +48,7 @@ impl Batch {
     }
 
     /// Replaces pair `i` with one of known distance (distillation).
-    pub fn set_known(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
+    pub fn set_known_distance(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
         self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.ahead[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);

@@ -308,7 +308,7 @@ impl Replay {
     }
 
     /// Returns whether all episodes end within the slots written.
-    fn ends_are_sound(&self, state: &ReplayState) -> bool {
+    fn has_valid_ends(&self, state: &ReplayState) -> bool {
         let mut left = state.left.iter();
         state.written.iter().zip(&state.episode).all(|(written, episode)| {
             let oldest = written.saturating_sub(self.capacity as u64);
@@ -336,11 +336,11 @@ impl Replay {
             && state.goals.len() == slots * g
             && state.left.len() == slots;
         if !fits {
-            return Err(StoreError::misfit("the stored replay does not fit these settings"));
+            return Err(StoreError::inconsistent("the stored replay does not fit these settings"));
         }
         let finite = |numbers: &[f32]| numbers.iter().all(|v| v.is_finite());
-        if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.ends_are_sound(state) {
-            return Err(StoreError::misfit("the stored replay holds numbers that are out of range"));
+        if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.has_valid_ends(state) {
+            return Err(StoreError::inconsistent("the stored replay holds numbers that are out of range"));
         }
         self.written.clone_from(&state.written);
         self.episode.clone_from(&state.episode);

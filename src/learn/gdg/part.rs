@@ -43,7 +43,7 @@ impl Part {
         shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
         self.targets.resize(rows.steps.len(), 0.0);
         let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
-        shapes.farthest(critics, ahead, &mut self.targets, &mut self.buffers.critic);
+        shapes.max_distances(critics, ahead, &mut self.targets, &mut self.buffers.critic);
         self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
         if rows.greedy_targets {
             self.after_actor.resize(rows.steps.len(), 0.0);

@@ -56,11 +56,15 @@ impl<'a> Reference<'a> {
             let table = network.table().map(values).transpose()?;
             Ok(Parameters { dense: network.dense().as_tensor().clone(), table })
         });
-        Self::of(shapes, networks.collect::<Result<_>>()?, layers)
+        Self::with_parameters(shapes, networks.collect::<Result<_>>()?, layers)
     }
 
     /// Creates the losses at given parameters, in the same order.
-    pub(in crate::learn) fn of(shapes: &'a Shapes, mut networks: Vec<Parameters>, layers: Layers) -> Result<Self> {
+    pub(in crate::learn) fn with_parameters(
+        shapes: &'a Shapes,
+        mut networks: Vec<Parameters>,
+        layers: Layers,
+    ) -> Result<Self> {
         let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("too few networks") };
         Ok(Self { shapes, critics: networks, model, actor, layers })
     }
@@ -128,17 +132,17 @@ impl<'a> Reference<'a> {
         let (states, ahead) = (tensor(&batch.states, spec.state_dim())?, tensor(&batch.ahead, spec.state_dim())?);
         let goals = tensor(&batch.goals, spec.goal_dim())?;
         let steps = column(&batch.steps)?;
-        let mut far = (&steps + self.farthest(&ahead, &goals)?)?;
+        let mut far = (&steps + self.max_distances(&ahead, &goals)?)?;
         if batch.greedy_targets {
             let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
-            far = far.minimum(&(self.farthest(&next, &goals)? + 1.0)?)?;
+            far = far.minimum(&(self.max_distances(&next, &goals)? + 1.0)?)?;
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
         Ok(known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?.detach())
     }
 
     /// Returns the maximum of D(s, g) over the critics, `(rows)`.
-    fn farthest(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+    fn max_distances(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let first = self.distances(0, states, goals)?;
         (1..self.critics.len()).try_fold(first, |far, k| far.maximum(&self.distances(k, states, goals)?))
     }

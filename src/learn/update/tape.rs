@@ -93,7 +93,7 @@ impl Tape {
     /// Returns the losses at the current parameters or their averages.
     fn reference<'a>(&self, shapes: &'a Shapes, averaged: bool) -> Result<Reference<'a>> {
         let parameters = self.networks.iter().map(|network| network.parameters(averaged)).collect();
-        Reference::of(shapes, parameters, self.layers)
+        Reference::with_parameters(shapes, parameters, self.layers)
     }
 
     /// Takes an optimiser step on `loss` for some of the networks.

@@ -108,7 +108,7 @@ pub struct Networks {
 
 impl Networks {
     /// Copies the current networks and candidates of `trainer`.
-    pub(super) fn of(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
+    pub(super) fn capture(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
         Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.candidates().frozen() }))
     }
 }
@@ -139,7 +139,7 @@ impl Snapshot {
     ///
     /// # Errors
     /// The learner fails.
-    pub fn of(trainer: &Trainer) -> Result<Self, TrainError> {
+    pub fn capture(trainer: &Trainer) -> Result<Self, TrainError> {
         Ok(Self {
             run: Arc::new(trainer.run().clone()),
             generation: 0,
@@ -157,7 +157,7 @@ impl Snapshot {
             agents: Arc::new(trainer.world().states().to_vec()),
             trails: Arc::default(),
             followed: None,
-            networks: Networks::of(trainer)?,
+            networks: Networks::capture(trainer)?,
             search: trainer.last_search().cloned(),
             curve: trainer.history().points().clone(),
             evaluations: trainer.history().evaluations().clone(),

@@ -104,9 +104,9 @@ impl Setting {
 
 use Group::{Agents, Batches, Bridges, Exploration, Networks, Optimiser, Planning, Targets};
 
-const SHARE: &str = "a share from 0 to 1";
-const PROBABILITY: &str = "a probability from 0 to 1";
-const SWITCH: &str = "true or false";
+const SHARE_RANGE: &str = "a share from 0 to 1";
+const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
+const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
 pub const SETTINGS: [Setting; 54] = [
@@ -167,14 +167,14 @@ pub const SETTINGS: [Setting; 54] = [
         Targets,
         "greedy_targets",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "bound targets by a step of the actor and what follows, 1 + D'(f(s, mu'(s, g)), g)",
     ),
     Setting::new(
         Targets,
         "hindsight_bound",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "bound targets by the steps in which a trajectory reached the goal",
     ),
     Setting::new(
@@ -198,14 +198,14 @@ pub const SETTINGS: [Setting; 54] = [
         Batches,
         "goal_hindsight",
         "",
-        SHARE,
+        SHARE_RANGE,
         "share of goals that are states reached later in the same episode",
     ),
     Setting::new(
         Batches,
         "goal_geometric",
         "",
-        SHARE,
+        SHARE_RANGE,
         "share of hindsight goals a geometric number of steps ahead; the rest are uniform in the future",
     ),
     Setting::new(
@@ -226,7 +226,7 @@ pub const SETTINGS: [Setting; 54] = [
         Batches,
         "distillation",
         "",
-        SHARE,
+        SHARE_RANGE,
         "share of pairs that are bridge candidates with their graph distance as the target",
     ),
     Setting::new(
@@ -285,7 +285,7 @@ pub const SETTINGS: [Setting; 54] = [
         Agents,
         "new_goal_when_reached",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "give an agent that reaches its goal a new one within the episode",
     ),
     Setting::new(
@@ -299,7 +299,7 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "random_actions",
         "",
-        SHARE,
+        SHARE_RANGE,
         "share of steps that follow a random direction instead of the actor",
     ),
     Setting::new(
@@ -321,7 +321,7 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "bridge_epsilon",
         "",
-        PROBABILITY,
+        PROBABILITY_RANGE,
         "probability that an episode's first goal is a bridge point (Algorithm 1's epsilon)",
     ),
     Setting::new(
@@ -335,14 +335,14 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "planned_episodes",
         "",
-        PROBABILITY,
+        PROBABILITY_RANGE,
         "probability that an episode is walked through the bridge graph",
     ),
     Setting::new(
         Exploration,
         "frontier_epsilon",
         "",
-        PROBABILITY,
+        PROBABILITY_RANGE,
         "probability that an episode's first goal is at the frontier: a candidate that few edges leave",
     ),
     Setting::new(
@@ -366,12 +366,18 @@ pub const SETTINGS: [Setting; 54] = [
         "a number of steps from 1 to 100",
         "the longest D that makes an edge",
     ),
-    Setting::new(Bridges, "verify_edges", "", SWITCH, "require a stored trajectory along an edge in about D steps"),
+    Setting::new(
+        Bridges,
+        "verify_edges",
+        "",
+        SWITCH_VALUES,
+        "require a stored trajectory along an edge in about D steps",
+    ),
     Setting::new(
         Bridges,
         "keep_observed_edges",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "keep pairs that trajectories join as costly edges where D is above the cut-off",
     ),
     Setting::new(
@@ -388,8 +394,14 @@ pub const SETTINGS: [Setting; 54] = [
         "a number of steps from 0 to 100",
         "steps that a way through a waypoint takes beyond D to it and D from it",
     ),
-    Setting::new(Planning, "open_loop", "", SWITCH, "plan once and follow that to its end"),
-    Setting::new(Planning, "progress_check", "", SWITCH, "ban a waypoint for a while that was not reached in time"),
+    Setting::new(Planning, "open_loop", "", SWITCH_VALUES, "plan once and follow that to its end"),
+    Setting::new(
+        Planning,
+        "progress_check",
+        "",
+        SWITCH_VALUES,
+        "ban a waypoint for a while that was not reached in time",
+    ),
     Setting::new(
         Planning,
         "late_factor",
@@ -409,7 +421,7 @@ pub const SETTINGS: [Setting; 54] = [
         Planning,
         "averaged_weights",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "plan and evaluate with the running averages of critics and actor",
     ),
 ];
@@ -456,7 +468,7 @@ mod tests {
     }
 
     #[test]
-    fn former_names_are_taken() {
+    fn former_names_are_accepted() {
         for setting in SETTINGS.iter().filter(|setting| setting.former.is_some()) {
             let former = setting.former.unwrap_or_default();
             let value = list_settings(&Preset::Default.settings()).into_iter().find(|(name, _)| name == setting.name);
@@ -467,7 +479,7 @@ mod tests {
     }
 
     #[test]
-    fn the_reference_page_is_the_one_that_is_kept() {
+    fn the_reference_page_matches_the_committed_file() {
         let kept = concat!(env!("CARGO_MANIFEST_DIR"), "/docs/settings.md");
         let kept = std::fs::read_to_string(kept).unwrap_or_default();
         assert!(kept == reference_page(), "gdg-tui settings > docs/settings.md");

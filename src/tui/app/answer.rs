@@ -40,7 +40,7 @@ pub(super) enum AnswerError {
     #[error("a number of minutes, 0 for never")]
     NoMinutes,
     /// A setting that cannot have this value.
-    #[error("{}", .0.in_a_line())]
+    #[error("{}", .0.one_line())]
     Setting(#[from] Box<ConfigError>),
 }
 

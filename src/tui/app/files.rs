@@ -8,7 +8,7 @@ use jiff::tz::TimeZone;
 use super::App;
 use super::answer::AnswerError;
 use super::saving::SAVES;
-use crate::files::{read_text, write_whole};
+use crate::files::{read_text, write_atomically};
 use crate::map::{load_map, print_ascii, print_movingai};
 use crate::train::describe;
 use crate::tui::action::Action;
@@ -58,7 +58,7 @@ impl App {
         let movingai = path.extension().is_some_and(|e| e == "map");
         let marks = self.screen.map.starts().len() + self.screen.map.goals().len();
         let text = if movingai { print_movingai(&self.screen.map) } else { print_ascii(&self.screen.map) };
-        write_whole(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
+        write_atomically(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
         let lost = if movingai && marks > 0 { " (without starts and goals, which the format lacks)" } else { "" };
         self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
@@ -82,7 +82,7 @@ impl App {
                 self.go_to(&Arc::new(map));
             }
             Err(error) => {
-                self.notify(&format!("{error}: {}", error.right));
+                self.notify(&format!("{error}: {}", error.help));
             }
         }
     }
@@ -118,6 +118,6 @@ fn remember_map(path: &Path) {
     recent.insert(0, path);
     recent.truncate(RECENT);
     if let Ok(text) = serde_json::to_string(&recent) {
-        let _ = write_whole(&file, text.as_bytes());
+        let _ = write_atomically(&file, text.as_bytes());
     }
 }

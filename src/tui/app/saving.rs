@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use miette::Report;
 
 use super::App;
-use crate::files::unused;
+use crate::files::unused_path;
 use crate::logging;
-use crate::report::of_checkpoint;
-use crate::setup::rescue;
+use crate::report::from_checkpoint_error;
+use crate::setup::save_elsewhere;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
 
@@ -52,7 +52,7 @@ enum Leaving {
 impl Saving {
     pub fn new(files: Files) -> Self {
         let named = files.save.as_ref().map(|to| to.path().to_owned());
-        Self { to: SaveTo::Fresh(PathBuf::new()), named, files, leaving: Leaving::No, trained: false }
+        Self { to: SaveTo::CreateNew(PathBuf::new()), named, files, leaving: Leaving::No, trained: false }
     }
 
     /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded it.
@@ -62,10 +62,10 @@ impl Saving {
         let resumed = self.files.resumed.take();
         self.to = match (self.files.save.take(), saved, resumed, &self.named) {
             (Some(to), ..) => to,
-            (None, Some((_, path)), ..) => SaveTo::Own(path.to_path_buf()),
-            (None, None, Some(path), _) => SaveTo::Own(path),
-            (None, None, None, Some(path)) => SaveTo::Fresh(path.clone()),
-            (None, None, None, None) => SaveTo::Fresh(Path::new(SAVES).join(name)),
+            (None, Some((_, path)), ..) => SaveTo::Replace(path.to_path_buf()),
+            (None, None, Some(path), _) => SaveTo::Replace(path),
+            (None, None, None, Some(path)) => SaveTo::CreateNew(path.clone()),
+            (None, None, None, None) => SaveTo::CreateNew(Path::new(SAVES).join(name)),
         };
     }
 
@@ -89,8 +89,8 @@ impl App {
     /// Returns the file of the next checkpoint: a new file, unless the run already has its own.
     pub fn save_path(&self) -> PathBuf {
         match &self.saving.to {
-            SaveTo::Own(path) => path.clone(),
-            SaveTo::Fresh(path) => unused(path),
+            SaveTo::Replace(path) => path.clone(),
+            SaveTo::CreateNew(path) => unused_path(path),
         }
     }
 
@@ -103,7 +103,7 @@ impl App {
 
     /// Saves to a file named by the user, who has confirmed replacing it if it exists.
     pub(super) fn save_under(&mut self, path: PathBuf) {
-        self.saving.to = SaveTo::Own(path);
+        self.saving.to = SaveTo::Replace(path);
         if self.save() && self.saving.leaving == Leaving::Asking {
             self.saving.leaving = Leaving::Saving;
         }
@@ -169,7 +169,7 @@ impl App {
         if let Some((_, path)) = &now.saved
             && before.saved.as_ref().is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
         {
-            self.saving.to = SaveTo::Own(path.to_path_buf());
+            self.saving.to = SaveTo::Replace(path.to_path_buf());
             self.done |= self.saving.leaving == Leaving::Saving;
         }
         if now.save_failed.0 > before.save_failed.0 && self.saving.leaving == Leaving::Saving {
@@ -184,8 +184,8 @@ impl App {
 
     /// Reports internal errors, and saves the run after the first one.
     pub(super) fn on_failures(&mut self) {
-        for failure in crate::faults::take() {
-            let text = format!("internal error in the thread {}: {}", failure.thread, failure.what);
+        for failure in crate::faults::take_failures() {
+            let text = format!("internal error in the thread {}: {}", failure.thread, failure.message);
             self.notify(&text);
             if self.failures.is_empty() {
                 self.autosave();
@@ -276,8 +276,8 @@ fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Resul
         }
         Err(error) => error,
     };
-    if let Some(path) = rescue(trainer, to.path()) {
+    if let Some(path) = save_elsewhere(trainer, to.path()) {
         *summary += &format!("\nsaved {} instead", path.display());
     }
-    Err(of_checkpoint(first))
+    Err(from_checkpoint_error(first))
 }

@@ -135,7 +135,7 @@ pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &
     let name = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let item = |found: &Result<Description, CheckpointError>| match found {
         Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
-        Err(e) => Item::new(name(&e.file), format!("cannot be loaded: {}", e.what), Choice::Nothing),
+        Err(e) => Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing),
     };
     Picker::new("load a checkpoint", found.iter().map(item).collect())
 }

@@ -5,7 +5,7 @@ use ratatui::text::{Line, Span};
 
 use super::text::heading;
 use super::{DIM, info};
-use crate::bridge::Standing;
+use crate::bridge::EdgeStatus;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
@@ -38,11 +38,14 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     }
     if screen.run().method.plans() {
         lines.push(heading("edges"));
-        let of = |standing: Standing| screen.view.edges.iter().filter(|(_, s)| *s == standing).count();
-        let kinds =
-            [(Standing::Confirmed, "walked"), (Standing::Demoted, "failed"), (Standing::Untried, "by experience")];
-        for ((standing, name), rgb) in kinds.into_iter().zip(theme.edges) {
-            let text = format!(" {} {name}", of(standing));
+        let of = |status: EdgeStatus| screen.view.edges.iter().filter(|(_, s)| *s == status).count();
+        let kinds = [
+            (EdgeStatus::Confirmed, "walked"),
+            (EdgeStatus::Demoted, "failed"),
+            (EdgeStatus::Untried, "by experience"),
+        ];
+        for ((status, name), rgb) in kinds.into_iter().zip(theme.edges) {
+            let text = format!(" {} {name}", of(status));
             lines.push(Line::from(vec![Span::raw(" "), sample(screen, '\u{2500}', rgb), Span::raw(text)]));
         }
     }

@@ -7,7 +7,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Color, Modifier, Style};
 
-use crate::bridge::Standing;
+use crate::bridge::EdgeStatus;
 use crate::map::Grid;
 use crate::tui::canvas::{Canvas, WALL_MARK};
 use crate::tui::layers::{Overlay, Overlays};
@@ -87,14 +87,14 @@ impl Base {
             let [confirmed, demoted, untried] = screen.theme.edges;
             let spacing = screen.snapshot.networks.candidates.spacing();
             for (kind, rgb, share, mark) in [
-                (Standing::Untried, untried, 0.4, '-'),
-                (Standing::Confirmed, confirmed, 0.6, '='),
-                (Standing::Demoted, demoted, 0.9, 'x'),
+                (EdgeStatus::Untried, untried, 0.4, '-'),
+                (EdgeStatus::Confirmed, confirmed, 0.6, '='),
+                (EdgeStatus::Demoted, demoted, 0.9, 'x'),
             ] {
                 // Of the untried edges, only those between neighbours: all of them would hide the map.
-                let longest = if kind == Standing::Untried { UNTRIED_SPACINGS * spacing } else { f32::INFINITY };
+                let longest = if kind == EdgeStatus::Untried { UNTRIED_SPACINGS * spacing } else { f32::INFINITY };
                 let short = |[a, b]: [[f32; 2]; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) <= longest;
-                let own = screen.view.edges.iter().filter(|(_, standing)| *standing == kind);
+                let own = screen.view.edges.iter().filter(|(_, status)| *status == kind);
                 let ends = own.map(|(ends, _)| *ends).filter(|ends| short(*ends));
                 canvas.lines(place, ends, (rgb, share, mark));
             }

@@ -10,7 +10,7 @@ use std::time::SystemTime;
 use jiff::tz::TimeZone;
 
 use super::*;
-use crate::bridge::{BridgePoint, SearchOutcome, Standing};
+use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use crate::train::{
     CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, Followed, LossPoint, Score,
     Snapshot, Success,
@@ -105,8 +105,8 @@ fn stage(width: u16, height: u16) -> App {
     };
     let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
     let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
-    let standings = [Standing::Confirmed, Standing::Demoted, Standing::Confirmed, Standing::Confirmed];
-    let edges = candidates.windows(2).zip(standings).map(|(ends, standing)| ([ends[0], ends[1]], standing));
+    let standings = [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
+    let edges = candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     let view = View {
         goal: (Some(app.screen.goal), 1),
@@ -267,8 +267,8 @@ fn lists_of_files() {
     };
     let broken = CheckpointError {
         file: PathBuf::from("saves/old.safetensors"),
-        what: "is not a safetensors file".to_owned(),
-        right: String::new(),
+        problem: "is not a safetensors file".to_owned(),
+        help: String::new(),
     };
     let found = vec![
         Err(broken),
