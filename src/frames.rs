@@ -14,7 +14,7 @@ use serde::Deserialize;
 use crate::cli::FramesArgs;
 use crate::files::{self, write_atomically};
 use crate::setup::refuse_existing;
-use crate::tui::{LARGEST_SCREEN, Paper, png_of};
+use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
 
 /// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two distinct colours in every
 /// cell takes half of that.
@@ -95,7 +95,7 @@ pub fn play(
         match event {
             Some((_, Event::Output(text))) => screen.process(text.as_bytes()),
             Some((_, Event::Resize { columns, rows })) => {
-                screen.screen_mut().set_size(non_zero(rows), non_zero(columns))
+                screen.screen_mut().set_size(non_zero(rows), non_zero(columns));
             }
             Some((_, Event::Other)) | None => {}
         }
@@ -207,7 +207,7 @@ fn picture_path(args: &FramesArgs, at: f64) -> PathBuf {
 
 fn write(screen: &vt100::Screen, args: &FramesArgs, at: f64) -> Result<PathBuf, Report> {
     let buffer = buffer_of(screen);
-    let pixels = png_of(&buffer, buffer.area, Paper::default()).into_diagnostic()?;
+    let pixels = png_of(&buffer, buffer.area, PageColours::default()).into_diagnostic()?;
     let path = picture_path(args, at);
     write_atomically(&path, &pixels)
         .into_diagnostic()

@@ -23,13 +23,13 @@ pub use raster::{Ground, Raster};
 pub use walk::{Tour, Walk};
 
 /// Time between two steps of the walking agent.
-const STEP: Duration = Duration::from_millis(70);
+const STEP_INTERVAL: Duration = Duration::from_millis(70);
 
 /// Minimum interval between recomputations of field and graph, and the pause after each as a multiple of its duration.
 /// They run concurrently with training, but on the same cores, so they pause longer while it runs.
-const RENEW_EVERY: Duration = Duration::from_millis(250);
-const REST_WHILE_TRAINING: u32 = 80;
-const REST_OTHERWISE: u32 = 3;
+const REFRESH_INTERVAL: Duration = Duration::from_millis(250);
+const TRAINING_PAUSE_FACTOR: u32 = 80;
+const IDLE_PAUSE_FACTOR: u32 = 3;
 
 /// A request from the screen.
 #[derive(Clone, Debug)]
@@ -126,7 +126,7 @@ impl Viewer {
     }
 
     /// Sends a request. Errors are ignored: the thread ends only with the program.
-    pub fn ask(&self, request: Request) {
+    pub fn request(&self, request: Request) {
         let _ = self.requests.send(request);
     }
 
@@ -154,25 +154,25 @@ struct Worker {
     frame: Option<(Raster, Arc<Vec<[f32; 2]>>)>,
     directions: bool,
     inspect: Option<Cell>,
-    inspects_anew: bool,
+    inspection_due: bool,
     tour: Tour,
     view: View,
     /// Whether the view has changed since it was published.
     changed: bool,
     resting: u32,
     scratch: Scratch,
-    field: Renewal,
-    graph_age: Renewal,
+    field: RefreshTimer,
+    graph_age: RefreshTimer,
 }
 
 /// When something was last computed, and how long it took.
 #[derive(Clone, Copy, Default)]
-struct Renewal(Option<(Instant, Duration)>);
+struct RefreshTimer(Option<(Instant, Duration)>);
 
-impl Renewal {
-    /// Whether it may be recomputed, after a pause of `times` its duration.
-    fn is_due(self, times: u32) -> bool {
-        self.0.is_none_or(|(at, took)| at.elapsed() >= RENEW_EVERY.max(took * times))
+impl RefreshTimer {
+    /// Whether it may be recomputed, after a pause of `pause_factor` its duration.
+    fn is_due(self, pause_factor: u32) -> bool {
+        self.0.is_none_or(|(at, took)| at.elapsed() >= REFRESH_INTERVAL.max(took * pause_factor))
     }
 
     /// Records a computation that started at `began`.
@@ -181,7 +181,7 @@ impl Renewal {
     }
 
     /// Makes it due at once.
-    fn ask(&mut self) {
+    fn make_due(&mut self) {
         self.0 = None;
     }
 }
@@ -204,14 +204,14 @@ impl Worker {
             frame: None,
             directions: false,
             inspect: None,
-            inspects_anew: false,
+            inspection_due: false,
             tour: Tour::default(),
             view: View::default(),
             changed: true,
             resting: 0,
             scratch: Scratch::default(),
-            field: Renewal::default(),
-            graph_age: Renewal::default(),
+            field: RefreshTimer::default(),
+            graph_age: RefreshTimer::default(),
             world,
             snapshots,
             inbox,
@@ -227,13 +227,13 @@ impl Worker {
         let mut stepped = Instant::now();
         loop {
             crate::faults::point("viewer");
-            let wait = STEP.saturating_sub(stepped.elapsed());
+            let wait = STEP_INTERVAL.saturating_sub(stepped.elapsed());
             match self.inbox.recv_timeout(wait) {
                 Ok(request) => {
-                    self.take(request);
+                    self.handle(request);
                     // Handles all queued requests before computing anything for them.
                     while let Ok(request) = self.inbox.try_recv() {
-                        self.take(request);
+                        self.handle(request);
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {
@@ -242,58 +242,58 @@ impl Worker {
                 }
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            self.renew();
+            self.refresh();
             if std::mem::take(&mut self.changed) {
                 self.publish.send_replace(Arc::new(self.view.clone()));
             }
         }
     }
 
-    fn take(&mut self, request: Request) {
+    fn handle(&mut self, request: Request) {
         self.changed = true;
         match request {
             Request::Goal(cell, number) => {
                 self.view.goal = (Some(cell), number);
-                self.begin_journey();
-                self.field.ask();
+                self.start_walk();
+                self.field.make_due();
             }
             Request::Start(cell) => {
                 self.restart(cell);
                 if self.view.kind == Field::FromStart {
-                    self.field.ask();
+                    self.field.make_due();
                 }
             }
             Request::Tour(tour) => self.tour = tour,
             Request::Field(kind) => {
                 self.view.kind = kind;
-                self.field.ask();
+                self.field.make_due();
             }
             Request::Frame(raster, arrows) => {
                 self.frame = Some((raster, arrows));
-                self.field.ask();
+                self.field.make_due();
             }
             Request::Directions(shown) => {
                 self.directions = shown;
-                self.field.ask();
+                self.field.make_due();
             }
             Request::Inspect(cell) => {
                 self.inspect = cell;
-                self.inspects_anew = true;
+                self.inspection_due = true;
             }
         }
     }
 
     /// Recomputes graph and field from the latest networks if they are due.
-    fn renew(&mut self) {
+    fn refresh(&mut self) {
         let snapshot = self.snapshots.borrow().clone();
         if !Arc::ptr_eq(&snapshot.run, &self.run) {
             (self.run, self.bridge) = (snapshot.run.clone(), snapshot.run.bridge());
             (self.graph, self.walker) = (None, None);
-            self.graph_age.ask();
+            self.graph_age.make_due();
         }
         let MazeScene { map, .. } = snapshot.scene.maze();
         if !Arc::ptr_eq(&map, self.world.map()) {
-            self.enter(map);
+            self.change_map(map);
         }
         if let Some(followed) = &snapshot.followed {
             let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
@@ -301,26 +301,26 @@ impl Worker {
             self.changed = true;
         }
         let latest = snapshot.networks.clone();
-        let times = if snapshot.phase.trains() { REST_WHILE_TRAINING } else { REST_OTHERWISE };
-        let renewed = !Arc::ptr_eq(&latest, &self.networks);
-        if self.graph_age.0.is_none() || renewed && self.graph_age.is_due(times) {
+        let pause_factor = if snapshot.phase.is_training() { TRAINING_PAUSE_FACTOR } else { IDLE_PAUSE_FACTOR };
+        let changed_networks = !Arc::ptr_eq(&latest, &self.networks);
+        if self.graph_age.0.is_none() || changed_networks && self.graph_age.is_due(pause_factor) {
             self.networks = latest.clone();
-            self.renew_graph();
+            self.refresh_graph();
         }
         let shown = Arc::ptr_eq(&latest, &self.shown);
-        if self.field.0.is_none() || !shown && self.field.is_due(times) {
+        if self.field.0.is_none() || !shown && self.field.is_due(pause_factor) {
             self.shown = latest;
-            self.renew_field(&snapshot);
-            self.inspects_anew = true;
+            self.refresh_field(&snapshot);
+            self.inspection_due = true;
         }
         // Once for all cells that the mouse has passed over in the meantime.
-        if std::mem::take(&mut self.inspects_anew) {
+        if std::mem::take(&mut self.inspection_due) {
             self.inspect_cell();
         }
     }
 
     /// Switches to another map or to an edited version of this one.
-    fn enter(&mut self, map: Arc<Grid>) {
+    fn change_map(&mut self, map: Arc<Grid>) {
         let at = self.position();
         let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
         self.world = PointMaze::new(map, 1);
@@ -330,16 +330,16 @@ impl Worker {
         self.graph = None;
         if same_size {
             self.world.set_full_state(0, &at.map(f64::from));
-            self.begin_journey();
+            self.start_walk();
         } else {
-            self.view.walk.journeys = (0, 0);
+            self.view.walk.walks = (0, 0);
             self.restart(None);
         }
-        self.graph_age.ask();
-        self.field.ask();
+        self.graph_age.make_due();
+        self.field.make_due();
     }
 
-    fn renew_graph(&mut self) {
+    fn refresh_graph(&mut self) {
         let began = Instant::now();
         let networks = self.networks.clone();
         let policy = &*networks.policy;

@@ -226,11 +226,11 @@ fn mutated_recordings_are_drawn_or_refused() {
 }
 
 /// Returns all files in a folder and its subfolders, with their contents.
-fn everything(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+fn files_and_contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
         if entry.path().is_dir() {
-            all.extend(everything(&entry.path()));
+            all.extend(files_and_contents(&entry.path()));
         } else {
             all.insert(entry.path(), std::fs::read(entry.path()).unwrap());
         }
@@ -265,14 +265,14 @@ fn random_keys_and_clicks_break_nothing_and_touch_no_other_files() {
         }
         if let Some(status) = session.child.try_wait().unwrap() {
             // Random keys can quit the program, as a user does.
-            assert!(status.exit_code() == 0, "{status:?} after {i} events:\n{}", session.shows());
+            assert!(status.exit_code() == 0, "{status:?} after {i} events:\n{}", session.screen_text());
             session = Session::start(&inside, &["trap"]);
             session.wait_for("training");
         }
     }
     session.signal("TERM");
     assert_eq!(session.end(), 143);
-    let after = everything(outside.path());
+    let after = files_and_contents(outside.path());
     let strangers: Vec<_> = after.keys().filter(|path| !path.starts_with(&inside)).collect();
     assert_eq!(strangers.len(), 2, "nothing new outside its folder: {strangers:?}");
     assert_eq!(std::fs::read(outside.path().join("mine.txt")).unwrap(), before);
@@ -333,7 +333,7 @@ fn measured(session: &Session) -> Option<(f64, usize, f64)> {
     let pages = std::fs::read_to_string(format!("{process}/statm")).ok()?;
     let pages: f64 = pages.split(' ').nth(1)?.parse().ok()?;
     let handles = std::fs::read_dir(format!("{process}/fd")).ok()?.count();
-    let shown = session.shows();
+    let shown = session.screen_text();
     let updates = shown.split("updates").nth(1)?.split_whitespace().next()?.to_owned();
     let units = [('k', 1e3), ('M', 1e6)];
     let unit = units.iter().find(|(sign, _)| updates.ends_with(*sign)).map_or(1.0, |(_, unit)| *unit);
@@ -393,7 +393,7 @@ fn fuzzing_seeds_are_read_or_refused() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds");
     let trap = map::builtin("trap").unwrap();
     let mut count = 0;
-    for (path, bytes) in everything(&folder) {
+    for (path, bytes) in files_and_contents(&folder) {
         let text = String::from_utf8_lossy(&bytes);
         match path.parent().unwrap().file_name().unwrap().to_str().unwrap() {
             "map" => drop(map::parse_map("kept", &bytes)),

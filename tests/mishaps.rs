@@ -62,7 +62,7 @@ impl Running {
     }
 
     /// Sends a signal; returns the exit status and the time until exit.
-    fn ends_by(mut self, signal: &str) -> (i32, Duration) {
+    fn end_with_signal(mut self, signal: &str) -> (i32, Duration) {
         let asked = Instant::now();
         kill(self.child.id(), signal);
         let mut rest = String::new();
@@ -72,7 +72,7 @@ impl Running {
 }
 
 /// "Within a second", with a margin for busy machines.
-const SOON: Duration = Duration::from_secs(4);
+const TIMEOUT: Duration = Duration::from_secs(4);
 
 #[test]
 fn closing_the_terminal_saves_the_run() {
@@ -81,7 +81,7 @@ fn closing_the_terminal_saves_the_run() {
     session.wait_for("training");
     // Runs of less than ten seconds are not saved.
     session.wait_for("elapsed   0:00:12");
-    let mut child = session.hang_up();
+    let mut child = session.close_terminal();
     let began = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait().unwrap() {
@@ -166,7 +166,7 @@ fn headless_runs_save_periodically() {
     let mut run =
         Running::start(&mut headless(folder.path(), &["trap", "--save", "often.safetensors", "--save-every", "0.002"]));
     (0..3).for_each(|_| run.wait_for("saved"));
-    let (status, _) = run.ends_by("KILL");
+    let (status, _) = run.end_with_signal("KILL");
     assert_eq!(status, -1);
     assert!(assert_loads(&path) > 0, "what was saved on the way is there");
 }
@@ -187,7 +187,7 @@ fn a_file_replaced_by_another_program_is_left_alone() {
         assert!(began.elapsed() < Duration::from_mins(1), "it does not find a file of its own");
         std::thread::sleep(Duration::from_millis(20));
     }
-    assert_eq!(run.ends_by("TERM").0, 143);
+    assert_eq!(run.end_with_signal("TERM").0, 143);
     assert!(std::fs::read(&path).unwrap() == other && assert_loads(&own) > 0);
     assert_eq!(checkpoints(folder.path()).len(), 3, "and keeps to that");
 }
@@ -210,7 +210,7 @@ fn a_run_that_cannot_be_saved_to_its_path_is_saved_elsewhere() {
     // Replace the folder with a file.
     std::fs::remove_dir_all(folder.path().join("sub")).unwrap();
     std::fs::write(folder.path().join("sub"), b"").unwrap();
-    assert_eq!(run.ends_by("TERM").0, 1);
+    assert_eq!(run.end_with_signal("TERM").0, 1);
     assert!(assert_loads(&folder.path().join("saves/a.safetensors")) >= 1000);
 }
 
@@ -234,8 +234,8 @@ fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
     let mut run = Running::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
     run.wait_for("saved");
     assert_eq!(assert_loads(&folder.path().join("kept.safetensors")), 50);
-    let (status, took) = run.ends_by("TERM");
-    assert!(status == 143 && took < SOON, "{status} after {took:?}");
+    let (status, took) = run.end_with_signal("TERM");
+    assert!(status == 143 && took < TIMEOUT, "{status} after {took:?}");
 }
 
 #[test]
@@ -246,8 +246,8 @@ fn a_second_signal_exits_immediately() {
     std::thread::sleep(Duration::from_millis(300));
     kill(run.child.id(), "INT");
     std::thread::sleep(Duration::from_millis(300));
-    let (status, took) = run.ends_by("INT");
-    assert!(status == 130 && took < SOON, "{status} after {took:?}");
+    let (status, took) = run.end_with_signal("INT");
+    assert!(status == 130 && took < TIMEOUT, "{status} after {took:?}");
 }
 
 #[cfg(target_os = "linux")]
@@ -262,7 +262,7 @@ fn ignored_signals_stay_ignored() {
     run.wait_for("start");
     kill(run.child.id(), "HUP");
     run.wait_for("progress");
-    assert_eq!(run.ends_by("TERM").0, 143);
+    assert_eq!(run.end_with_signal("TERM").0, 143);
 }
 
 /// Waits for the message about an internal error, saves and quits, and checks what is left.
@@ -312,8 +312,8 @@ fn a_panic_in_the_interface_restores_the_terminal_and_saves_the_run() {
     let args = ["trap", "--save", "kept.safetensors"];
     let mut session = Session::start_with(folder.path(), &args, &[(FAULTS, "interface=panic@25")]);
     assert_eq!(session.status(), 1);
-    session.assert_given_back();
-    assert!(session.shows().contains("internal error"), "{}", session.shows());
+    session.assert_terminal_restored();
+    assert!(session.screen_text().contains("internal error"), "{}", session.screen_text());
     assert_loads(&folder.path().join("kept.safetensors"));
 }
 
@@ -364,7 +364,7 @@ fn killing_or_aborting_the_program_restores_the_terminal() {
             assert!(began.elapsed() < Duration::from_secs(10), "the cursor does not come back after {signal}");
             std::thread::sleep(Duration::from_millis(10));
         }
-        session.assert_given_back();
+        session.assert_terminal_restored();
         let modes = session.master.get_termios().unwrap();
         assert!(format!("{:?}", modes.local_flags).contains("ECHO |"), "what is typed shows again");
     }
@@ -527,7 +527,7 @@ fn special_files_are_refused_without_blocking() {
             let began = Instant::now();
             let (status, _, errors) = outcome(isolated_command(folder.path()).args(args));
             assert_eq!(status, 2, "{args:?}: {errors}");
-            assert!(errors.contains("not a regular file") && began.elapsed() < SOON, "{args:?}: {errors}");
+            assert!(errors.contains("not a regular file") && began.elapsed() < TIMEOUT, "{args:?}: {errors}");
         }
     }
     std::fs::create_dir(folder.path().join("saves")).unwrap();

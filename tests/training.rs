@@ -59,7 +59,7 @@ fn train_to(trainer: &mut Trainer, updates: u64) {
 }
 
 /// Returns all state of a run as bits, except for the elapsed time.
-fn everything(trainer: &Trainer) -> Vec<(String, Vec<u64>)> {
+fn full_state(trainer: &Trainer) -> Vec<(String, Vec<u64>)> {
     let store = trainer.save().unwrap();
     let bits = |array: &Array| -> Vec<u64> {
         match array {
@@ -84,7 +84,7 @@ fn without_time(state: &str) -> String {
 }
 
 fn assert_same(a: &Trainer, b: &Trainer) {
-    let (a, b) = (everything(a), everything(b));
+    let (a, b) = (full_state(a), full_state(b));
     assert_eq!(a.len(), b.len());
     for ((name, a), (_, b)) in a.iter().zip(&b) {
         assert!(a == b, "{name} differs");
@@ -96,7 +96,7 @@ fn the_same_seed_gives_the_same_run_and_another_seed_a_different_one() {
     let mut runs = [trainer(settings(), 1, 1), trainer(settings(), 1, 1), trainer(settings(), 2, 1)];
     runs.iter_mut().for_each(|run| train_to(run, 450));
     assert_same(&runs[0], &runs[1]);
-    assert!(everything(&runs[0]) != everything(&runs[2]));
+    assert!(full_state(&runs[0]) != full_state(&runs[2]));
 }
 
 #[test]

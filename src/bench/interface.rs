@@ -8,7 +8,7 @@ use super::{InterfaceTimes, median};
 use crate::env::PointMaze;
 use crate::map::Grid;
 use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
-use crate::tui::Watched;
+use crate::tui::MeasuredInterface;
 
 /// Columns and rows of the screen for the interface.
 const SCREEN_SIZE: (u16, u16) = (200, 60);
@@ -22,7 +22,7 @@ pub fn measure((threads, runs): (usize, usize)) -> Result<InterfaceTimes, TrainE
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
     };
     let mut alone = trainer()?;
-    let mut watched = Watched::open(trainer()?, SCREEN_SIZE)?;
+    let mut measured = MeasuredInterface::open(trainer()?, SCREEN_SIZE)?;
     let (mut rates, mut ratios, mut frames) = (Vec::new(), Vec::new(), Vec::new());
     for turn in 0..=runs {
         let (began, mut updates) = (Instant::now(), 0);
@@ -30,11 +30,11 @@ pub fn measure((threads, runs): (usize, usize)) -> Result<InterfaceTimes, TrainE
             updates += u64::from(alone.tick()? == Tick::Update);
         }
         let rate = f64::from(updates as u32) / began.elapsed().as_secs_f64();
-        let watching = watched.watch(TURN_DURATION)?;
+        let measurement = measured.measure(TURN_DURATION)?;
         if turn > 0 {
             rates.push(rate);
-            ratios.push(watching.updates_per_second / rate);
-            frames.extend(watching.frames_us);
+            ratios.push(measurement.updates_per_second / rate);
+            frames.extend(measurement.frames_us);
         }
     }
     Ok(InterfaceTimes { runs, alone: median(rates), ratio: median(ratios), frame_us: median(frames) })

@@ -224,7 +224,7 @@ impl Worker {
     /// front end has disconnected.
     fn process_commands(&mut self) -> bool {
         loop {
-            let waiting = !self.current.phase.trains();
+            let waiting = !self.current.phase.is_training();
             let until_update = self.next_update_at.map(|at| at.saturating_duration_since(Instant::now()));
             let until_update = until_update.filter(|wait| !wait.is_zero());
             let command = match (waiting, until_update) {

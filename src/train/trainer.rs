@@ -422,8 +422,8 @@ impl Trainer {
     pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
         let run: Run = store.json("run")?;
         let range = |OutOfRange(name)| {
-            let help = Setting::named(name).map_or("in its range", |setting| setting.range);
-            StoreError::inconsistent(format!("its setting {name} is not {help}"))
+            let range = Setting::named(name).map_or("in its range", |setting| setting.range);
+            StoreError::inconsistent(format!("its setting {name} is not {range}"))
         };
         run.settings.validate().map_err(range)?;
         let world = registry.load_world(store)?;

@@ -37,13 +37,13 @@ impl Default for UiConfig {
 
 /// The largest file that is read, in bytes, and the most characters of it that an error quotes.
 const MAX_BYTES: u64 = 1 << 20;
-const QUOTED: usize = 300;
+const MAX_QUOTED_CHARS: usize = 300;
 
 /// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[error("{place}{problem}")]
+#[error("{location}{problem}")]
 pub struct UiConfigError {
-    place: String,
+    location: String,
     problem: String,
     /// What is expected instead.
     pub help: String,
@@ -107,13 +107,13 @@ pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigE
 
 fn error(name: &str, text: &str, span: Option<Range<usize>>, problem: &str, help: &str) -> Box<UiConfigError> {
     let found = span.map(|span| Excerpt::from_span(name, text, span));
-    let place = match &found {
+    let location = match &found {
         Some((_, (line, column))) => format!("{}:{line}:{column}: ", sanitized(name)),
         None => format!("{}: ", sanitized(name)),
     };
-    let (problem, help) = (truncated(problem, QUOTED), sanitized_lines(help));
+    let (problem, help) = (truncated(problem, MAX_QUOTED_CHARS), sanitized_lines(help));
     let excerpt = found.map(|(excerpt, _)| excerpt);
-    Box::new(UiConfigError { place, problem, help, excerpt })
+    Box::new(UiConfigError { location, problem, help, excerpt })
 }
 
 /// Returns a file with all settings at their defaults.
@@ -161,14 +161,14 @@ mod tests {
 
     #[test]
     fn mistakes_are_reported_with_line_and_column() {
-        for (text, place) in [
+        for (text, location) in [
             ("theme = \"drak\"\n", "f:1:9: "),
             ("\nautosave_minutes = -1\n", "f:2:1: "),
             ("[keys]\npause = [\"space\"]\nqiut = [\"x\"]\n", "f:3:8: "),
             ("theme = \n", "f:1:"),
         ] {
             let error = parse("f", text).expect_err("a mistake");
-            assert!(error.to_string().starts_with(place), "{error} is not at {place}");
+            assert!(error.to_string().starts_with(location), "{error} is not at {location}");
         }
     }
 }

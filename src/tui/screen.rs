@@ -7,9 +7,9 @@ use super::dialog::Dialog;
 use super::editor::Editor;
 use super::keymap::Keymap;
 use super::layers::Overlays;
+use super::layout::ScreenLayout;
 use super::log::Log;
 use super::panes::Pane;
-use super::places::Places;
 use super::raster::{Marker, Viewport};
 use super::theme::{Depth, Theme};
 use crate::map::{Cell, Grid};
@@ -65,7 +65,7 @@ pub struct Screen {
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
     /// Where things were last drawn.
-    pub places: Places,
+    pub layout: ScreenLayout,
 }
 
 impl Screen {
@@ -95,7 +95,7 @@ impl Screen {
             pausing: false,
             frozen: false,
             following: None,
-            places: Places::default(),
+            layout: ScreenLayout::default(),
         }
     }
 

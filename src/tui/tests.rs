@@ -84,18 +84,18 @@ fn type_text(app: &mut App, text: &str) {
 
 /// Returns the character that shows the centre of `cell`.
 fn character_of(app: &App, cell: Cell) -> Position {
-    let frame = app.screen.places.map.clone().expect("the map is drawn");
+    let frame = app.screen.layout.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")
 }
 
 fn draw(app: &mut App, width: u16, height: u16) -> Terminal<TestBackend> {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
-    let mut places = None;
+    let mut layout = None;
     let draw = |frame: &mut ratatui::Frame| {
-        places = Some(render::draw(frame, &app.screen, &mut render::Cache::default()));
+        layout = Some(render::draw(frame, &app.screen, &mut render::Cache::default()));
     };
     terminal.draw(draw).expect("a frame");
-    app.drawn(places.expect("places"));
+    app.drawn(layout.expect("places"));
     terminal
 }
 
@@ -404,7 +404,7 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.screen.goal;
-    wait_until(&mut app, |app| app.screen.view.walk.journeys.0 >= 1 && app.screen.goal != first);
+    wait_until(&mut app, |app| app.screen.view.walk.walks.0 >= 1 && app.screen.goal != first);
 }
 
 #[test]
@@ -462,7 +462,7 @@ fn a_failed_save_before_quitting_asks_for_another_file() {
     );
     assert!(!app.is_done(), "it stays");
     press(&mut app, KeyCode::Esc);
-    wait_until(&mut app, |app| app.screen.snapshot.phase.trains());
+    wait_until(&mut app, |app| app.screen.snapshot.phase.is_training());
     app.act(Action::Quit);
     wait_until(
         &mut app,

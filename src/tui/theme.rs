@@ -150,18 +150,18 @@ impl Theme {
     }
 
     /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
-    pub fn of_distance(&self, share: f32) -> Rgb {
+    pub fn distance_colour(&self, share: f32) -> Rgb {
         // The darkest end is left out, as walls and the background use it.
-        eval(self.distance, 0.95 - 0.85 * share.clamp(0.0, 1.0))
+        sample(self.distance, 0.95 - 0.85 * share.clamp(0.0, 1.0))
     }
 
     /// Returns the colour of a relative error from -1 (too short) to 1 (too long).
-    pub fn of_error(&self, error: f32) -> Rgb {
-        eval(self.error, 0.5 + 0.5 * error.clamp(-1.0, 1.0))
+    pub fn error_colour(&self, error: f32) -> Rgb {
+        sample(self.error, 0.5 + 0.5 * error.clamp(-1.0, 1.0))
     }
 }
 
-fn eval(gradient: Gradient, at: f32) -> Rgb {
+fn sample(gradient: Gradient, at: f32) -> Rgb {
     let colour = gradient.eval_continuous(f64::from(at));
     (colour.r, colour.g, colour.b)
 }
@@ -210,7 +210,7 @@ mod tests {
     fn near_is_lighter_than_far_in_every_theme() {
         for name in ThemeName::ALL {
             let theme = Theme::new(name, Depth::True);
-            let lights: Vec<f32> = (0..=10).map(|i| lightness(theme.of_distance(i as f32 / 10.0))).collect();
+            let lights: Vec<f32> = (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
             assert!(lights.windows(2).all(|pair| pair[0] > pair[1]), "{}: {lights:?}", name.name());
         }
     }

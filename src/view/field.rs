@@ -51,7 +51,7 @@ impl Field {
 
     /// Returns the next (or previous) field available for `method`.
     #[must_use]
-    pub fn turn(self, forward: bool, method: &Method) -> Self {
+    pub fn cycle(self, forward: bool, method: &Method) -> Self {
         let count = Self::ALL.len();
         let mut at = self as usize;
         loop {
@@ -69,7 +69,7 @@ impl Field {
 }
 
 impl Worker {
-    pub(super) fn renew_field(&mut self, snapshot: &Snapshot) {
+    pub(super) fn refresh_field(&mut self, snapshot: &Snapshot) {
         let began = Instant::now();
         if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone()) {
             let shown = self.shown.clone();
@@ -153,15 +153,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn turning_forth_and_back_leads_round_and_home() {
+    fn cycling_forward_and_back_returns_to_the_start() {
         for method in &["gdg", "gdg-bridge"].map(|name| name.parse::<Method>().expect("a method")) {
             let there = (0..7).scan(Field::Learned, |field, _| {
-                *field = field.turn(true, method);
+                *field = field.cycle(true, method);
                 Some(*field)
             });
             let there: Vec<Field> = there.collect();
             assert_eq!(there.contains(&Field::Composed), method.plans());
-            assert_eq!(Field::Learned.turn(true, method).turn(false, method), Field::Learned);
+            assert_eq!(Field::Learned.cycle(true, method).cycle(false, method), Field::Learned);
         }
     }
 }

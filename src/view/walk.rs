@@ -13,7 +13,7 @@ const REST_STEPS: u32 = 15;
 const TRAIL_STEPS: usize = 14;
 
 /// Minimum step budget of a walk, as in evaluation.
-const MOST_STEPS: u32 = 500;
+const MIN_STEP_BUDGET: u32 = 500;
 
 /// What the walking agent does after arriving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -64,7 +64,7 @@ pub struct Walk {
     /// Whether it has arrived.
     pub arrived: bool,
     /// Journeys that reached the goal, and all that ended.
-    pub journeys: (u32, u32),
+    pub walks: (u32, u32),
 }
 
 impl Worker {
@@ -75,15 +75,15 @@ impl Worker {
             None => self.world.restart(0, &mut self.rng),
         }
         self.view.trail.clear();
-        self.begin_journey();
+        self.start_walk();
     }
 
     /// Starts a journey from the agent's position to the goal.
-    pub(super) fn begin_journey(&mut self) {
+    pub(super) fn start_walk(&mut self) {
         let at = self.position();
         self.resting = 0;
-        let journeys = self.view.walk.journeys;
-        self.view.walk = Walk { start: at, journeys, distances: (f32::NAN, f32::NAN), ..Walk::default() };
+        let walks = self.view.walk.walks;
+        self.view.walk = Walk { start: at, walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
         self.walker = None;
         self.view.path.clear();
         self.view.walk.shortest = self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
@@ -91,7 +91,7 @@ impl Worker {
     }
 
     /// Rests at the goal, then continues as `tour` says.
-    fn rest(&mut self) {
+    fn rest_at_goal(&mut self) {
         self.resting += 1;
         if self.resting <= REST_STEPS {
             return;
@@ -102,8 +102,8 @@ impl Worker {
                 let mut goal = [0.0; 2];
                 self.world.sample_goal(0, &mut self.rng, &mut goal);
                 self.view.goal.0 = Some(cell_of(goal));
-                self.begin_journey();
-                self.field.ask();
+                self.start_walk();
+                self.field.make_due();
             }
             Tour::Stay => {}
         }
@@ -113,7 +113,7 @@ impl Worker {
     pub(super) fn walk(&mut self) {
         let Some(goal) = self.view.goal.0 else { return };
         if self.view.walk.arrived {
-            return self.rest();
+            return self.rest_at_goal();
         }
         self.changed = true;
         let (goal, at) = (goal.centre(), self.position());
@@ -123,21 +123,21 @@ impl Worker {
         if self.world.spec().reached(&at, &goal) {
             self.view.walk.arrived = true;
             self.view.walk.waypoint = None;
-            self.view.walk.journeys = (self.view.walk.journeys.0 + 1, self.view.walk.journeys.1 + 1);
+            self.view.walk.walks = (self.view.walk.walks.0 + 1, self.view.walk.walks.1 + 1);
             self.view.path.clear();
             return;
         }
         // The same step budget as in evaluation.
-        if self.view.walk.steps >= self.view.walk.shortest.map_or(MOST_STEPS, |s| (3 * s).max(MOST_STEPS)) {
-            self.view.walk.journeys.1 += 1;
+        if self.view.walk.steps >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET)) {
+            self.view.walk.walks.1 += 1;
             self.restart(None);
             return;
         }
-        let aim = self.aim(at, goal, policy);
-        self.view.walk.distances.1 = policy.distance(&at, &aim, &mut self.scratch);
-        self.view.walk.waypoint = (aim != goal).then_some(aim);
+        let target = self.next_target(at, goal, policy);
+        self.view.walk.distances.1 = policy.distance(&at, &target, &mut self.scratch);
+        self.view.walk.waypoint = (target != goal).then_some(target);
         let mut action = [0.0; 2];
-        policy.actions(&at, &aim, &mut action, &mut self.scratch);
+        policy.actions(&at, &target, &mut action, &mut self.scratch);
         self.world.step(&action, &mut self.rng);
         self.view.walk.steps += 1;
         self.view.trail.push(at);
@@ -147,15 +147,15 @@ impl Worker {
     }
 
     /// Returns the agent's next target and updates the displayed path.
-    fn aim(&mut self, at: [f32; 2], goal: [f32; 2], policy: &dyn Policy) -> [f32; 2] {
+    fn next_target(&mut self, at: [f32; 2], goal: [f32; 2], policy: &dyn Policy) -> [f32; 2] {
         let Some(graph) = &self.graph else {
             self.view.path = vec![goal];
             return goal;
         };
         let scratch = &mut self.scratch;
         let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, policy, scratch)));
-        let aim = walker.step(&at, graph, policy, scratch);
-        let aim = [aim[0], aim[1]];
+        let target = walker.step(&at, graph, policy, scratch);
+        let target = [target[0], target[1]];
         self.view.path = match walker.target() {
             Some(Target::Candidate(_)) => {
                 walker.waypoints_ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
@@ -163,6 +163,6 @@ impl Worker {
             _ => Vec::new(),
         };
         self.view.path.push(goal);
-        aim
+        target
     }
 }

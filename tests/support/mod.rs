@@ -83,26 +83,26 @@ impl Session {
         let _ = self.keys.write_all(keys.as_bytes()).and_then(|()| self.keys.flush());
     }
 
-    pub fn shows(&self) -> String {
+    pub fn screen_text(&self) -> String {
         self.screen.lock().unwrap().screen().contents()
     }
 
     pub fn wait_for(&self, text: &str) {
         let began = Instant::now();
-        while !self.shows().contains(text) {
-            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not come:\n{}", self.shows());
+        while !self.screen_text().contains(text) {
+            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not come:\n{}", self.screen_text());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
 
     pub fn wait_until_gone(&self, text: &str) {
-        self.wait(|session| !session.shows().contains(text));
+        self.wait(|session| !session.screen_text().contains(text));
     }
 
     pub fn wait(&self, is: impl Fn(&Self) -> bool) {
         let began = Instant::now();
         while !is(self) {
-            assert!(began.elapsed() < Duration::from_mins(1), "it did not come about:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "it did not come about:\n{}", self.screen_text());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -110,14 +110,14 @@ impl Session {
     /// Waits for a question that is asked only if much would be lost, or for the program to exit.
     pub fn wait_for_end_or(&mut self, text: &str) {
         let began = Instant::now();
-        while !self.shows().contains(text) && self.child.try_wait().unwrap().is_none() {
-            assert!(began.elapsed() < Duration::from_mins(1), "neither came:\n{}", self.shows());
+        while !self.screen_text().contains(text) && self.child.try_wait().unwrap().is_none() {
+            assert!(began.elapsed() < Duration::from_mins(1), "neither came:\n{}", self.screen_text());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
 
     /// Closes the terminal like a window, and returns the program, which is still running.
-    pub fn hang_up(self) -> Box<dyn Child + Send + Sync> {
+    pub fn close_terminal(self) -> Box<dyn Child + Send + Sync> {
         self.hangs_up.store(true, Ordering::Relaxed);
         // The next frame ends the reader.
         self.reader.join().unwrap();
@@ -137,7 +137,7 @@ impl Session {
                 return status.exit_code();
             }
             if began.elapsed() > Duration::from_mins(1) {
-                let shown = self.shows();
+                let shown = self.screen_text();
                 self.child.kill().unwrap();
                 panic!("it did not end:\n{shown}");
             }
@@ -146,7 +146,7 @@ impl Session {
     }
 
     /// Checks that the terminal was restored: every mode that was enabled was disabled afterwards.
-    pub fn assert_given_back(&self) {
+    pub fn assert_terminal_restored(&self) {
         // The last output may still be in transit.
         std::thread::sleep(Duration::from_millis(200));
         let raw = self.raw.lock().unwrap();
@@ -164,7 +164,7 @@ impl Session {
     /// Waits for the program to exit, checks that it restored the terminal, and returns its exit status.
     pub fn end(mut self) -> u32 {
         let status = self.status();
-        self.assert_given_back();
+        self.assert_terminal_restored();
         status
     }
 }

@@ -169,11 +169,11 @@ impl Worker {
 
     fn execute_unguarded(&mut self, command: Command) {
         let outcome = match command {
-            Command::Pause if self.current.phase.trains() => {
+            Command::Pause if self.current.phase.is_training() => {
                 self.current.phase = Phase::Paused;
                 self.refresh_snapshot(true).map(|()| None).map_err(CommandError::Train)
             }
-            Command::Resume if !self.current.phase.trains() => {
+            Command::Resume if !self.current.phase.is_training() => {
                 if self.current.phase == Phase::Done {
                     self.current.limits = Limits::default();
                 }
@@ -225,7 +225,7 @@ impl Worker {
         let Loaded { trainer, warning } = loaded.map_err(CommandError::NotLoaded)?;
         let phase = self.current.phase.clone();
         self.switch_to(trainer)?;
-        if !phase.trains() {
+        if !phase.is_training() {
             self.current.phase = Phase::Paused;
         }
         let text = warning.unwrap_or_else(|| format!("loaded {}", path.display()));

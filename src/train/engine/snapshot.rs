@@ -38,7 +38,7 @@ pub enum Phase {
 
 impl Phase {
     /// Whether training is running.
-    pub fn trains(&self) -> bool {
+    pub fn is_training(&self) -> bool {
         matches!(self, Self::Running | Self::Stepping(_))
     }
 }

@@ -16,7 +16,7 @@ use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question, lists};
 
 /// Number of recent maps remembered.
-const RECENT: usize = 8;
+const MAX_RECENT_MAPS: usize = 8;
 
 /// The largest list of recent maps that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -25,7 +25,7 @@ impl App {
     pub(super) fn ask_save_as(&mut self) {
         let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let hint = format!("a name: it goes to {SAVES}/NAME.safetensors; or a path");
-        self.ask(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
+        self.open_prompt(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
     }
 
     pub(super) fn pick_checkpoint(&mut self) {
@@ -41,13 +41,13 @@ impl App {
             return;
         }
         let found = files.iter().map(|path| describe(path)).collect();
-        self.pick(lists::checkpoints(found, &TimeZone::system()));
+        self.open_picker(lists::checkpoints(found, &TimeZone::system()));
     }
 
     pub(super) fn ask_map_file(&mut self) {
         let name = format!("{}-edited.txt", self.screen.map.name().trim_end_matches("-edited"));
         let hint = "NAME.map is written as Moving AI's, any other as plain ASCII";
-        self.ask(Prompt::new(Question::SaveMap, "write the map to", hint, name));
+        self.open_prompt(Prompt::new(Question::SaveMap, "write the map to", hint, name));
     }
 
     pub(super) fn save_map(&mut self, name: &str) -> Result<(), AnswerError> {
@@ -72,14 +72,14 @@ impl App {
         let entries: Vec<(PathBuf, bool)> =
             files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir())).collect();
         let recent = folder.is_none().then(recent_maps);
-        self.pick(lists::maps(&here, &entries, recent.as_deref()));
+        self.open_picker(lists::maps(&here, &entries, recent.as_deref()));
     }
 
     pub(super) fn open_map(&mut self, path: &Path) {
         match load_map(path) {
             Ok(map) => {
                 remember_map(path);
-                self.go_to(&Arc::new(map));
+                self.offer_map(&Arc::new(map));
             }
             Err(error) => {
                 self.notify(&format!("{error}: {}", error.help));
@@ -116,7 +116,7 @@ fn remember_map(path: &Path) {
     let mut recent = recent_maps();
     recent.retain(|known| *known != path);
     recent.insert(0, path);
-    recent.truncate(RECENT);
+    recent.truncate(MAX_RECENT_MAPS);
     if let Ok(text) = serde_json::to_string(&recent) {
         let _ = write_atomically(&file, text.as_bytes());
     }

@@ -13,7 +13,7 @@ use crate::train::{
 };
 use crate::tui::action::{Action, Binding, bindings};
 use crate::tui::keymap::Keymap;
-use crate::tui::output::What;
+use crate::tui::output::ExportKind;
 use crate::tui::theme::ThemeName;
 
 /// Lists all actions by name.
@@ -58,12 +58,12 @@ pub fn settings(settings: &Settings) -> Picker {
 
 /// Lists the kinds of exports.
 pub fn exports() -> Picker {
-    let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what)));
+    let items = ExportKind::ALL.map(|kind| Item::new(kind.name(), kind.file_type(), Choice::Export(kind)));
     Picker::new("write to a file", items.to_vec())
 }
 
 /// Asks whether to save before quitting.
-pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
+pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
     let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
@@ -78,29 +78,29 @@ pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
 }
 
 /// Asks what to do after a failure.
-pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
+pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
         // A long detail is fine: the selected item is shown in full below the list.
-        Item::new("save and quit", format!("to {}; {what}; {hint}", file.display()), Choice::Quit { save: true }),
+        Item::new("save and quit", format!("to {}; {problem}; {hint}", file.display()), Choice::Quit { save: true }),
         Item::new("stay", "look around, save, change a setting, load a checkpoint", Choice::Nothing),
     ];
     Picker::new(title, items)
 }
 
 /// Asks how to switch from map `now` to `map`; `fitted` is `map` at the size of `now`.
-pub fn ways_to_turn_to(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
+pub fn map_switch_choices(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
     let mut items = vec![Item::new(
         "start a new run on it",
         "fresh networks; unsaved learning is lost",
-        Choice::BeginOn(map.clone()),
+        Choice::StartOn(map.clone()),
     )];
     let (width, height) = (now.width(), now.height());
     if (map.width(), map.height()) == (width, height) {
-        let same = Choice::GoOnWith(map.clone());
+        let same = Choice::ContinueOn(map.clone());
         items.insert(0, Item::new("go on with these networks", "they learn the new walls", same));
     } else if let Some(fitted) = fitted {
         let label = format!("go on with these networks, cut or filled up to {width} x {height}");
-        let fitted = Choice::GoOnWith(Arc::new(fitted));
+        let fitted = Choice::ContinueOn(Arc::new(fitted));
         items.push(Item::new(label, "they know positions on a map of this size", fitted));
     }
     items.push(Item::new("stay here", "", Choice::Nothing));

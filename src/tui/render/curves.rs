@@ -14,11 +14,11 @@ use crate::tui::screen::Screen;
 use crate::tui::theme::Depth;
 
 /// Minimum height of a chart, and minimum width for two side by side.
-const LEAST_HEIGHT: u16 = 7;
-const TWO_ABREAST: u16 = 64;
+const MIN_CHART_HEIGHT: u16 = 7;
+const MIN_TWO_CHART_WIDTH: u16 = 64;
 
 /// Share of all updates that is shown at once when scrolled back.
-const PAGE: f64 = 0.25;
+const PAGE_SHARE: f64 = 0.25;
 
 /// A line of a chart.
 struct Series {
@@ -39,15 +39,15 @@ struct Plot {
 /// Draws as many charts as fit, the most informative first.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let mut plots = plots(screen);
-    let columns = if area.width >= TWO_ABREAST { 2 } else { 1 };
-    let rows = usize::from((area.height / LEAST_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
+    let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
+    let rows = usize::from((area.height / MIN_CHART_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
     plots.truncate(rows * columns);
     let rows = Layout::vertical(vec![Constraint::Fill(1); rows]).split(area);
     let mut plots = plots.into_iter();
     for row in rows.iter() {
-        let places = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
-        for (place, plot) in places.iter().zip(&mut plots) {
-            draw_plot(frame, *place, screen, &plot);
+        let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
+        for (area, plot) in areas.iter().zip(&mut plots) {
+            draw_plot(frame, *area, screen, &plot);
         }
     }
 }
@@ -137,7 +137,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
 /// Returns the range of updates shown: all, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
     let last = (screen.snapshot.counters.updates as f64).max(1.0);
-    let page = PAGE * last;
+    let page = PAGE_SHARE * last;
     match screen.scrolled {
         0 => [0.0, last],
         n => {
@@ -162,5 +162,5 @@ fn colour(screen: &Screen, i: usize) -> Style {
         return Style::new()
             .fg([Color::Yellow, Color::Cyan, Color::Green, Color::Blue, Color::Magenta, Color::Red][i % 6]);
     };
-    Style::new().fg(screen.theme.colour(screen.theme.of_distance(at)))
+    Style::new().fg(screen.theme.colour(screen.theme.distance_colour(at)))
 }

@@ -6,11 +6,11 @@ use ratatui::text::Span;
 
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::Action;
-use crate::tui::places::{Bar, Click, Places};
+use crate::tui::layout::{Bar, Click, ScreenLayout};
 use crate::tui::screen::Screen;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let run = screen.run();
     let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
@@ -32,5 +32,5 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places)
     if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));
     }
-    bar.draw(frame, area, places);
+    bar.draw(frame, area, layout);
 }

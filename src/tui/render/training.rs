@@ -23,7 +23,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
         fact("mu loss", format!("{:.1} steps", snapshot.losses.actor)),
         heading("success"),
     ];
-    lines.splice(1..1, left(screen).map(|seconds| fact("to go", clock(seconds))));
+    lines.splice(1..1, seconds_left(screen).map(|seconds| fact("to go", clock(seconds))));
     lines.extend(success(screen));
     lines.extend(bridges(screen));
     lines.extend(time(screen));
@@ -31,7 +31,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
 }
 
 /// Returns the seconds until the run ends, if known.
-fn left(screen: &Screen) -> Option<f64> {
+fn seconds_left(screen: &Screen) -> Option<f64> {
     let (snapshot, limits) = (&screen.snapshot, &screen.snapshot.limits);
     let updates = limits
         .updates

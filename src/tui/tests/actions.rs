@@ -50,7 +50,7 @@ fn state(app: &App) -> String {
         app.screen.goal,
         app.screen.inspecting,
         app.screen.tour,
-        (app.screen.frozen, app.screen.following, app.screen.pausing, app.is_done(), app.suspends()),
+        (app.screen.frozen, app.screen.following, app.screen.pausing, app.is_done(), app.is_suspending()),
         app.screen.log.entries().len(),
         app.screen.map().free_count(),
     )

@@ -19,7 +19,7 @@ use crate::tui::action::Action;
 use crate::tui::dialog::lists;
 use crate::tui::export::contents;
 use crate::tui::layers::Overlay;
-use crate::tui::output::What;
+use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
 use crate::view::{Candidate, View, Walk};
@@ -94,7 +94,7 @@ fn stage(width: u16, height: u16) -> App {
         app.on_snapshot(Arc::new(snapshot));
     }
     app.on_snapshot(Arc::new(Snapshot { evaluations: Arc::new(evaluations), ..(*app.screen.snapshot).clone() }));
-    let frame = app.screen.places.map.clone().expect("the map is drawn");
+    let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let field = |i: usize| {
         let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
         let [left, top, width, height] = frame.raster.window;
@@ -126,7 +126,7 @@ fn stage(width: u16, height: u16) -> App {
             distances: (15.2, 2.1),
             waypoint: Some([6.5, 1.5]),
             arrived: false,
-            journeys: (3, 4),
+            walks: (3, 4),
         },
         inspected: None,
         followed_steps: Some(11),
@@ -279,7 +279,7 @@ fn lists_of_files() {
     let lists = [
         ("maps", lists::maps(folder, &entries, Some(&recent))),
         ("checkpoints", lists::checkpoints(found, &TimeZone::UTC)),
-        ("other-map", lists::ways_to_turn_to(&other, &rooms(), rooms().resized(20, 5))),
+        ("other-map", lists::map_switch_choices(&other, &rooms(), rooms().resized(20, 5))),
     ];
     for (name, list) in lists {
         let mut app = stage(80, 24);
@@ -343,19 +343,19 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
 fn everything_can_be_exported() {
     let mut app = stage(80, 24);
     press(&mut app, KeyCode::Char('?'));
-    for what in What::ALL {
-        let bytes = contents(what, &app.screen).expect("a file");
-        match what.file_type() {
+    for kind in ExportKind::ALL {
+        let bytes = contents(kind, &app.screen).expect("a file");
+        match kind.file_type() {
             "png" => {
                 let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
-                let (width, height) = if what == What::MapPng { (50 * 8, 22 * 16) } else { (80 * 8, 24 * 16) };
-                assert_eq!((reader.info().width, reader.info().height), (width, height), "{what:?}");
+                let (width, height) = if kind == ExportKind::MapPng { (50 * 8, 22 * 16) } else { (80 * 8, 24 * 16) };
+                assert_eq!((reader.info().width, reader.info().height), (width, height), "{kind:?}");
             }
             "svg" => {
                 let text = String::from_utf8(bytes).expect("text");
-                assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{what:?}");
-                let part = if what == What::CurvesSvg { "relative error of D" } else { "\nG\n" };
-                assert!(text.contains(part), "{what:?} shows {part:?}");
+                assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{kind:?}");
+                let part = if kind == ExportKind::CurvesSvg { "relative error of D" } else { "\nG\n" };
+                assert!(text.contains(part), "{kind:?} shows {part:?}");
                 assert!(!text.contains("nobody told"), "what lies on top is left out");
             }
             _ => {
