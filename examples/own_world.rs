@@ -152,8 +152,8 @@ impl Table {
 impl Policy for Table {
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
         for ((state, goal), out) in states.iter().zip(goals).zip(out) {
-            let there = self.spec.reached(&[*state], &[*goal]);
-            *out = if there { 0.0 } else { self.best(*state, Self::bin(*goal)).1 };
+            let reached = self.spec.reached(&[*state], &[*goal]);
+            *out = if reached { 0.0 } else { self.best(*state, Self::bin(*goal)).1 };
         }
     }
 

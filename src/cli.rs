@@ -8,7 +8,7 @@ use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
 use crate::bridge::Planner;
 use crate::learn::LEARNERS;
-use crate::map::Kind;
+use crate::map::RandomMapKind;
 use crate::train::{Limits, METHODS, Method, Preset};
 
 const EXAMPLES: &str = "\
@@ -261,7 +261,7 @@ impl TrainArgs {
     }
 }
 
-/// [`Kind`] on the command line.
+/// [`RandomMapKind`] on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum MapKindArg {
     /// Rooms of 4 by 4 cells with thin walls, connected by doors
@@ -270,7 +270,7 @@ pub enum MapKindArg {
     City,
 }
 
-impl From<MapKindArg> for Kind {
+impl From<MapKindArg> for RandomMapKind {
     fn from(arg: MapKindArg) -> Self {
         match arg {
             MapKindArg::Maze => Self::Maze,

@@ -107,8 +107,8 @@ fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
 }
 
 /// Returns the requested number of threads, else the number of cores.
-pub fn threads(asked: Option<u16>) -> usize {
-    asked.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+pub fn threads(requested: Option<u16>) -> usize {
+    requested.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
 
 /// Loads the built-in map or the file called `name`.

@@ -20,7 +20,7 @@ use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use crate::train::{Engine, Networks, Run, Snapshot};
 pub use field::Field;
 pub use raster::{Ground, Raster};
-pub use walk::{Tour, Walk};
+pub use walk::{OnArrival, Walk};
 
 /// Time between two steps of the walking agent.
 const STEP_INTERVAL: Duration = Duration::from_millis(70);
@@ -39,7 +39,7 @@ pub enum Request {
     /// Start of the walking agent; `None` for a random one.
     Start(Option<Cell>),
     /// What the walking agent does at the goal.
-    Tour(Tour),
+    OnArrival(OnArrival),
     /// The pixels showing the map, and the positions at which to show the actor's directions.
     Frame(Raster, Arc<Vec<[f32; 2]>>),
     /// The quantity to show by colours.
@@ -155,14 +155,14 @@ struct Worker {
     directions: bool,
     inspect: Option<Cell>,
     inspection_due: bool,
-    tour: Tour,
+    on_arrival: OnArrival,
     view: View,
     /// Whether the view has changed since it was published.
     changed: bool,
     resting: u32,
     scratch: Scratch,
-    field: RefreshTimer,
-    graph_age: RefreshTimer,
+    field_timer: RefreshTimer,
+    graph_timer: RefreshTimer,
 }
 
 /// When something was last computed, and how long it took.
@@ -205,13 +205,13 @@ impl Worker {
             directions: false,
             inspect: None,
             inspection_due: false,
-            tour: Tour::default(),
+            on_arrival: OnArrival::default(),
             view: View::default(),
             changed: true,
             resting: 0,
             scratch: Scratch::default(),
-            field: RefreshTimer::default(),
-            graph_age: RefreshTimer::default(),
+            field_timer: RefreshTimer::default(),
+            graph_timer: RefreshTimer::default(),
             world,
             snapshots,
             inbox,
@@ -255,26 +255,26 @@ impl Worker {
             Request::Goal(cell, number) => {
                 self.view.goal = (Some(cell), number);
                 self.start_walk();
-                self.field.make_due();
+                self.field_timer.make_due();
             }
             Request::Start(cell) => {
                 self.restart(cell);
                 if self.view.kind == Field::FromStart {
-                    self.field.make_due();
+                    self.field_timer.make_due();
                 }
             }
-            Request::Tour(tour) => self.tour = tour,
+            Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
             Request::Field(kind) => {
                 self.view.kind = kind;
-                self.field.make_due();
+                self.field_timer.make_due();
             }
             Request::Frame(raster, arrows) => {
                 self.frame = Some((raster, arrows));
-                self.field.make_due();
+                self.field_timer.make_due();
             }
             Request::Directions(shown) => {
                 self.directions = shown;
-                self.field.make_due();
+                self.field_timer.make_due();
             }
             Request::Inspect(cell) => {
                 self.inspect = cell;
@@ -289,7 +289,7 @@ impl Worker {
         if !Arc::ptr_eq(&snapshot.run, &self.run) {
             (self.run, self.bridge) = (snapshot.run.clone(), snapshot.run.bridge());
             (self.graph, self.walker) = (None, None);
-            self.graph_age.make_due();
+            self.graph_timer.make_due();
         }
         let MazeScene { map, .. } = snapshot.scene.maze();
         if !Arc::ptr_eq(&map, self.world.map()) {
@@ -303,12 +303,12 @@ impl Worker {
         let latest = snapshot.networks.clone();
         let pause_factor = if snapshot.phase.is_training() { TRAINING_PAUSE_FACTOR } else { IDLE_PAUSE_FACTOR };
         let changed_networks = !Arc::ptr_eq(&latest, &self.networks);
-        if self.graph_age.0.is_none() || changed_networks && self.graph_age.is_due(pause_factor) {
+        if self.graph_timer.0.is_none() || changed_networks && self.graph_timer.is_due(pause_factor) {
             self.networks = latest.clone();
             self.refresh_graph();
         }
         let shown = Arc::ptr_eq(&latest, &self.shown);
-        if self.field.0.is_none() || !shown && self.field.is_due(pause_factor) {
+        if self.field_timer.0.is_none() || !shown && self.field_timer.is_due(pause_factor) {
             self.shown = latest;
             self.refresh_field(&snapshot);
             self.inspection_due = true;
@@ -332,11 +332,11 @@ impl Worker {
             self.world.set_full_state(0, &at.map(f64::from));
             self.start_walk();
         } else {
-            self.view.walk.walks = (0, 0);
+            self.view.walk.finished_walks = (0, 0);
             self.restart(None);
         }
-        self.graph_age.make_due();
-        self.field.make_due();
+        self.graph_timer.make_due();
+        self.field_timer.make_due();
     }
 
     fn refresh_graph(&mut self) {
@@ -361,7 +361,7 @@ impl Worker {
             }
             self.graph = Some(graph);
         }
-        self.graph_age.done(began);
+        self.graph_timer.done(began);
         self.changed = true;
     }
 

@@ -16,7 +16,7 @@ use gdg_tui::train::Registry;
 use gdg_tui::{map, train};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use support::{Session, checkpoints, headless, isolated_command, outcome, size, some, with_updated_checksum};
+use support::{Session, checkpoints, headless, isolated_command, non_zero, outcome, size, with_updated_checksum};
 
 /// Returns the number of attempts: `short`, or `long` in the long form.
 fn times(short: usize, long: usize) -> usize {
@@ -295,12 +295,12 @@ fn the_interface_survives_resize_storms() {
             _ => (rng.random_range(1..300), rng.random_range(1..90)),
         };
         session.master.resize(size(cols, rows)).unwrap();
-        let bounded = |n: u16| some(n.clamp(1, 500));
+        let bounded = |n: u16| non_zero(n.clamp(1, 500));
         session.screen.lock().unwrap().screen_mut().set_size(bounded(rows), bounded(cols));
         std::thread::sleep(Duration::from_millis(rng.random_range(0..40)));
     }
     session.master.resize(size(80, 24)).unwrap();
-    session.screen.lock().unwrap().screen_mut().set_size(some(24), some(80));
+    session.screen.lock().unwrap().screen_mut().set_size(non_zero(24), non_zero(80));
     session.wait_for("updates");
     session.signal("TERM");
     assert_eq!(session.end(), 143);

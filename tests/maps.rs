@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use gdg_tui::env::{EnvSettings, Environment, PointMaze};
 use gdg_tui::map::{
-    self, BUILTIN, Cell, Grid, Kind, ScenarioTask, StepSearch, UNREACHABLE, parse_map, print_ascii, print_movingai,
-    random,
+    self, BUILTIN, Cell, Grid, RandomMapKind, ScenarioTask, StepSearch, UNREACHABLE, parse_map, print_ascii,
+    print_movingai, random,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -352,7 +352,7 @@ fn shared(file: &str) -> Option<PathBuf> {
 
 #[test]
 fn a_printed_map_and_a_scenario_on_it_are_read() {
-    let grid = map::random(Kind::City, 3);
+    let grid = map::random(RandomMapKind::City, 3);
     let read = parse_map("city.map", map::print_movingai(&grid).as_bytes()).unwrap();
     assert_eq!(read.free(), grid.free());
     let cells: Vec<Cell> = grid.free_cells().step_by(97).collect();
@@ -409,7 +409,7 @@ fn real_maps_and_scenarios_are_read() {
 
 #[test]
 fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
-    for (kind, side) in [(Kind::Maze, 44), (Kind::City, 101)] {
+    for (kind, side) in [(RandomMapKind::Maze, 44), (RandomMapKind::City, 101)] {
         let mut shares = Vec::new();
         for seed in 0..20 {
             let grid = random(kind, seed);

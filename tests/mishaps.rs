@@ -41,12 +41,12 @@ fn events(output: &str) -> Vec<Value> {
 }
 
 /// A run in the background whose records can be waited for.
-struct Running {
+struct RunningProgram {
     child: Child,
     out: BufReader<std::process::ChildStdout>,
 }
 
-impl Running {
+impl RunningProgram {
     fn start(command: &mut Command) -> Self {
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let out = BufReader::new(child.stdout.take().unwrap());
@@ -163,8 +163,10 @@ fn divergence_is_shown_in_the_interface_and_the_program_stays_usable() {
 fn headless_runs_save_periodically() {
     let folder = folder();
     let path = folder.path().join("often.safetensors");
-    let mut run =
-        Running::start(&mut headless(folder.path(), &["trap", "--save", "often.safetensors", "--save-every", "0.002"]));
+    let mut run = RunningProgram::start(&mut headless(
+        folder.path(),
+        &["trap", "--save", "often.safetensors", "--save-every", "0.002"],
+    ));
     (0..3).for_each(|_| run.wait_for("saved"));
     let (status, _) = run.end_with_signal("KILL");
     assert_eq!(status, -1);
@@ -177,7 +179,7 @@ fn a_file_replaced_by_another_program_is_left_alone() {
     let other = std::fs::read(checkpoint(folder.path())).unwrap();
     let path = folder.path().join("mine.safetensors");
     let args = ["trap", "--save", "mine.safetensors", "--save-every", "0.01"];
-    let mut run = Running::start(&mut headless(folder.path(), &args));
+    let mut run = RunningProgram::start(&mut headless(folder.path(), &args));
     run.wait_for("saved");
     std::fs::write(folder.path().join("new"), &other).unwrap();
     std::fs::rename(folder.path().join("new"), &path).unwrap();
@@ -205,7 +207,7 @@ fn a_failed_periodic_save_does_not_end_the_run() {
 #[test]
 fn a_run_that_cannot_be_saved_to_its_path_is_saved_elsewhere() {
     let folder = folder();
-    let mut run = Running::start(&mut headless(folder.path(), &["trap", "--save", "sub/a.safetensors"]));
+    let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "sub/a.safetensors"]));
     run.wait_for("progress");
     // Replace the folder with a file.
     std::fs::remove_dir_all(folder.path().join("sub")).unwrap();
@@ -231,7 +233,7 @@ fn an_unwritable_path_is_refused_before_training() {
 fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
     let folder = folder();
     let args = ["trap", "--max-updates", "50", "--save", "kept.safetensors"];
-    let mut run = Running::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
+    let mut run = RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
     run.wait_for("saved");
     assert_eq!(assert_loads(&folder.path().join("kept.safetensors")), 50);
     let (status, took) = run.end_with_signal("TERM");
@@ -241,7 +243,7 @@ fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
 #[test]
 fn a_second_signal_exits_immediately() {
     let folder = folder();
-    let mut run = Running::start(headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"));
+    let mut run = RunningProgram::start(headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"));
     run.wait_for("start");
     std::thread::sleep(Duration::from_millis(300));
     kill(run.child.id(), "INT");
@@ -258,7 +260,7 @@ fn ignored_signals_stay_ignored() {
     let mut shell = Command::new("sh");
     shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(program.get_program()).args(program.get_args());
     shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    let mut run = Running::start(&mut shell);
+    let mut run = RunningProgram::start(&mut shell);
     run.wait_for("start");
     kill(run.child.id(), "HUP");
     run.wait_for("progress");

@@ -69,7 +69,7 @@ impl Baseline {
     pub fn update(&mut self, batch: &Batch) -> Result<()> {
         let tensor = |numbers: &[f32]| Tensor::from_slice(numbers, (numbers.len() / 2, 2), &Device::Cpu);
         let column = |numbers: &[f32]| Tensor::from_slice(numbers, numbers.len(), &Device::Cpu);
-        let (states, goals, ahead) = (tensor(&batch.states)?, tensor(&batch.goals)?, tensor(&batch.ahead)?);
+        let (states, goals, ahead) = (tensor(&batch.states)?, tensor(&batch.goals)?, tensor(&batch.bootstrap_states)?);
         let bootstrapped = (Self::distance(&self.target, &ahead, &goals)? * column(&batch.bootstrap)?)?;
         let targets = (bootstrapped + column(&batch.steps)?)?.detach();
         let critic = (Self::distance(&self.critic, &states, &goals)? - targets)?.sqr()?.mean_all()?;

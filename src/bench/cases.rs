@@ -37,7 +37,7 @@ fn batch(rows: usize) -> Batch {
     Batch {
         states: numbers(1.0, 99.0),
         goals: numbers(1.0, 99.0),
-        ahead: numbers(1.0, 99.0),
+        bootstrap_states: numbers(1.0, 99.0),
         steps: vec![1.0; rows],
         bootstrap: vec![1.0; rows],
         bound: vec![f32::INFINITY; rows],

@@ -2,7 +2,7 @@
 
 mod routes;
 
-pub use routes::{Distilled, LINK_CANDIDATES, Route};
+pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
 
 use std::sync::Arc;
 

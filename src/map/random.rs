@@ -8,7 +8,7 @@ use super::grid::Grid;
 
 /// The kind of a random map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum RandomMapKind {
     /// 9 x 9 rooms of 4 x 4 cells, separated by walls one cell thick; besides those of the spanning tree, a tenth of
     /// the walls are open.
     Maze,
@@ -28,7 +28,7 @@ struct Lattice {
     extra: f32,
 }
 
-impl Kind {
+impl RandomMapKind {
     /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -47,7 +47,7 @@ impl Kind {
 }
 
 /// Generates the map of `kind` for `seed`; all of its free cells are connected.
-pub fn random(kind: Kind, seed: u64) -> Grid {
+pub fn random(kind: RandomMapKind, seed: u64) -> Grid {
     let Lattice { places, place, gap, extra } = kind.lattice();
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let right = (0..places * places).filter(|i| i % places + 1 < places).map(|i| (i, i + 1));

@@ -142,7 +142,7 @@ impl FileIdentity {
     }
 
     /// Records the current identity of the file at `path`.
-    fn remember(path: &Path) {
+    fn record(path: &Path) {
         if let (Ok(path), Some(identity)) = (path.canonicalize(), Self::read(path)) {
             KNOWN_FILES.lock().insert(path, identity);
         }
@@ -180,7 +180,7 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
         SaveTo::CreateNew(path) => files::write_to_unused(path, &bytes),
     };
     let path = written.map_err(|e| failed(e.to_string()))?;
-    FileIdentity::remember(&path);
+    FileIdentity::record(&path);
     tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)
 }
@@ -204,7 +204,7 @@ pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loa
         from_bytes(&bytes, registry, threads).map_err(|e| e.to_string())
     };
     let backup = files::backup_path(path);
-    FileIdentity::remember(path);
+    FileIdentity::record(path);
     match load(path) {
         Ok(trainer) => Ok(Loaded { trainer, warning: None }),
         Err(problem) => match backup.is_file().then(|| load(&backup)) {

@@ -202,7 +202,7 @@ impl Worker {
                     self.next_update_at = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
                 }
                 if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
-                    self.begin_evaluation()?;
+                    self.start_evaluation()?;
                 }
             }
             let stepped = match &self.current.phase {
@@ -268,7 +268,7 @@ impl Worker {
     }
 
     /// Starts an evaluation of the current networks unless one is running or finished only recently.
-    fn begin_evaluation(&mut self) -> Result<(), TrainError> {
+    fn start_evaluation(&mut self) -> Result<(), TrainError> {
         if self.evaluation.is_some() || self.next_evaluation_at.is_some_and(|at| Instant::now() < at) {
             return Ok(());
         }

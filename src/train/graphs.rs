@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Distilled, GraphState};
+use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, DistilledDistances, GraphState};
 use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
 use crate::store::{Store, StoreError};
@@ -38,7 +38,7 @@ pub struct Built {
     /// The graph.
     pub graph: Arc<BridgeGraph>,
     /// Sample of its distances to distil.
-    pub distilled: Arc<Distilled>,
+    pub distilled: Arc<DistilledDistances>,
 }
 
 /// The current graph and the next one.

@@ -75,7 +75,7 @@ pub struct Rollout {
 
 /// Result of one round of steps.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Round {
+pub struct RoundResult {
     /// Episodes that ended.
     pub episodes: u64,
     /// Goals reached.
@@ -150,7 +150,7 @@ impl Rollout {
 
     /// Steps every agent once and stores the transitions in replay buffer and candidates. Returns `None` without
     /// stepping if the actor's actions are not finite.
-    pub fn step(&mut self, context: &mut StepContext) -> Option<Round> {
+    pub fn step(&mut self, context: &mut StepContext) -> Option<RoundResult> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.follow_plans(context);
         self.choose_actions(context.acting, context.settings, context.policy);
@@ -163,7 +163,7 @@ impl Rollout {
             context.candidates.visit(i, state);
         }
         self.env.step(&self.actions, &mut self.rng);
-        let mut round = Round::default();
+        let mut round = RoundResult::default();
         for i in 0..self.agents.len() {
             let state = &self.env.states()[i * s..(i + 1) * s];
             let agent = &mut self.agents[i];
@@ -174,7 +174,7 @@ impl Rollout {
                 context.candidates.visit(i, state);
                 context.candidates.end_episode(i);
                 round.episodes += 1;
-                self.begin_episode(i, context);
+                self.start_episode(i, context);
             } else if self.env.spec().reached(state, pursued) {
                 if let Some(goal) = agent.after_bridge.take() {
                     agent.goal = goal;
@@ -202,7 +202,7 @@ impl Rollout {
 
     /// Starts an episode with a new start and goal. With given probabilities, a frontier candidate or a bridge point
     /// (Algorithm 1's epsilon) is the first goal, and the agent follows a plan through the bridge graph.
-    fn begin_episode(&mut self, i: usize, context: &StepContext) {
+    fn start_episode(&mut self, i: usize, context: &StepContext) {
         self.env.restart(i, &mut self.rng);
         self.restart_episode(i);
         if !context.bridges {

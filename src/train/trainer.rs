@@ -280,7 +280,7 @@ impl Trainer {
             return Ok(Tick::Update);
         }
         let began = Instant::now();
-        self.renew_graph()?;
+        self.refresh_graph()?;
         self.profile.lap(Stage::Graph, began);
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
         let known = graphs.current().map(|Built { graph, distilled, .. }| KnownDistances {
@@ -302,7 +302,7 @@ impl Trainer {
     }
 
     /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
-    fn renew_graph(&mut self) -> Result<()> {
+    fn refresh_graph(&mut self) -> Result<()> {
         let Settings { learn, bridge, .. } = &self.run.settings;
         let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon > 0.0;
         if !wanted || !self.run.method.bridges() {

@@ -5,7 +5,7 @@ use ratatui::layout::Position;
 use ratatui::style::{Color, Style};
 
 use super::raster::{MapFrame, Marker};
-use super::theme::{Depth, Rgb, Theme, blend};
+use super::theme::{ColourDepth, Rgb, Theme, blend};
 
 /// The map as pixels, before it becomes characters.
 #[derive(Clone, Debug)]
@@ -145,7 +145,7 @@ impl Canvas {
         let count = across * down;
         let at = Position::new(map_frame.area.x + column, map_frame.area.y + row);
         let Some(cell) = buffer.cell_mut(at) else { return };
-        if theme.depth == Depth::Mono {
+        if theme.depth == ColourDepth::Mono {
             // Show the most informative mark.
             let marks = (0..count).map(|n| self.marks[own(n)]);
             cell.set_char(marks.max_by_key(|mark| mark_rank(*mark)).unwrap_or(' '));

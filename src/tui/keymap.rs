@@ -57,7 +57,7 @@ impl Keymap {
                         "write keys as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"",
                     )
                 })?;
-                let pressed = normal(parsed);
+                let pressed = normalised(parsed);
                 if let Some(other) = keymap.binding(pressed, binding.when) {
                     let problem = format!("{key:?} is the key of {} too", other.name);
                     return Err(fail(problem, "give one of them another key"));
@@ -77,18 +77,19 @@ impl Keymap {
     /// Returns the action of `key`, with the editor open or closed.
     pub fn action(&self, key: KeyEvent, editing: bool) -> Option<Action> {
         let when = if editing { When::Editing } else { When::Watching };
-        self.binding(normal(KeyCombination::from(key)), when).map(|b| b.action)
+        self.binding(normalised(KeyCombination::from(key)), when).map(|b| b.action)
     }
 
     /// Returns the first key of `action` for display, or the command palette's key if it has none.
     pub fn key_of(&self, action: Action) -> String {
-        let first = |action| bindings().filter(|b| b.action == action).find_map(|b| self.shown(b).into_iter().next());
+        let first =
+            |action| bindings().filter(|b| b.action == action).find_map(|b| self.display_keys(b).into_iter().next());
         let unbound = || first(Action::Palette).map_or("-".to_owned(), |key| format!("{key} ..."));
         first(action).unwrap_or_else(unbound)
     }
 
     /// Returns the keys of `binding` for display.
-    pub fn shown(&self, binding: &Binding) -> Vec<String> {
+    pub fn display_keys(&self, binding: &Binding) -> Vec<String> {
         let format = KeyCombinationFormat::default().with_implicit_shift();
         let own = self.keys.iter().filter(|(_, b)| b.name == binding.name);
         own.map(|(key, _)| short_name(&format.to_string(*key))).collect()
@@ -97,7 +98,7 @@ impl Keymap {
 
 /// Normalises shift, which only some terminals report along with the shifted character: set for uppercase letters,
 /// cleared for other characters.
-fn normal(key: KeyCombination) -> KeyCombination {
+fn normalised(key: KeyCombination) -> KeyCombination {
     let OneToThree::One(code) = key.codes else { return key };
     let (code, modifiers) = match code {
         KeyCode::Char(c) if c.is_uppercase() => (code, key.modifiers | KeyModifiers::SHIFT),

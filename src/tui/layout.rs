@@ -62,11 +62,11 @@ impl ScreenLayout {
 
 /// A line with clickable parts.
 #[derive(Debug, Default)]
-pub struct Bar {
+pub struct ClickableLine {
     parts: Vec<(Span<'static>, Option<Click>)>,
 }
 
-impl Bar {
+impl ClickableLine {
     /// Returns the width in columns.
     pub fn width(&self) -> usize {
         self.parts.iter().map(|(span, _)| span.width()).sum()

@@ -13,7 +13,7 @@ use tokio::sync::watch;
 use super::app::{App, Files};
 use super::config::UiConfig;
 use super::keymap::Keymap;
-use super::theme::{Depth, Theme, ThemeName};
+use super::theme::{ColourDepth, Theme, ThemeName};
 use super::{FrameTimer, INPUT_FRAME_INTERVAL, render};
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
 use crate::view::{View, Viewer};
@@ -45,7 +45,7 @@ impl MeasuredInterface {
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
-        app.screen.theme = Theme::new(ThemeName::Dark, Depth::True);
+        app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
         let mut measured =

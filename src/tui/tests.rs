@@ -22,7 +22,7 @@ use super::dialog::Dialog;
 use super::keymap::Keymap;
 use super::render;
 use super::screen::Screen;
-use super::theme::{Depth, Theme, ThemeName};
+use super::theme::{ColourDepth, Theme, ThemeName};
 use crate::env::PointMaze;
 use crate::map::{Cell, Grid, parse_map};
 use crate::train::{Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer};
@@ -53,7 +53,7 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), files);
-    app.screen.theme = Theme::new(ThemeName::Dark, Depth::True);
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     app
 }
 
@@ -344,7 +344,7 @@ fn space_pauses_and_resumes() {
 #[test]
 fn without_colours_walls_are_still_distinct_from_floor() {
     let mut app = app();
-    app.screen.theme = Theme::new(ThemeName::Dark, Depth::Mono);
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
     let terminal = draw(&mut app, 80, 24);
     let plain = |colour: Color| colour == Color::Reset;
     assert!(terminal.backend().buffer().content.iter().all(|c| plain(c.fg) && plain(c.bg)));
@@ -404,7 +404,7 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.screen.goal;
-    wait_until(&mut app, |app| app.screen.view.walk.walks.0 >= 1 && app.screen.goal != first);
+    wait_until(&mut app, |app| app.screen.view.walk.finished_walks.0 >= 1 && app.screen.goal != first);
 }
 
 #[test]

@@ -89,7 +89,7 @@ impl Worker {
                 self.view.directions = Arc::new(at.into_iter().zip(actions.iter().copied()).collect());
             }
         }
-        self.field.done(began);
+        self.field_timer.done(began);
         self.changed = true;
     }
 

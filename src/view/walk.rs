@@ -17,7 +17,7 @@ const MIN_STEP_BUDGET: u32 = 500;
 
 /// What the walking agent does after arriving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tour {
+pub enum OnArrival {
     /// Starts again from a random position.
     #[default]
     Again,
@@ -27,7 +27,7 @@ pub enum Tour {
     Stay,
 }
 
-impl Tour {
+impl OnArrival {
     /// Returns the next choice.
     #[must_use]
     pub fn next(self) -> Self {
@@ -64,7 +64,7 @@ pub struct Walk {
     /// Whether it has arrived.
     pub arrived: bool,
     /// Journeys that reached the goal, and all that ended.
-    pub walks: (u32, u32),
+    pub finished_walks: (u32, u32),
 }
 
 impl Worker {
@@ -82,30 +82,30 @@ impl Worker {
     pub(super) fn start_walk(&mut self) {
         let at = self.position();
         self.resting = 0;
-        let walks = self.view.walk.walks;
-        self.view.walk = Walk { start: at, walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
+        let finished_walks = self.view.walk.finished_walks;
+        self.view.walk = Walk { start: at, finished_walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
         self.walker = None;
         self.view.path.clear();
         self.view.walk.shortest = self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
         self.changed = true;
     }
 
-    /// Rests at the goal, then continues as `tour` says.
+    /// Rests at the goal, then continues as `on_arrival` says.
     fn rest_at_goal(&mut self) {
         self.resting += 1;
         if self.resting <= REST_STEPS {
             return;
         }
-        match self.tour {
-            Tour::Again => self.restart(None),
-            Tour::Visit => {
+        match self.on_arrival {
+            OnArrival::Again => self.restart(None),
+            OnArrival::Visit => {
                 let mut goal = [0.0; 2];
                 self.world.sample_goal(0, &mut self.rng, &mut goal);
                 self.view.goal.0 = Some(cell_of(goal));
                 self.start_walk();
-                self.field.make_due();
+                self.field_timer.make_due();
             }
-            Tour::Stay => {}
+            OnArrival::Stay => {}
         }
     }
 
@@ -123,13 +123,13 @@ impl Worker {
         if self.world.spec().reached(&at, &goal) {
             self.view.walk.arrived = true;
             self.view.walk.waypoint = None;
-            self.view.walk.walks = (self.view.walk.walks.0 + 1, self.view.walk.walks.1 + 1);
+            self.view.walk.finished_walks = (self.view.walk.finished_walks.0 + 1, self.view.walk.finished_walks.1 + 1);
             self.view.path.clear();
             return;
         }
         // The same step budget as in evaluation.
         if self.view.walk.steps >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET)) {
-            self.view.walk.walks.1 += 1;
+            self.view.walk.finished_walks.1 += 1;
             self.restart(None);
             return;
         }

@@ -30,7 +30,7 @@ pub struct Session {
 }
 
 /// Returns a non-zero size.
-pub fn some(n: u16) -> NonZero<u16> {
+pub fn non_zero(n: u16) -> NonZero<u16> {
     NonZero::new(n).unwrap()
 }
 
@@ -61,7 +61,7 @@ impl Session {
         }
         variables.iter().for_each(|(name, value)| command.env(name, value));
         let child = pty.slave.spawn_command(command).unwrap();
-        let screen = Arc::new(Mutex::new(vt100::Parser::new(some(24), some(80), 0)));
+        let screen = Arc::new(Mutex::new(vt100::Parser::new(non_zero(24), non_zero(80), 0)));
         let raw = Arc::new(Mutex::new(Vec::new()));
         let mut reader = pty.master.try_clone_reader().unwrap();
         let (parser, bytes) = (screen.clone(), raw.clone());

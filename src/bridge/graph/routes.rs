@@ -19,7 +19,7 @@ const DISTANCE_BATCH: usize = 64;
 
 /// Graph distances as training targets.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Distilled {
+pub struct DistilledDistances {
     /// Candidate, goal candidate and graph distance in steps.
     pub pairs: Vec<(u32, u32, f32)>,
 }
@@ -183,7 +183,7 @@ impl BridgeGraph {
     }
 
     /// Draws `goals` candidates and collects the graph distances to each from all candidates that reach it.
-    pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> Distilled {
+    pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
         let mut pairs = Vec::new();
         for _ in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
@@ -192,7 +192,7 @@ impl BridgeGraph {
             // These paths start exactly at a candidate, so their first hop has no overhead.
             pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
         }
-        Distilled { pairs }
+        DistilledDistances { pairs }
     }
 }
 

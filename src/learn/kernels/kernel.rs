@@ -18,9 +18,9 @@ const BLOCK_SIDE: usize = 8;
 pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) {
     let (x, out) = (&x[..rows * cols], &mut out[..cols * stride]);
     assert!(rows <= stride, "{rows} numbers in rows of {stride}");
-    let turned = transpose_in_registers(x, (rows, cols), out, stride);
+    let transposed = transpose_in_registers(x, (rows, cols), out, stride);
     for r in 0..rows {
-        let from = if r < turned.0 { turned.1 } else { 0 };
+        let from = if r < transposed.0 { transposed.1 } else { 0 };
         (from..cols).for_each(|c| out[c * stride + r] = x[r * cols + c]);
     }
 }
@@ -31,10 +31,10 @@ fn transpose_in_registers(x: &[f32], (rows, cols): (usize, usize), out: &mut [f3
     if !std::is_x86_feature_detected!("avx") {
         return (0, 0);
     }
-    let turned = (rows / BLOCK_SIDE * BLOCK_SIDE, cols / BLOCK_SIDE * BLOCK_SIDE);
+    let transposed = (rows / BLOCK_SIDE * BLOCK_SIDE, cols / BLOCK_SIDE * BLOCK_SIDE);
     // SAFETY: the processor supports AVX, for which the function is compiled.
-    unsafe { transpose_blocks(x, cols, turned, out, stride) };
-    turned
+    unsafe { transpose_blocks(x, cols, transposed, out, stride) };
+    transposed
 }
 
 /// Does nothing: for other processors, the compiler vectorises the plain loop well enough.
@@ -43,14 +43,14 @@ fn transpose_in_registers(_: &[f32], _: (usize, usize), _: &mut [f32], _: usize)
     (0, 0)
 }
 
-/// Does the part of [`transpose`] within the first `turned` rows and columns, block by block.
+/// Does the part of [`transpose`] within the first `transposed` rows and columns, block by block.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx")]
-fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f32], stride: usize) {
+fn transpose_blocks(x: &[f32], cols: usize, transposed: (usize, usize), out: &mut [f32], stride: usize) {
     use std::arch::x86_64::{_mm256_loadu_ps, _mm256_setzero_ps, _mm256_storeu_ps};
     use std::arch::x86_64::{_mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps};
-    for r in (0..turned.0).step_by(BLOCK_SIDE) {
-        for c in (0..turned.1).step_by(BLOCK_SIDE) {
+    for r in (0..transposed.0).step_by(BLOCK_SIDE) {
+        for c in (0..transposed.1).step_by(BLOCK_SIDE) {
             // Plain loops: closures would become calls here, as they cannot be given the target feature.
             let (mut x8, mut twos, mut fours) =
                 ([_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8]);

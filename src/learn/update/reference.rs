@@ -129,7 +129,8 @@ impl<'a> Reference<'a> {
         let spec = self.shapes().encoder.spec();
         let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), device);
         let column = |numbers: &[f32]| Tensor::from_slice(numbers, batch.len(), device);
-        let (states, ahead) = (tensor(&batch.states, spec.state_dim())?, tensor(&batch.ahead, spec.state_dim())?);
+        let (states, ahead) =
+            (tensor(&batch.states, spec.state_dim())?, tensor(&batch.bootstrap_states, spec.state_dim())?);
         let goals = tensor(&batch.goals, spec.goal_dim())?;
         let steps = column(&batch.steps)?;
         let mut far = (&steps + self.max_distances(&ahead, &goals)?)?;

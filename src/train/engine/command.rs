@@ -42,7 +42,7 @@ pub enum Command {
     /// Continue with other settings, method or preset; keeps the data and, where they fit, the networks.
     Change(Box<Run>),
     /// Start a new run, possibly in another world.
-    Begin(Box<Run>, MakeWorld),
+    StartRun(Box<Run>, MakeWorld),
     /// Load a checkpoint and continue its run.
     Load(PathBuf),
 }
@@ -197,7 +197,7 @@ impl Worker {
             Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
             Command::ChangeWorld(make) => self.change_world(&*make(self.trainer.world())).map(Some),
             Command::Change(run) => self.change(*run).map(Some),
-            Command::Begin(run, make) => self.begin(*run, &*make(self.trainer.world())).map(Some),
+            Command::StartRun(run, make) => self.start_run(*run, &*make(self.trainer.world())).map(Some),
             Command::Load(path) => self.load(path).map(Some),
         };
         match outcome {
@@ -209,7 +209,7 @@ impl Worker {
     }
 
     /// Starts a new run.
-    fn begin(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
+    fn start_run(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
         let begin = || {
             let registry = self.trainer.registry();
             memory::check(&run, world, registry)?;

@@ -43,10 +43,10 @@ impl App {
                 self.viewer.request(Request::Start(Some(self.screen.inspecting.unwrap_or(self.screen.goal))));
             }
             Action::NewStart => self.viewer.request(Request::Start(None)),
-            Action::Tour => {
-                self.screen.tour = self.screen.tour.next();
-                self.viewer.request(Request::Tour(self.screen.tour));
-                self.notify(&format!("at the goal @ will {}", self.screen.tour.name()));
+            Action::OnArrival => {
+                self.screen.on_arrival = self.screen.on_arrival.next();
+                self.viewer.request(Request::OnArrival(self.screen.on_arrival));
+                self.notify(&format!("at the goal @ will {}", self.screen.on_arrival.name()));
             }
             Action::Follow => self.follow_next(),
             Action::Field(forward) => {
@@ -223,7 +223,7 @@ impl App {
 
     /// Changes the theme.
     pub fn set_theme(&mut self, name: ThemeName) {
-        self.screen.theme = Theme::new(name, crate::tui::theme::Depth::detect());
+        self.screen.theme = Theme::new(name, crate::tui::theme::ColourDepth::detect());
     }
 
     fn ask_seed(&mut self) {

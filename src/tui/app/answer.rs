@@ -110,7 +110,7 @@ impl App {
 
     fn start_run_on(&mut self, map: Arc<Grid>) {
         let run = self.screen.run().clone();
-        self.command(Command::Begin(Box::new(run), maze_on(map)));
+        self.command(Command::StartRun(Box::new(run), maze_on(map)));
     }
 
     /// Asks the user how to switch to another map.
@@ -167,7 +167,7 @@ impl App {
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;
                 let run = Run { seed, ..self.screen.run().clone() };
-                self.command(Command::Begin(Box::new(run), maze_on(self.screen.map.clone())));
+                self.command(Command::StartRun(Box::new(run), maze_on(self.screen.map.clone())));
             }
             Question::Autosave => {
                 let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));

@@ -226,7 +226,7 @@ impl App {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
         let log = self.screen.log.entries().to_vec();
-        let missed = self.is_worth_saving();
+        let worth_saving = self.is_worth_saving();
         let Self { saving, engine, .. } = self;
         let snapshots = engine.snapshots();
         let trainer = engine.stop();
@@ -242,7 +242,7 @@ impl App {
                     saved = save_somewhere(&trainer, &saving.to, &mut summary);
                 }
             }
-            None if wanted || missed => {
+            None if wanted || worth_saving => {
                 let problem = "the trainer hung or crashed: progress since the last checkpoint is lost";
                 saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
             }
@@ -251,7 +251,7 @@ impl App {
         if let Some((updates, path)) = &snapshot.saved {
             summary += &format!("\nsaved {} at update {updates}", path.display());
         }
-        let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !missed));
+        let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !worth_saving));
         for path in snapshot.autosaves.iter() {
             if kept_by_user {
                 // What the user saved is newer.

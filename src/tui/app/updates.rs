@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::App;
 use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
-use crate::view::{Tour, View};
+use crate::view::{OnArrival, View};
 
 impl App {
     /// Handles a new snapshot.
@@ -62,7 +62,7 @@ impl App {
             return;
         }
         // Follow goals chosen by the walking agent itself, but not those older than the latest goal request.
-        if let ((Some(goal), number), Tour::Visit) = (view.goal, self.screen.tour)
+        if let ((Some(goal), number), OnArrival::Visit) = (view.goal, self.screen.on_arrival)
             && number == self.goal_requests
         {
             self.screen.goal = goal;

@@ -19,7 +19,7 @@ use crate::tui::theme::ThemeName;
 /// Lists all actions by name.
 pub fn actions(keymap: &Keymap) -> Picker {
     let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
-    let item = |b: &Binding| Item::new(b.long, keymap.shown(b).join(" "), Choice::Act(b.action));
+    let item = |b: &Binding| Item::new(b.long, keymap.display_keys(b).join(" "), Choice::Act(b.action));
     Picker::new("find anything", bindings().filter(named).map(item).collect())
 }
 

@@ -23,12 +23,12 @@ pub fn png_of(screen: &Buffer, area: Rect, page: PageColours) -> Result<Vec<u8>,
         for x in 0..area.width {
             let cell = &screen[(area.x + x, area.y + y)];
             let (front, back) = colours(cell, page);
-            let sign = cell.symbol().chars().next().unwrap_or(' ');
-            let glyph = get_glyph(sign);
+            let symbol = cell.symbol().chars().next().unwrap_or(' ');
+            let glyph = get_glyph(symbol);
             let bold = cell.modifier.contains(Modifier::BOLD);
             for row in 0..HEIGHT {
                 for column in 0..WIDTH {
-                    let dot = |column: usize| match braille(sign) {
+                    let dot = |column: usize| match braille(symbol) {
                         Some(dots) => dots.has(column, row),
                         None => glyph.is_some_and(|g| g.get_pixel(column, row)),
                     };
@@ -66,8 +66,8 @@ impl Dots {
     }
 }
 
-fn braille(sign: char) -> Option<Dots> {
-    u32::from(sign).checked_sub(0x2800).filter(|dots| *dots < 256).map(Dots)
+fn braille(symbol: char) -> Option<Dots> {
+    u32::from(symbol).checked_sub(0x2800).filter(|dots| *dots < 256).map(Dots)
 }
 
 /// Returns a character's front and back colours as displayed.

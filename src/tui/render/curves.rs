@@ -11,7 +11,7 @@ use super::text::short;
 use super::{BOLD, DIM};
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::screen::Screen;
-use crate::tui::theme::Depth;
+use crate::tui::theme::ColourDepth;
 
 /// Minimum height of a chart, and minimum width for two side by side.
 const MIN_CHART_HEIGHT: u16 = 7;
@@ -102,7 +102,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     let mut line = Line::from(Span::styled(title, BOLD));
     for (i, series) in plot.series.iter().enumerate().filter(|(_, s)| !s.points.is_empty()) {
         if plot.series.len() > 1 && line.width() + series.name.len() + 3 <= usize::from(area.width) {
-            line.push_span(Span::styled(format!("  {} {}", sign(i), series.name), colour(screen, i)));
+            line.push_span(Span::styled(format!("  {} {}", symbol(i), series.name), colour(screen, i)));
         }
     }
     frame.render_widget(Paragraph::new(line), head);
@@ -148,12 +148,12 @@ fn window(screen: &Screen) -> [f64; 2] {
 }
 
 /// Returns the symbol that distinguishes a line without colours.
-fn sign(i: usize) -> char {
+fn symbol(i: usize) -> char {
     ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
 }
 
 fn colour(screen: &Screen, i: usize) -> Style {
-    if screen.theme.depth == Depth::Mono {
+    if screen.theme.depth == ColourDepth::Mono {
         return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
     }
     // Colours from the map's distance scale, the first two far apart.

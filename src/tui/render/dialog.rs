@@ -8,7 +8,7 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 
 use super::{BOLD, DIM, REVERSED, middle};
 use crate::tui::dialog::{Item, Picker, Prompt};
-use crate::tui::layout::{Bar, Click, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 
 /// Maximum sizes of a list and of a question.
 const MAX_LIST_SIZE: (u16, u16) = (96, 24);
@@ -93,7 +93,7 @@ fn draw_box(frame: &mut Frame, dialog_area: Rect, title: &str, layout: &mut Scre
     let inner = block.inner(dialog_area);
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
-    let mut bar = Bar::default();
+    let mut bar = ClickableLine::default();
     bar.push(Span::raw(" Enter: accept "), Click::Answer);
     bar.push(Span::raw("  Esc: close "), Click::Close);
     let width = (bar.width() as u16).min(inner.width);

@@ -9,7 +9,7 @@ use ratatui::widgets::Clear;
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::{Action, bindings};
 use crate::tui::editor::Tool;
-use crate::tui::layout::{Bar, Click, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
 
 /// Draws the line.
@@ -28,8 +28,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     bar.draw(frame, area, layout);
 }
 
-fn watching(screen: &Screen) -> Bar {
-    let mut bar = Bar::default();
+fn watching(screen: &Screen) -> ClickableLine {
+    let mut bar = ClickableLine::default();
     for binding in bindings().filter(|b| !b.short.is_empty()) {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         let short = if idle { "go on" } else { binding.short };
@@ -39,8 +39,8 @@ fn watching(screen: &Screen) -> Bar {
 }
 
 /// Returns the editor's tools, followed by as much else as fits.
-fn editing(screen: &Screen, width: u16) -> Bar {
-    let mut bar = Bar::default();
+fn editing(screen: &Screen, width: u16) -> ClickableLine {
+    let mut bar = ClickableLine::default();
     bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
     for tool in Tool::ALL {
         let style = if tool == screen.editor.tool { REVERSED } else { Style::new() };
@@ -60,7 +60,7 @@ fn editing(screen: &Screen, width: u16) -> Bar {
 }
 
 /// Adds an action's key and label, both clickable.
-fn key(bar: &mut Bar, screen: &Screen, action: Action, label: &str, style: Style) {
+fn key(bar: &mut ClickableLine, screen: &Screen, action: Action, label: &str, style: Style) {
     bar.push(Span::styled(format!(" {}", screen.keymap.key_of(action)), BOLD), Click::Act(action));
     bar.push(Span::styled(label.to_owned(), style), Click::Act(action));
 }

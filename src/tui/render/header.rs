@@ -6,7 +6,7 @@ use ratatui::text::Span;
 
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::Action;
-use crate::tui::layout::{Bar, Click, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
 
 /// Draws the line.
@@ -20,7 +20,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     };
     let speed = screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
     let act = |action| Some(Click::Act(action));
-    let mut bar = Bar::default();
+    let mut bar = ClickableLine::default();
     bar.push(Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), act(Action::Help));
     bar.push(Span::styled(format!(" {} ", screen.map().name()), BOLD), act(Action::OpenMap));
     bar.push(Span::raw(format!("{} ", run.method.name())), act(Action::Method));

@@ -41,7 +41,7 @@ fn lines(screen: &Screen) -> Vec<Line<'static>> {
         lines.push(Line::default());
         lines.push(Line::styled(format!(" {}", section.title), BOLD));
         for binding in section.bindings.iter().filter(|b| !b.long.is_empty()) {
-            let keys = screen.keymap.shown(binding).join(" ");
+            let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
             let when = if binding.when == When::Editing { " (in the editor)" } else { "" };
             lines.push(Line::from(vec![

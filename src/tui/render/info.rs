@@ -11,7 +11,7 @@ use super::map::{MAX_SHOWN_ERROR, contour_interval};
 use super::text::short;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
-use crate::tui::theme::Depth;
+use crate::tui::theme::ColourDepth;
 use crate::view::Field;
 
 /// Width of the colour bar, in characters.
@@ -58,7 +58,7 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
         _ => ("0".to_owned(), format!("{farthest:.0} steps")),
     };
     let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
-    if screen.theme.depth == Depth::Mono {
+    if screen.theme.depth == ColourDepth::Mono {
         line.push_span(Span::raw("to"));
     } else {
         for i in 0..bar {

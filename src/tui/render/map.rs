@@ -14,7 +14,7 @@ use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
+use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
 use crate::view::{Field, Ground, Raster, ShownEdge};
 
 /// Contour lines are this many steps apart, or a multiple of it to limit their number.
@@ -44,7 +44,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     }
     canvas.paint_changes(frame.buffer_mut(), &map_frame, &screen.theme);
     let mut glyphs = Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
-    draw_signs(&mut glyphs, &base, screen);
+    draw_symbols(&mut glyphs, &base, screen);
     cache.0 = Some(base);
 }
 
@@ -205,7 +205,7 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         for candidate in screen.view.candidates.iter() {
             // The better connected, the darker.
             canvas.faint_dot(map_frame, candidate.at, theme.candidate, 0.25 + 0.5 * candidate.degree);
-            if theme.depth == Depth::Mono {
+            if theme.depth == ColourDepth::Mono {
                 canvas.ground_dot(map_frame, candidate.at, theme.candidate, ':');
             }
         }
@@ -246,22 +246,22 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
 }
 
 /// Draws letters and signs.
-fn draw_signs(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
+fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
     let (theme, scale) = (&screen.theme, glyphs.map_frame.scale());
     let shows = |overlay| screen.overlays.has(overlay);
     if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
         for candidate in screen.view.candidates.iter() {
-            let sign = match candidate.degree {
+            let symbol = match candidate.degree {
                 d if d < 0.34 => '\u{b7}',
                 d if d < 0.67 => '\u{2022}',
                 _ => '\u{25cf}',
             };
-            glyphs.sign(candidate.at, sign, None);
+            glyphs.symbol(candidate.at, symbol, None);
         }
     }
     if shows(Overlay::Directions) {
         for (at, action) in screen.view.directions.iter() {
-            glyphs.sign(*at, arrow(*action), None);
+            glyphs.symbol(*at, arrow(*action), None);
         }
     }
     if scale >= MIN_BRIDGE_SCALE {
@@ -274,15 +274,15 @@ fn draw_signs(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
         if let Some(bridge) = &search.found {
             glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
         }
-        glyphs.sign([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
-        glyphs.sign([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
+        glyphs.symbol([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
+        glyphs.symbol([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
     }
     for (marks, letter) in [(screen.map().starts(), 's'), (screen.map().goals(), 'g')] {
-        marks.iter().for_each(|cell| glyphs.sign(cell.centre(), letter, None));
+        marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
     }
     if let Some(followed) = &screen.snapshot.followed {
         glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);
-        glyphs.sign([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
+        glyphs.symbol([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
     }
     glyphs.letter(screen.view.walk.start, 'S', theme.walker);
     glyphs.letter(screen.goal.centre(), 'G', theme.goal);
@@ -317,16 +317,16 @@ impl Glyphs<'_> {
     fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
         let Some(cell) = self.map_frame.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
         let style = match self.theme.depth {
-            Depth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
+            ColourDepth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
             _ => Style::new().bg(self.theme.colour(rgb)).fg(self.theme.colour(ink(rgb))).add_modifier(Modifier::BOLD),
         };
         cell.set_char(letter).set_style(style);
     }
 
     /// Draws a sign on the existing background.
-    fn sign(&mut self, at: [f32; 2], sign: char, rgb: Option<Rgb>) {
+    fn symbol(&mut self, at: [f32; 2], symbol: char, rgb: Option<Rgb>) {
         if let Some(at) = self.map_frame.character_of(at) {
-            self.put(at, sign, rgb);
+            self.put(at, symbol, rgb);
         }
     }
 
@@ -345,10 +345,10 @@ impl Glyphs<'_> {
         text.chars().zip(cells).for_each(|(c, at)| self.put(at, c, None));
     }
 
-    fn put(&mut self, at: Position, sign: char, rgb: Option<Rgb>) {
+    fn put(&mut self, at: Position, symbol: char, rgb: Option<Rgb>) {
         let Some(cell) = self.buffer.cell_mut(at) else { return };
-        if self.theme.depth == Depth::Mono {
-            cell.set_char(sign);
+        if self.theme.depth == ColourDepth::Mono {
+            cell.set_char(symbol);
             return;
         }
         // The background of a half block is the colour of its lower half.
@@ -358,6 +358,6 @@ impl Glyphs<'_> {
             _ => self.theme.unknown,
         };
         let rgb = rgb.unwrap_or(ink(ground));
-        cell.set_char(sign).set_fg(self.theme.colour(rgb));
+        cell.set_char(symbol).set_fg(self.theme.colour(rgb));
     }
 }

@@ -9,7 +9,7 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 use super::{BOLD, DIM, REVERSED, curves, legend, log, training, walk};
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
-use crate::tui::layout::{Bar, Click, ScreenLayout};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::panes::Pane;
 use crate::tui::screen::Screen;
 
@@ -99,7 +99,7 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
 
 /// Draws the names of the panes, the selected one reversed.
 fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    let mut bar = Bar::default();
+    let mut bar = ClickableLine::default();
     for pane in Pane::ALL {
         let show = Action::Show(pane);
         let number = if area.width >= 34 { format!("{} ", screen.keymap.key_of(show)) } else { String::new() };

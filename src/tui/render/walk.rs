@@ -36,8 +36,8 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
         fact("D to it", format_steps(walk.distances.1)),
         fact("ahead", format!("{} waypoints", screen.view.path.len().saturating_sub(1))),
         heading("journeys"),
-        fact("arrived", format!("{} of {}", walk.walks.0, walk.walks.1)),
-        fact("then", screen.tour.name()),
+        fact("arrived", format!("{} of {}", walk.finished_walks.0, walk.finished_walks.1)),
+        fact("then", screen.on_arrival.name()),
     ];
     lines.push(Line::default());
     let key = |action| screen.keymap.key_of(action);

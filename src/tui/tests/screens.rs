@@ -46,7 +46,7 @@ fn evaluation(at: f64) -> Evaluation {
 }
 
 /// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the given size.
-fn stage(width: u16, height: u16) -> App {
+fn staged_app(width: u16, height: u16) -> App {
     let mut app = app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
     draw(&mut app, width, height);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
@@ -126,7 +126,7 @@ fn stage(width: u16, height: u16) -> App {
             distances: (15.2, 2.1),
             waypoint: Some([6.5, 1.5]),
             arrived: false,
-            walks: (3, 4),
+            finished_walks: (3, 4),
         },
         inspected: None,
         followed_steps: Some(11),
@@ -178,22 +178,22 @@ fn check(name: &str, app: &mut App, width: u16, height: u16) {
 #[test]
 fn overviews() {
     for (width, height) in [(80, 24), (120, 40), (200, 60)] {
-        check(&format!("overview-{width}x{height}"), &mut stage(width, height), width, height);
+        check(&format!("overview-{width}x{height}"), &mut staged_app(width, height), width, height);
     }
 }
 
 #[test]
 fn without_colours() {
-    let mut app = stage(80, 24);
-    app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+    let mut app = staged_app(80, 24);
+    app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
     check("mono-80x24", &mut app, 80, 24);
 }
 
 #[test]
 fn without_colours_on_larger_screens() {
     for (width, height) in [(120, 40), (200, 60)] {
-        let mut app = stage(width, height);
-        app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+        let mut app = staged_app(width, height);
+        app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
         check(&format!("mono-{width}x{height}"), &mut app, width, height);
     }
 }
@@ -201,11 +201,11 @@ fn without_colours_on_larger_screens() {
 #[test]
 fn panes() {
     for pane in Pane::ALL {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.screen.pane = pane;
         check(&format!("pane-{}-80x24", pane.name()), &mut app, 80, 24);
     }
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     (app.screen.pane, app.screen.maximised, app.screen.log_scale) = (Pane::Curves, true, true);
     check("pane-curves-maximised-80x24", &mut app, 80, 24);
     (app.screen.pane, app.screen.maximised, app.screen.following) = (Pane::Walk, false, Some(2));
@@ -214,7 +214,7 @@ fn panes() {
 
 #[test]
 fn all_overlays() {
-    let mut app = stage(120, 40);
+    let mut app = staged_app(120, 40);
     Overlay::ALL.into_iter().filter(|o| !app.screen.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(
         |overlay| {
             app.screen.overlays.toggle(overlay);
@@ -229,12 +229,12 @@ fn dialogs() {
     for (name, keys) in
         [("help", "?"), ("palette", ":goal"), ("settings", "o"), ("seed", "R"), ("export", "E"), ("colours", "T")]
     {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         type_text(&mut app, &keys[..1]);
         type_text(&mut app, &keys[1..]);
         check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
     }
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     press(&mut app, KeyCode::Char('q'));
     check("dialog-quit-80x24", &mut app, 80, 24);
 }
@@ -243,7 +243,7 @@ fn dialogs() {
 fn dialogs_without_a_key() {
     let actions = [Action::Method, Action::Preset, Action::NewMap, Action::ResizeMap, Action::SaveAs, Action::SaveMap];
     for action in actions.into_iter().chain([Action::Autosave]) {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.act(action);
         let name = bindings().find(|b| b.action == action).expect("it has a name").name;
         check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
@@ -259,7 +259,7 @@ fn lists_of_files() {
     let description = |name: &str, days: u64, planned| Description {
         file: PathBuf::from(format!("saves/{name}.safetensors")),
         title: "rooms".to_owned(),
-        run: stage(80, 24).screen.run().clone(),
+        run: staged_app(80, 24).screen.run().clone(),
         updates: 20_000,
         success: Some(Success { updates: 20_000, greedy: 0.91, planned }),
         bytes: 2_345_678,
@@ -282,7 +282,7 @@ fn lists_of_files() {
         ("other-map", lists::map_switch_choices(&other, &rooms(), rooms().resized(20, 5))),
     ];
     for (name, list) in lists {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.screen.dialogs.push(Dialog::Pick(list));
         check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
     }
@@ -290,10 +290,10 @@ fn lists_of_files() {
 
 #[test]
 fn nothing_is_cut_off_on_the_smallest_screen() {
-    let longest = stage(80, 24);
+    let longest = staged_app(80, 24);
     for method in [Method::default(), gdg()] {
         for following in [None, Some(2)] {
-            let mut app = stage(80, 24);
+            let mut app = staged_app(80, 24);
             app.screen.following = following;
             let mut snapshot = (*app.screen.snapshot).clone();
             // Numbers as long as they get in a day of training.
@@ -321,7 +321,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
 
 #[test]
 fn the_editor() {
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     type_text(&mut app, "e4x");
     (0..4).for_each(|_| press(&mut app, KeyCode::Left));
     (0..2).for_each(|_| press(&mut app, KeyCode::Up));
@@ -330,7 +330,7 @@ fn the_editor() {
 
 #[test]
 fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     app.act(Action::Quit);
     assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
     press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
@@ -341,7 +341,7 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
 
 #[test]
 fn everything_can_be_exported() {
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     press(&mut app, KeyCode::Char('?'));
     for kind in ExportKind::ALL {
         let bytes = contents(kind, &app.screen).expect("a file");
@@ -373,7 +373,7 @@ fn everything_can_be_exported() {
 #[test]
 fn fields() {
     for field in [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain] {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.screen.field = field;
         app.on_view(Arc::new(View { kind: field, ..(*app.screen.view).clone() }));
         let name = field.name().replace(' ', "-").to_lowercase();
