@@ -30,7 +30,7 @@ struct Measurements {
     default_preset: DefaultTimes,
     /// Unless this was built without the interface.
     interface: Option<InterfaceTimes>,
-    other: Vec<Timed>,
+    other: Vec<TimedOperation>,
 }
 
 /// One update of critic, model and actor at one shape.
@@ -82,7 +82,7 @@ struct InterfaceTimes {
 
 /// Another timed operation.
 #[derive(Debug, Serialize)]
-struct Timed {
+struct TimedOperation {
     what: &'static str,
     us: f64,
     runs: usize,

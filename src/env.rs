@@ -118,7 +118,7 @@ impl Spec {
 
 /// A world in which many agents move in parallel, independently of each other.
 ///
-/// A *state* is what the learner observes of an agent: `state_dim` numbers. A *whole state* is everything that the
+/// A *state* is what the learner observes of an agent: `state_dim` numbers. A *full state* is everything that the
 /// agent's future depends on, in the world's own layout: an arm's joints and velocities as well as its gripper
 /// position.
 pub trait Environment: Any + Send + Sync {
@@ -137,10 +137,10 @@ pub trait Environment: Any + Send + Sync {
     /// Returns all agents' states, `(agents, state_dim)`.
     fn states(&self) -> &[f32];
 
-    /// Returns an agent's whole state.
+    /// Returns an agent's full state.
     fn full_state(&self, agent: usize) -> Vec<f64>;
 
-    /// Puts `agent` into a whole state, or as close to it as the world allows if the state itself is not allowed.
+    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is not allowed.
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]);
 
     /// Moves `agent` to a start state.
@@ -159,7 +159,7 @@ pub trait Environment: Any + Send + Sync {
     fn configure(&mut self, _settings: &EnvSettings) {}
 
     /// Writes the data that [`WorldKind::load`] reads, and the exploration statistics if there are any. The trainer
-    /// saves the agents' whole states.
+    /// saves the agents' full states.
     fn save(&self, store: &mut Store);
 
     /// Restores the statistics that [`Self::save`] wrote.
@@ -273,7 +273,7 @@ pub struct Change {
     /// Whether distances may have grown, so that the learned ones are too short.
     pub may_lengthen: bool,
     /// Short description of the change.
-    pub what: String,
+    pub summary: String,
     /// Warning for the user, if any.
     pub warning: Option<String>,
     /// Facts about the change for the run's records, by name.

@@ -57,8 +57,8 @@ pub enum StoreError {
 
 impl StoreError {
     /// Creates an error about contents that do not fit.
-    pub fn inconsistent(what: impl Into<String>) -> Self {
-        Self::Inconsistent(what.into())
+    pub fn inconsistent(message: impl Into<String>) -> Self {
+        Self::Inconsistent(message.into())
     }
 }
 

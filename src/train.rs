@@ -23,7 +23,7 @@ pub use checkpoint::{
 pub use config::{
     ConfigError, Overrides, list_settings, print_settings, settings_from, settings_from_text, with_setting,
 };
-pub use engine::{Command, Engine, Followed, MakeWorld, Networks, Phase, Snapshot, Step};
+pub use engine::{Command, Engine, FollowedAgent, MakeWorld, Networks, Phase, Snapshot, Step};
 pub use error::TrainError;
 pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome};
 pub use history::{History, LogEntry, LossPoint, MAX_LOG_ENTRIES};
@@ -33,4 +33,4 @@ pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use settings::reference::{Group, SETTINGS, Setting, reference_page};
 pub use settings::{Effect, Settings, TrainSettings, UpdateWhen};
-pub use trainer::{Kept, Recovery, Trainer, WorldChange};
+pub use trainer::{KeptState, Recovery, Trainer, WorldChange};

@@ -71,7 +71,7 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
 
 /// The configuration and the recording, opened before the interface starts.
-pub struct Prepared {
+pub struct PreparedInterface {
     config: (UiConfig, Keymap),
     recorder: Option<Recorder>,
 }
@@ -80,18 +80,22 @@ pub struct Prepared {
 ///
 /// # Errors
 /// The configuration is invalid, or the recording exists already or cannot be written.
-pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
+pub fn prepare(args: &TrainArgs) -> Result<PreparedInterface, Report> {
     let config = config::load(args.ui_config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
     let recorder = args.record.as_deref().map(|path| Recorder::start(path, args.overwrite)).transpose()?;
-    Ok(Prepared { config, recorder })
+    Ok(PreparedInterface { config, recorder })
 }
 
 /// Runs the trainer and returns the exit status.
 ///
 /// # Errors
 /// Errors of the terminal, of training or of saving.
-pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainArgs) -> Result<u8, Report> {
+pub fn run(
+    setup: Setup,
+    PreparedInterface { config, recorder }: PreparedInterface,
+    args: &TrainArgs,
+) -> Result<u8, Report> {
     let termination = TerminationSignal::listen(terminal::restore)?;
     let Setup { trainer, save, resumed, warning, .. } = setup;
     let engine = Engine::start(trainer, args.limits()).into_diagnostic()?;

@@ -64,7 +64,7 @@ pub type ShownEdge = ([[f32; 2]; 2], EdgeStatus);
 
 /// Information about a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inspected {
+pub struct CellInfo {
     /// The cell.
     pub cell: Cell,
     /// D from its centre to the goal.
@@ -101,7 +101,7 @@ pub struct View {
     /// Its journey.
     pub walk: Walk,
     /// Information about the cell under the cursor.
-    pub inspected: Option<Inspected>,
+    pub inspected: Option<CellInfo>,
     /// True steps from the followed exploring agent to its goal, if it is reachable.
     pub followed_steps: Option<u32>,
 }
@@ -389,7 +389,7 @@ impl Worker {
         let learned = shown.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
         let visits = self.snapshots.borrow().scene.maze().visits;
         let visits = visits.get(self.world.map().index(cell)).copied().unwrap_or(0);
-        self.view.inspected = Some(Inspected { cell, learned, truth, visits });
+        self.view.inspected = Some(CellInfo { cell, learned, truth, visits });
     }
 }
 

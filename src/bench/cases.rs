@@ -6,7 +6,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::baseline::Baseline;
-use super::{DefaultTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
+use super::{DefaultTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us};
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
@@ -139,7 +139,7 @@ pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, T
 }
 
 /// Measures acting, the field of a whole map, planning, and environment steps.
-pub fn other() -> Result<Vec<Timed>, TrainError> {
+pub fn other() -> Result<Vec<TimedOperation>, TrainError> {
     let map = open_map();
     let mut world = PointMaze::new(map.clone(), 32);
     let mut rng = rng();
@@ -149,7 +149,7 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
     let mut scratch = Scratch::default();
     let timed = |what, runs: usize, work: &mut dyn FnMut()| {
         work();
-        Timed { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
+        TimedOperation { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
     };
     let (states, goals) = (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
     let mut actions = vec![0.0; 64];

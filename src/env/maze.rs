@@ -183,7 +183,7 @@ fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
     [x, y]
 }
 
-/// Converts a position to a whole state.
+/// Converts a position to a full state.
 pub fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
     [f64::from(x), f64::from(y)]
 }
@@ -348,7 +348,7 @@ impl Environment for PointMaze {
         let (walled, opened, pieces) = (changed(false), changed(true), self.components.len());
         Ok(Change {
             may_lengthen: walled > 0,
-            what: format!("{walled} cells walled, {opened} opened"),
+            summary: format!("{walled} cells walled, {opened} opened"),
             warning: (pieces > 1).then(|| format!("{pieces} disconnected components")),
             facts: Map::from_iter([
                 ("map".to_owned(), json!(self.map.name())),

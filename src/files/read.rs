@@ -61,7 +61,7 @@ pub(super) fn ensure_regular_file(kind: FileType) -> Result<()> {
         return Err(Error::new(ErrorKind::IsADirectory, "is a directory"));
     }
     #[cfg(unix)]
-    let what = {
+    let kind_name = {
         use std::os::unix::fs::FileTypeExt;
         match kind {
             kind if kind.is_fifo() => "a FIFO",
@@ -70,8 +70,8 @@ pub(super) fn ensure_regular_file(kind: FileType) -> Result<()> {
         }
     };
     #[cfg(not(unix))]
-    let what = "something else";
-    Err(Error::new(ErrorKind::InvalidInput, format!("is {what}, not a regular file")))
+    let kind_name = "something else";
+    Err(Error::new(ErrorKind::InvalidInput, format!("is {kind_name}, not a regular file")))
 }
 
 #[cfg(test)]

@@ -19,7 +19,7 @@ use super::run::{Counters, Limits, Tick};
 use super::trainer::Trainer;
 use crate::learn::{Policy, Scratch};
 pub use command::{Command, MakeWorld};
-pub use snapshot::{Followed, Networks, Phase, Snapshot, Step};
+pub use snapshot::{FollowedAgent, Networks, Phase, Snapshot, Step};
 
 /// Interval between snapshots while training.
 const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
@@ -108,7 +108,7 @@ struct Worker {
     inbox: Receiver<Command>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
-    evaluation: Option<Evaluating>,
+    evaluation: Option<RunningEvaluation>,
     /// Earliest start of the next evaluation.
     next_evaluation_at: Option<Instant>,
     /// The followed agent.
@@ -123,7 +123,7 @@ struct Worker {
 }
 
 /// An evaluation running on its own thread.
-struct Evaluating {
+struct RunningEvaluation {
     updates: u64,
     began: Instant,
     result: JoinHandle<Evaluation>,
@@ -278,13 +278,14 @@ impl Worker {
             let tasks = job.tasks(EVALUATION_TASKS);
             job.run(&tasks)
         })?;
-        self.evaluation = Some(Evaluating { updates: self.trainer.counters().updates, began, result });
+        self.evaluation = Some(RunningEvaluation { updates: self.trainer.counters().updates, began, result });
         Ok(())
     }
 
     /// Collects the evaluation if it has finished.
     fn collect_evaluation(&mut self) {
-        let Some(Evaluating { updates, began, result }) = self.evaluation.take_if(|e| e.result.is_finished()) else {
+        let Some(RunningEvaluation { updates, began, result }) = self.evaluation.take_if(|e| e.result.is_finished())
+        else {
             return;
         };
         let now = Instant::now();
@@ -324,7 +325,7 @@ impl Worker {
     }
 
     /// Returns the state of the followed agent.
-    fn followed(&mut self) -> Result<Option<Followed>, TrainError> {
+    fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
         let (trainer, scratch) = (&self.trainer, &mut self.scratch);
         let rollout = trainer.rollout();
         let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else { return Ok(None) };
@@ -340,7 +341,7 @@ impl Worker {
         // Before the first step of an episode, the replay buffer holds none of its states.
         let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
         let (aim, goal, planned) = (own.goal.clone(), goal.to_vec(), !waypoints.is_empty());
-        Ok(Some(Followed { agent, start, state, steps: own.steps, aim, goal, distances, planned }))
+        Ok(Some(FollowedAgent { agent, start, state, steps: own.steps, aim, goal, distances, planned }))
     }
 
     fn notify(&mut self, text: String) {

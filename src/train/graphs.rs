@@ -32,7 +32,7 @@ pub struct GraphJob {
 
 /// A graph and its distilled distances.
 #[derive(Clone)]
-pub struct Built {
+pub struct BuiltGraph {
     /// Update at which the build began.
     pub at: u64,
     /// The graph.
@@ -44,14 +44,14 @@ pub struct Built {
 /// The current graph and the next one.
 #[derive(Default)]
 pub struct Graphs {
-    current: Option<Built>,
+    current: Option<BuiltGraph>,
     /// The update at which the next graph takes effect, and that graph.
     next: Option<(u64, PendingGraph)>,
 }
 
 enum PendingGraph {
-    Building { at: u64, job: Arc<GraphJob>, result: JoinHandle<Built> },
-    Ready(Built),
+    Building { at: u64, job: Arc<GraphJob>, result: JoinHandle<BuiltGraph> },
+    Ready(BuiltGraph),
 }
 
 /// A graph in a checkpoint, with the updates at which its build began and it takes effect.
@@ -89,15 +89,15 @@ impl StoredGraph {
 }
 
 impl GraphJob {
-    fn run(&self, at: u64) -> Built {
+    fn run(&self, at: u64) -> BuiltGraph {
         crate::faults::point("graph");
         let graph =
             BridgeGraph::build(&self.spec, &self.settings, &self.candidates, &*self.policy, &mut Scratch::default());
-        Built::new(at, graph, self.rng.clone())
+        BuiltGraph::new(at, graph, self.rng.clone())
     }
 }
 
-impl Built {
+impl BuiltGraph {
     fn new(at: u64, graph: BridgeGraph, mut rng: ChaCha8Rng) -> Self {
         let distilled = graph.distil(DISTILLED_GOALS, &mut rng);
         Self { at, graph: Arc::new(graph), distilled: Arc::new(distilled) }
@@ -106,7 +106,7 @@ impl Built {
 
 impl Graphs {
     /// Returns the current graph.
-    pub fn current(&self) -> Option<&Built> {
+    pub fn current(&self) -> Option<&BuiltGraph> {
         self.current.as_ref()
     }
 
@@ -136,7 +136,7 @@ impl Graphs {
 
     /// Returns the current and the next graph, for a checkpoint.
     pub fn state(&self) -> [Option<StoredGraph>; 2] {
-        let stored = |due: u64, built: &Built| StoredGraph { at: built.at, due, state: built.graph.state() };
+        let stored = |due: u64, built: &BuiltGraph| StoredGraph { at: built.at, due, state: built.graph.state() };
         let next = self.next.as_ref().map(|(due, next)| match next {
             PendingGraph::Ready(built) => stored(*due, built),
             // Repeats the build, with the same result: saving can wait for it, training cannot.
@@ -158,7 +158,7 @@ impl Graphs {
         rng: impl Fn(u64) -> ChaCha8Rng,
     ) -> Result<(), StoreError> {
         let built = |stored: &StoredGraph| {
-            Ok::<_, StoreError>(Built::new(
+            Ok::<_, StoreError>(BuiltGraph::new(
                 stored.at,
                 BridgeGraph::from_state(spec, settings, &stored.state)?,
                 rng(stored.at),

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
-use super::graphs::{Built, GraphJob, Graphs, StoredGraph};
+use super::graphs::{BuiltGraph, GraphJob, Graphs, StoredGraph};
 use super::history::History;
 use super::memory;
 use super::registry::Registry;
@@ -26,7 +26,7 @@ use crate::learn::{
     Acting, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Replay, ReplayState, Stage, TrainingData,
 };
 use crate::store::{Store, StoreError};
-pub use change::{Kept, WorldChange};
+pub use change::{KeptState, WorldChange};
 use recovery::LastGood;
 pub use recovery::Recovery;
 
@@ -283,7 +283,7 @@ impl Trainer {
         self.refresh_graph()?;
         self.profile.lap(Stage::Graph, began);
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
-        let known = graphs.current().map(|Built { graph, distilled, .. }| KnownDistances {
+        let known = graphs.current().map(|BuiltGraph { graph, distilled, .. }| KnownDistances {
             states: graph.candidates().states(),
             goals: graph.candidates().points(),
             pairs: &distilled.pairs,

@@ -154,9 +154,9 @@ impl MapFrame {
         let Some(middle) = self.cell_at(at, map) else { return Vec::new() };
         let [left, top, width, height] = self.raster.window;
         // Cells whose centres lie within the character.
-        let span = |i: u16, n: u16, from: f32, size: f32, most: usize, middle: usize| {
+        let span = |i: u16, n: u16, from: f32, size: f32, max: usize, middle: usize| {
             let at = |i: u16| (from + f32::from(i) / f32::from(n) * size + 0.5).max(0.0) as usize;
-            let (first, end) = (at(i), at(i + 1).min(most));
+            let (first, end) = (at(i), at(i + 1).min(max));
             if first < end { first..end } else { middle..middle + 1 }
         };
         let xs = span(at.x - self.area.x, self.area.width, left, width, map.width(), middle.x);

@@ -29,8 +29,8 @@ impl Recorder {
     pub fn start(path: &Path, overwrite: bool) -> Result<Self, Report> {
         let file = create(path, overwrite)?;
         let size = crossterm::terminal::size().unwrap_or((80, 24));
-        let what = || format!("{}: the recording cannot be written", path.display());
-        Self::from_file(file, size).into_diagnostic().wrap_err_with(what)
+        let message = || format!("{}: the recording cannot be written", path.display());
+        Self::from_file(file, size).into_diagnostic().wrap_err_with(message)
     }
 
     fn from_file(file: File, size: (u16, u16)) -> std::io::Result<Self> {

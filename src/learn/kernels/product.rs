@@ -133,9 +133,9 @@ impl WithSimd for Product<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { left, panels, rows, from, bias, out } = self;
         let Panels { ref data, depth, columns, width } = *panels;
-        let most = if S::REGISTER_COUNT >= 32 { MAX_TILE_ROWS.0 } else { MAX_TILE_ROWS.1 };
+        let max_rows = if S::REGISTER_COUNT >= 32 { MAX_TILE_ROWS.0 } else { MAX_TILE_ROWS.1 };
         // Tiles of nearly equal height: a last tile of one or two rows would take almost as long as a full one.
-        let tiles = rows.div_ceil(most);
+        let tiles = rows.div_ceil(max_rows);
         for panel in from / width..columns.div_ceil(width) {
             let (b, _) = S::as_simd_f32s(&data[panel * depth * width..][..depth * width]);
             let first = panel * width;

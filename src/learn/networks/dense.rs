@@ -5,7 +5,7 @@ use parking_lot::{RwLock, RwLockReadGuard};
 
 use crate::learn::kernels::kernel;
 use crate::learn::networks::mlp::{Mlp, Packed};
-use crate::learn::networks::state::{Fill, NetworkState};
+use crate::learn::networks::state::{FillFn, NetworkState};
 use crate::learn::update::adam::{Moments, adam_rate, adam_step, modify, slice};
 use crate::learn::update::gradient::LearningRates;
 
@@ -117,7 +117,7 @@ impl Dense {
     ///
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
-    pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
+    pub fn restore(&self, done: u64, fill: FillFn) -> Result<()> {
         let TrainingState { steps, packed, moments, average } = &mut *self.training.write();
         let mut result = Ok(());
         modify(&self.var, |parameters| {

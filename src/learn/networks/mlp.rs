@@ -186,12 +186,12 @@ mod tests {
     }
 
     /// The same MLP by plain loops, in f64.
-    struct Plain<'a> {
+    struct ReferenceMlp<'a> {
         mlp: &'a Mlp,
         parameters: &'a [f32],
     }
 
-    impl Plain<'_> {
+    impl ReferenceMlp<'_> {
         fn at(&self, range: Range<usize>, index: usize) -> f64 {
             f64::from(self.parameters[range][index])
         }
@@ -269,7 +269,7 @@ mod tests {
         let wanted = GradientRequest { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
         mlp.backward((&parameters, packed), &x, &dy, acts, wanted);
 
-        let plain = Plain { mlp, parameters: &parameters };
+        let plain = ReferenceMlp { mlp, parameters: &parameters };
         let (mut y_expected, mut gradient_expected, mut dx_expected) = (vec![], vec![0.0; mlp.parameters()], vec![]);
         for (x, dy) in x.chunks(mlp.inputs).zip(dy.chunks(mlp.outputs)) {
             let values = plain.forward(x);

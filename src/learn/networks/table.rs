@@ -5,7 +5,7 @@ use parking_lot::{RwLock, RwLockReadGuard};
 
 use crate::learn::kernels::kernel;
 use crate::learn::networks::grid::{LazyAverageView, TableView};
-use crate::learn::networks::state::{Fill, NetworkState};
+use crate::learn::networks::state::{FillFn, NetworkState};
 use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::update::adam::{adam_rate, modify, slice};
 use crate::learn::update::gradient::LearningRates;
@@ -152,7 +152,7 @@ impl Table {
     ///
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
-    pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
+    pub fn restore(&self, done: u64, fill: FillFn) -> Result<()> {
         let TrainingState { steps, stored, .. } = &mut *self.training.write();
         let mut result = Ok(());
         modify(&self.lines, |lines| result = fill("table", lines))?;

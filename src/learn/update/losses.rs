@@ -218,7 +218,7 @@ impl Shapes {
         for (k, critic) in critics.iter().enumerate() {
             let own = resized(&mut own, out.len());
             self.distances(*critic, pairs, own, ws);
-            out.iter_mut().zip(own).for_each(|(most, d)| *most = if k == 0 { *d } else { most.max(*d) });
+            out.iter_mut().zip(own).for_each(|(farthest, d)| *farthest = if k == 0 { *d } else { farthest.max(*d) });
         }
         ws.y = own;
     }
@@ -381,9 +381,9 @@ impl Shapes {
         let x = &buffers.model.x[..rows * self.model.inputs];
         self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut buffers.model.acts, wanted);
         buffers.model.y = next;
-        let most = self.actor_bound;
+        let bound = self.actor_bound;
         for ((action, d), z) in action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs) {
-            let excess = z - z.clamp(-most, most);
+            let excess = z - z.clamp(-bound, bound);
             *action = d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess;
         }
         let from = self.encoder.plain_pair_width();

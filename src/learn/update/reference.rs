@@ -182,8 +182,8 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<(Tensor, Tensor)> {
-        let most = f64::from(self.shapes().actor_bound);
-        let excess = (self.actor_outputs(states, goals)?.abs()? - most)?.relu()?;
+        let bound = f64::from(self.shapes().actor_bound);
+        let excess = (self.actor_outputs(states, goals)?.abs()? - bound)?.relu()?;
         let excess = (excess.sqr()?.sum(D::Minus1)?.mean_all()? * f64::from(EXCESS_WEIGHT))?;
         let next = self.predictions(states, &self.actions(states, goals)?)?;
         Ok((self.distances(0, &next, goals)?.mean_all()?, excess))

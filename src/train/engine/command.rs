@@ -70,7 +70,7 @@ impl Worker {
         (self.evaluation, self.next_evaluation_at) = (None, None);
         self.refresh_snapshot(true)?;
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
-        Ok(format!("{}, {} transitions removed{warning}", change.what, change.transitions_removed))
+        Ok(format!("{}, {} transitions removed{warning}", change.summary, change.transitions_removed))
     }
 
     /// Continues with other settings and returns a notice of what was kept.

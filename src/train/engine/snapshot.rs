@@ -77,7 +77,7 @@ pub struct Snapshot {
     /// The latest states of each agent's episode, oldest first, `(states, state_dim)`.
     pub trails: Arc<Vec<Vec<f32>>>,
     /// State of the followed agent.
-    pub followed: Option<Arc<Followed>>,
+    pub followed: Option<Arc<FollowedAgent>>,
     /// Networks and bridge candidates, updated less often.
     pub networks: Arc<Networks>,
     /// The latest bridge search.
@@ -115,7 +115,7 @@ impl Networks {
 
 /// An exploring agent in its current episode.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Followed {
+pub struct FollowedAgent {
     /// Index of the agent.
     pub agent: usize,
     /// First state of its episode that the replay buffer still holds, `(state_dim)`.

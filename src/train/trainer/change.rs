@@ -20,7 +20,7 @@ use crate::train::settings::{Effect, Settings};
 pub struct WorldChange {
     /// Short description of the change.
     #[serde(skip)]
-    pub what: String,
+    pub summary: String,
     /// Warning for the user, if any.
     #[serde(skip)]
     pub warning: Option<String>,
@@ -33,7 +33,7 @@ pub struct WorldChange {
 
 /// What was kept when a run's settings changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kept {
+pub struct KeptState {
     /// Whether the networks were kept; otherwise they are fresh.
     pub networks: bool,
     /// Whether the agents' states, goals and episodes were kept; otherwise they were restarted.
@@ -57,7 +57,7 @@ impl Trainer {
             self.counters.relearns_until = self.counters.updates + self.run.settings.learn.relearn_updates;
         }
         self.graphs = Graphs::default();
-        Ok(WorldChange { what: change.what, warning: change.warning, facts: change.facts, transitions_removed })
+        Ok(WorldChange { summary: change.summary, warning: change.warning, facts: change.facts, transitions_removed })
     }
 
     /// Continues with other settings, method or preset. Keeps the replay buffer and all counters, and networks and
@@ -65,7 +65,7 @@ impl Trainer {
     ///
     /// # Errors
     /// The learner fails; nothing has changed then.
-    pub fn change_run(&mut self, run: Run) -> Result<Kept> {
+    pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
         let spec = self.spec();
         let fresh = || new_learner(&run, spec, &self.registry, self.threads);
         let (mut learner, mut networks) = (fresh()?, false);
@@ -86,7 +86,7 @@ impl Trainer {
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
         let agents = self.fit_agents(&before);
-        Ok(Kept { networks, agents })
+        Ok(KeptState { networks, agents })
     }
 
     /// Adapts world, agents, replay buffer and candidates to settings changed from `before`; returns whether the agents

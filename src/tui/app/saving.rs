@@ -76,7 +76,7 @@ impl Saving {
 }
 
 /// What remains of a run after the interface is closed.
-pub struct Closed {
+pub struct ClosedRun {
     /// The text left on the terminal.
     pub summary: String,
     /// Whether saving at the end succeeded, if it was wanted.
@@ -222,7 +222,7 @@ impl App {
     }
 
     /// Ends training, and saves if that is wanted and still to be done.
-    pub fn close(self) -> Closed {
+    pub fn close(self) -> ClosedRun {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
         let log = self.screen.log.entries().to_vec();
@@ -263,7 +263,7 @@ impl App {
         if failed {
             summary += &format!("\nthere were errors; {}", logging::hint());
         }
-        Closed { summary, saved, failed }
+        ClosedRun { summary, saved, failed }
     }
 }
 

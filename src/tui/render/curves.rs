@@ -31,7 +31,7 @@ struct Plot {
     title: &'static str,
     series: Vec<Series>,
     /// The highest possible value, if there is one.
-    most: Option<f64>,
+    max: Option<f64>,
     /// Whether it may be drawn on a logarithmic scale.
     log: bool,
 }
@@ -74,12 +74,12 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("by bridges", &|e| Some(e.distance_error?.graph?.mape))];
     vec![
-        Plot { title: "success", series: success, most: Some(1.0), log: false },
-        Plot { title: "loss of D", series: vec![loss(0)], most: None, log: true },
-        Plot { title: "error of D", series: errors, most: None, log: true },
-        Plot { title: "success by steps", series: each.collect(), most: Some(1.0), log: false },
-        Plot { title: "loss of f", series: vec![loss(1)], most: None, log: true },
-        Plot { title: "loss of mu, steps", series: vec![loss(2)], most: None, log: true },
+        Plot { title: "success", series: success, max: Some(1.0), log: false },
+        Plot { title: "loss of D", series: vec![loss(0)], max: None, log: true },
+        Plot { title: "error of D", series: errors, max: None, log: true },
+        Plot { title: "success by steps", series: each.collect(), max: Some(1.0), log: false },
+        Plot { title: "loss of f", series: vec![loss(1)], max: None, log: true },
+        Plot { title: "loss of mu, steps", series: vec![loss(2)], max: None, log: true },
     ]
 }
 
@@ -113,7 +113,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
         return;
     }
     let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
-    let high = plot.most.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
+    let high = plot.max.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
     let sets = shown.iter().enumerate().map(|(i, points)| {
         let style = colour(screen, i);
         Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(style).data(points)

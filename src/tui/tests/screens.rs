@@ -12,7 +12,7 @@ use jiff::tz::TimeZone;
 use super::*;
 use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use crate::train::{
-    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, Followed, LossPoint, Score,
+    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent, LossPoint, Score,
     Snapshot, Success,
 };
 use crate::tui::action::Action;
@@ -57,7 +57,7 @@ fn staged_app(width: u16, height: u16) -> App {
         found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
         budget: 64,
     };
-    let followed = Followed {
+    let followed = FollowedAgent {
         agent: 2,
         start: vec![2.5, 4.5],
         state: vec![7.5, 1.5],
