@@ -2,7 +2,7 @@
 
 use divan::{Bencher, black_box};
 use gdg_tui::learn::kernel::{self, AdamRate};
-use gdg_tui::learn::product::{Left, Panels};
+use gdg_tui::learn::product::{Lhs, Panels};
 
 /// Rows and width.
 const SHAPES: [(usize, usize); 4] = [(32, 64), (32, 128), (64, 256), (256, 256)];
@@ -20,7 +20,7 @@ fn numbers(length: usize) -> Vec<f32> {
 fn forward(bencher: Bencher, (rows, width): (usize, usize)) {
     let (x, bias, mut y, mut w) = (numbers(rows * width), numbers(width), numbers(rows * width), Panels::default());
     w.pack(&numbers(width * width), width, width);
-    bencher.bench_local(|| w.relu_layer(Left::Rows(black_box(&x)), rows, &bias, &mut y));
+    bencher.bench_local(|| w.relu_layer(Lhs::Rows(black_box(&x)), rows, &bias, &mut y));
 }
 
 /// The gradient of its weights, packing included.
@@ -30,7 +30,7 @@ fn backward_weights(bencher: Bencher, (rows, width): (usize, usize)) {
     let mut packed = Panels::default();
     bencher.bench_local(|| {
         packed.pack(black_box(&d), rows, width);
-        packed.product(Left::Columns(black_box(&x)), width, 0, &mut dw);
+        packed.product(Lhs::Columns(black_box(&x)), width, 0, &mut dw);
     });
 }
 
@@ -39,7 +39,7 @@ fn backward_weights(bencher: Bencher, (rows, width): (usize, usize)) {
 fn backward_inputs(bencher: Bencher, (rows, width): (usize, usize)) {
     let (d, mut dx, mut w) = (numbers(rows * width), numbers(rows * width), Panels::default());
     w.pack_transposed(&numbers(width * width), width, width);
-    bencher.bench_local(|| w.product(Left::Rows(black_box(&d)), rows, 0, &mut dx));
+    bencher.bench_local(|| w.product(Lhs::Rows(black_box(&d)), rows, 0, &mut dx));
 }
 
 /// The gradient behind a ReLU layer.

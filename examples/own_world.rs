@@ -35,7 +35,7 @@ pub fn registry() -> Arc<Registry> {
         name: "table",
         about: "Q-learning on intervals of a wire",
         create: |spec, _, _, _| Ok(Box::new(Table::new(spec))),
-        parameters: |_, _| (INTERVALS * ACTIONS.len() * INTERVALS) as u64,
+        parameters: |_, _| (BINS * ACTIONS.len() * BINS) as u64,
     };
     Registry::builtin().with_world(bead).with_learner(table)
 }
@@ -84,12 +84,12 @@ impl Environment for Bead {
         &self.positions
     }
 
-    fn whole(&self, agent: usize) -> Vec<f64> {
+    fn full_state(&self, agent: usize) -> Vec<f64> {
         vec![f64::from(self.positions[agent]), f64::from(self.speeds[agent])]
     }
 
-    fn place(&mut self, agent: usize, whole: &[f64]) {
-        (self.positions[agent], self.speeds[agent]) = (whole[0] as f32, whole[1] as f32);
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
+        (self.positions[agent], self.speeds[agent]) = (full_state[0] as f32, full_state[1] as f32);
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
@@ -116,7 +116,7 @@ impl Environment for Bead {
 
 /// The table's actions, and its number of intervals of the wire.
 const ACTIONS: [f32; 3] = [-1.0, 0.0, 1.0];
-const INTERVALS: usize = 40;
+const BINS: usize = 40;
 
 /// Learning rate, and transitions per update.
 const RATE: f32 = 0.2;
@@ -131,15 +131,15 @@ struct Table {
 
 impl Table {
     fn new(spec: &Spec) -> Self {
-        Self { spec: spec.clone(), steps: vec![0.0; INTERVALS * ACTIONS.len() * INTERVALS] }
+        Self { spec: spec.clone(), steps: vec![0.0; BINS * ACTIONS.len() * BINS] }
     }
 
-    fn interval(position: f32) -> usize {
-        ((position / LENGTH * INTERVALS as f32) as usize).min(INTERVALS - 1)
+    fn bin(position: f32) -> usize {
+        ((position / LENGTH * BINS as f32) as usize).min(BINS - 1)
     }
 
     fn at(position: f32, action: usize, goal: usize) -> usize {
-        (Self::interval(position) * ACTIONS.len() + action) * INTERVALS + goal
+        (Self::bin(position) * ACTIONS.len() + action) * BINS + goal
     }
 
     /// Returns the best action and D = min Q.
@@ -152,14 +152,14 @@ impl Table {
 impl Policy for Table {
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
         for ((state, goal), out) in states.iter().zip(goals).zip(out) {
-            let there = self.spec.reached(&[*state], &[*goal]);
-            *out = if there { 0.0 } else { self.best(*state, Self::interval(*goal)).1 };
+            let reached = self.spec.reached(&[*state], &[*goal]);
+            *out = if reached { 0.0 } else { self.best(*state, Self::bin(*goal)).1 };
         }
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
         for ((state, goal), out) in states.iter().zip(goals).zip(out) {
-            *out = self.best(*state, Self::interval(*goal)).0;
+            *out = self.best(*state, Self::bin(*goal)).0;
         }
     }
 }
@@ -175,13 +175,13 @@ impl Learner for Table {
             let (now, _) = data.replay.sample(data.rng);
             let next = data.replay.state(Moment { slot: now.slot + 1, ..now })[0];
             let action = (data.replay.action(now)[0].round() + 1.0) as usize;
-            for goal in 0..INTERVALS {
-                let middle = (goal as f32 + 0.5) * LENGTH / INTERVALS as f32;
+            for goal in 0..BINS {
+                let middle = (goal as f32 + 0.5) * LENGTH / BINS as f32;
                 let ahead = if self.spec.reached(&[next], &[middle]) { 0.0 } else { self.best(next, goal).1 };
                 let steps = &mut self.steps[Self::at(data.replay.state(now)[0], action, goal)];
                 let error = 1.0 + ahead - *steps;
                 *steps += RATE * error;
-                loss += error * error / (BATCH * INTERVALS) as f32;
+                loss += error * error / (BATCH * BINS) as f32;
             }
         }
         Ok(Losses { critic: loss, ..Losses::default() })
@@ -204,7 +204,7 @@ impl Learner for Table {
     fn load(&mut self, store: &Store) -> Result<(), LearnError> {
         let steps = store.f32("table.steps")?;
         if steps.len() != self.steps.len() {
-            return Err(StoreError::misfit("the stored table has another size").into());
+            return Err(StoreError::inconsistent("the stored table has another size").into());
         }
         self.steps.copy_from_slice(steps);
         Ok(())

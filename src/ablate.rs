@@ -13,9 +13,9 @@ use serde::Serialize;
 use crate::cli::AblateArgs;
 use crate::env::PointMaze;
 use crate::map::Grid;
-use crate::report::of_config;
+use crate::report::from_config_error;
 use crate::setup::{create, find_map, refuse_existing, threads};
-use crate::text::tell;
+use crate::text::eprint_line;
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 /// The default with one thing changed.
@@ -70,7 +70,7 @@ struct Outcome {
 /// Fails if the map is invalid, if the JSON file already exists or cannot be written, or if candle fails.
 pub fn run(args: &AblateArgs) -> Result<String, Report> {
     if let Some(path) = &args.json {
-        check_place(path, args.overwrite)?;
+        check_can_create(path, args.overwrite)?;
     }
     let map = Arc::new(find_map(&args.map)?);
     let world = PointMaze::new(map.clone(), 0);
@@ -83,7 +83,7 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
             let mut outcomes = outcomes.lock();
             let planned = evaluation.planned.as_ref().map_or(String::new(), |p| format!("planned {:.3}, ", p.success));
             let done = outcomes.len() + 1;
-            tell(&format!(
+            eprint_line(&format!(
                 "{done} of {}: {}, seed {seed}: {planned}greedy {:.3}",
                 runs.len(),
                 variant.name,
@@ -114,7 +114,7 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
 }
 
 /// Checks that a file can be created, to fail before hours of training instead of after.
-fn check_place(path: &Path, overwrite: bool) -> Result<(), Report> {
+fn check_can_create(path: &Path, overwrite: bool) -> Result<(), Report> {
     refuse_existing(path, overwrite)?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let tried = if path.exists() { OpenOptions::new().write(true).open(path) } else { tempfile::tempfile_in(folder) };
@@ -123,13 +123,13 @@ fn check_place(path: &Path, overwrite: bool) -> Result<(), Report> {
 
 fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), Report> {
     let json = serde_json::to_string_pretty(outcomes).into_diagnostic()? + "\n";
-    let what = || format!("{}: cannot be written", path.display());
-    create(path, overwrite)?.write_all(json.as_bytes()).into_diagnostic().wrap_err_with(what)
+    let problem = || format!("{}: cannot be written", path.display());
+    create(path, overwrite)?.write_all(json.as_bytes()).into_diagnostic().wrap_err_with(problem)
 }
 
 fn train(variant: &Variant, seed: u64, world: &PointMaze, args: &AblateArgs) -> Result<Evaluation, Report> {
     let set: Vec<String> = variant.set.split_whitespace().map(str::to_owned).collect();
-    let settings = settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(of_config)?;
+    let settings = settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(from_config_error)?;
     let method: Method = variant.method.parse().into_diagnostic()?;
     let run = Run { method, preset: Preset::Default, seed, settings };
     let mut trainer = Trainer::new(run, world, &Registry::builtin(), 1).into_diagnostic()?;

@@ -3,10 +3,10 @@
 //! All variants of a case take turns within one process, so that a drifting machine speed affects them equally; the
 //! table shows the median of many turns.
 
+mod baseline;
 mod cases;
 #[cfg(feature = "tui")]
 mod interface;
-mod plain;
 
 use std::process::{Command, Stdio};
 use std::time::Instant;
@@ -30,7 +30,7 @@ struct Measurements {
     default_preset: DefaultTimes,
     /// Unless this was built without the interface.
     interface: Option<InterfaceTimes>,
-    other: Vec<Timed>,
+    other: Vec<TimedOperation>,
 }
 
 /// One update of critic, model and actor at one shape.
@@ -82,7 +82,7 @@ struct InterfaceTimes {
 
 /// Another timed operation.
 #[derive(Debug, Serialize)]
-struct Timed {
+struct TimedOperation {
     what: &'static str,
     us: f64,
     runs: usize,

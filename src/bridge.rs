@@ -11,7 +11,7 @@ mod search;
 mod settings;
 
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
-pub use graph::{BridgeGraph, Distilled, Edge, GraphState, LINKS, Route, Standing};
+pub use graph::{BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};

@@ -8,7 +8,7 @@ use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
 use crate::bridge::Planner;
 use crate::learn::LEARNERS;
-use crate::map::{Kind, RANDOM_SIZES};
+use crate::map::{RANDOM_SIZES, RandomMapKind};
 use crate::train::{Limits, METHODS, Method, Preset};
 
 const EXAMPLES: &str = "\
@@ -42,7 +42,7 @@ pub enum Command {
     Maps {
         /// Print a random map of this kind as plain ASCII
         #[arg(long, value_name = "KIND", value_enum)]
-        random: Option<KindArg>,
+        random: Option<MapKindArg>,
         /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for perfect]
         #[arg(long, value_name = "N", requires = "random", value_parser = sides())]
         size: Option<u16>,
@@ -124,7 +124,7 @@ pub struct FramesArgs {
     /// Recording made with --record
     pub cast: PathBuf,
     /// Times to render, in seconds from the start of the recording
-    #[arg(long, value_name = "S", value_delimiter = ',', required = true, value_parser = seconds)]
+    #[arg(long, value_name = "S", value_delimiter = ',', required = true, value_parser = parse_seconds)]
     pub at: Vec<f64>,
     /// Output folder: one FILE-SECONDS.png per time
     #[arg(long, value_name = "FOLDER", default_value = ".")]
@@ -146,7 +146,7 @@ pub struct TrainArgs {
     pub no_ui: bool,
 
     /// Learner and planner: one of these methods, or LEARNER+PLANNER
-    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods())]
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
     pub method: Method,
 
     /// Preset to start from
@@ -174,7 +174,7 @@ pub struct TrainArgs {
     pub max_updates: Option<u64>,
 
     /// Stop after S seconds of training, not counting evaluation
-    #[arg(long, value_name = "S", value_parser = seconds)]
+    #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub max_seconds: Option<f64>,
 
     /// Stop after N episodes
@@ -186,7 +186,7 @@ pub struct TrainArgs {
     pub eval_every_updates: Option<u64>,
 
     /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires --no-ui)
-    #[arg(long, value_name = "UPDATES:FILE", value_parser = edit_at, requires = "no_ui")]
+    #[arg(long, value_name = "UPDATES:FILE", value_parser = parse_edit_at, requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
     /// Evaluation tasks at each of six distances
@@ -206,7 +206,7 @@ pub struct TrainArgs {
     pub save: Option<PathBuf>,
 
     /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface: see autosave_minutes]
-    #[arg(long, value_name = "MINUTES", value_parser = minutes, requires = "no_ui")]
+    #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
     pub save_every: Option<f64>,
 
     /// Replace existing files: recordings and, with --save, checkpoints of other runs
@@ -237,7 +237,7 @@ pub struct TrainArgs {
     pub print_config_template: bool,
 
     /// Exit with status 3 unless the final evaluation's success rate is at least X
-    #[arg(long, value_name = "X", value_parser = share)]
+    #[arg(long, value_name = "X", value_parser = parse_share)]
     pub require_success: Option<f64>,
 }
 
@@ -250,7 +250,7 @@ pub struct EditAt {
     pub file: PathBuf,
 }
 
-fn edit_at(text: &str) -> Result<EditAt, String> {
+fn parse_edit_at(text: &str) -> Result<EditAt, String> {
     let (updates, file) = text.split_once(':').ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
     let updates = updates.parse().map_err(|_| format!("{updates:?} is not a number of updates"))?;
     Ok(EditAt { updates, file: PathBuf::from(file) })
@@ -263,9 +263,9 @@ impl TrainArgs {
     }
 }
 
-/// [`Kind`] on the command line.
+/// [`RandomMapKind`] on the command line.
 #[derive(Clone, Copy, Debug, ValueEnum)]
-pub enum KindArg {
+pub enum MapKindArg {
     /// Rooms of 4 by 4 cells with thin walls, connected by doors
     Maze,
     /// Streets between blocks, about a third of them closed
@@ -278,12 +278,12 @@ fn sides() -> clap::builder::RangedI64ValueParser<u16> {
     clap::value_parser!(u16).range(*RANDOM_SIZES.start() as i64..=*RANDOM_SIZES.end() as i64)
 }
 
-impl From<KindArg> for Kind {
-    fn from(arg: KindArg) -> Self {
+impl From<MapKindArg> for RandomMapKind {
+    fn from(arg: MapKindArg) -> Self {
         match arg {
-            KindArg::Maze => Self::Maze,
-            KindArg::City => Self::City,
-            KindArg::Perfect => Self::Perfect,
+            MapKindArg::Maze => Self::Maze,
+            MapKindArg::City => Self::City,
+            MapKindArg::Perfect => Self::Perfect,
         }
     }
 }
@@ -325,7 +325,7 @@ impl TypedValueParser for MethodParser {
 }
 
 /// Returns the long help of `--method`, which lists learners and planners.
-fn methods() -> String {
+fn methods_help() -> String {
     let list = |entries: Vec<(&str, &str)>| {
         entries.iter().map(|(name, about)| format!("  {name:<8} {about}\n")).collect::<String>()
     };
@@ -342,19 +342,19 @@ fn preset_parser() -> impl TypedValueParser<Value = Preset> {
     PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))
 }
 
-fn seconds(text: &str) -> Result<f64, String> {
+fn parse_seconds(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
         .filter(|s| *s >= 0.0 && f64::is_finite(*s))
         .ok_or_else(|| "expected a number of seconds, 0 or more".to_owned())
 }
 
-fn minutes(text: &str) -> Result<f64, String> {
+fn parse_minutes(text: &str) -> Result<f64, String> {
     let minutes = text.parse().ok().filter(|m| (0.0..=1e6).contains(m));
     minutes.ok_or_else(|| "expected a number of minutes, 0 for none".to_owned())
 }
 
-fn share(text: &str) -> Result<f64, String> {
+fn parse_share(text: &str) -> Result<f64, String> {
     let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
     share.ok_or_else(|| "expected a fraction from 0 to 1, e.g. 0.95".to_owned())
 }

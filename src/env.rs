@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use maze::PointMaze;
-pub use task::{NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
+pub use task::{GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
 /// The built-in worlds.
 pub const WORLDS: [WorldKind; 1] = [maze::KIND];
@@ -118,7 +118,7 @@ impl Spec {
 
 /// A world in which many agents move in parallel, independently of each other.
 ///
-/// A *state* is what the learner observes of an agent: `state_dim` numbers. A *whole state* is everything that the
+/// A *state* is what the learner observes of an agent: `state_dim` numbers. A *full state* is everything that the
 /// agent's future depends on, in the world's own layout: an arm's joints and velocities as well as its gripper
 /// position.
 pub trait Environment: Any + Send + Sync {
@@ -137,11 +137,11 @@ pub trait Environment: Any + Send + Sync {
     /// Returns all agents' states, `(agents, state_dim)`.
     fn states(&self) -> &[f32];
 
-    /// Returns an agent's whole state.
-    fn whole(&self, agent: usize) -> Vec<f64>;
+    /// Returns an agent's full state.
+    fn full_state(&self, agent: usize) -> Vec<f64>;
 
-    /// Puts `agent` into a whole state, or as close to it as the world allows if the state itself is not allowed.
-    fn place(&mut self, agent: usize, whole: &[f64]);
+    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is not allowed.
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]);
 
     /// Moves `agent` to a start state.
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng);
@@ -159,7 +159,7 @@ pub trait Environment: Any + Send + Sync {
     fn configure(&mut self, _settings: &EnvSettings) {}
 
     /// Writes the data that [`WorldKind::load`] reads, and the exploration statistics if there are any. The trainer
-    /// saves the agents' whole states.
+    /// saves the agents' full states.
     fn save(&self, store: &mut Store);
 
     /// Restores the statistics that [`Self::save`] wrote.
@@ -191,7 +191,7 @@ pub trait Environment: Any + Send + Sync {
             world.restart(0, rng);
             let mut goal = vec![0.0; world.spec().goal_dim()];
             world.sample_goal(0, rng, &mut goal);
-            Task { start: world.whole(0), goal, shortest: None, group: 0 }
+            Task { start: world.full_state(0), goal, shortest: None, group: 0 }
         });
         TaskSet { tasks: tasks.collect(), distances: vec![0.0] }
     }
@@ -202,7 +202,7 @@ pub trait Environment: Any + Send + Sync {
     }
 
     /// Returns the true distances if they are known; for evaluation and display only.
-    fn truth(&self) -> Option<Box<dyn Truth + '_>> {
+    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
         None
     }
 
@@ -273,7 +273,7 @@ pub struct Change {
     /// Whether distances may have grown, so that the learned ones are too short.
     pub may_lengthen: bool,
     /// Short description of the change.
-    pub what: String,
+    pub summary: String,
     /// Warning for the user, if any.
     pub warning: Option<String>,
     /// Facts about the change for the run's records, by name.
@@ -288,7 +288,7 @@ pub enum EnvError {
     NotEditable(&'static str),
     /// The world is of another kind.
     #[error("the run uses a world of kind {run}, not {other}")]
-    OtherKind {
+    KindMismatch {
         /// Kind of the run's world.
         run: &'static str,
         /// Kind of the other world.
@@ -296,7 +296,7 @@ pub enum EnvError {
     },
     /// The map has another size.
     #[error("the map is {} x {}, but the run's map is {} x {}", map.0, map.1, run.0, run.1)]
-    OtherSize {
+    SizeMismatch {
         /// Columns and rows of the map.
         map: (usize, usize),
         /// Columns and rows of the run's map.

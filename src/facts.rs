@@ -7,14 +7,14 @@ use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::Report;
 
 use crate::map::{self, BUILTIN, Diameter, Grid, MapError, StepSearch};
-use crate::report::of_map;
+use crate::report::from_map_error;
 
 /// Returns the table of built-in maps.
 pub fn list() -> String {
     let head = format!("{:<12}{:>9}{:>12}{:>18}\n", "map", "size", "free cells", "farthest (steps)");
     let lines = BUILTIN.iter().filter_map(|(name, _)| map::builtin(name)).map(|grid| {
         let size = format!("{}x{}", grid.width(), grid.height());
-        let farthest = farthest(Diameter::of(&grid));
+        let farthest = describe_diameter(Diameter::compute(&grid));
         format!("{:<12}{size:>9}{:>12}{farthest:>18}\n", grid.name(), grid.free_count())
     });
     std::iter::once(head).chain(lines).collect()
@@ -27,28 +27,26 @@ pub fn list() -> String {
 pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     let _spinner = Spinner::start("measuring the map");
     if file.extension().is_none_or(|e| e != "scen") {
-        return Ok(facts(&map::load_map(file).map_err(of_map)?));
+        return Ok(facts(&map::load_map(file).map_err(from_map_error)?));
     }
     let beside = || -> Result<std::path::PathBuf, Report> {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
         let stems = [name.trim_end_matches(".scen").to_owned(), first_map_name(file).unwrap_or_default()];
         let found = stems.iter().filter(|s| !s.is_empty()).map(|s| file.with_file_name(s)).find(|p| p.is_file());
         found.ok_or_else(|| {
-            let what = "the scenario's map is not in the same folder";
-            of_map(MapError::whole(&file.to_string_lossy(), what, "give it with --map FILE"))
+            let problem = "the scenario's map is not in the same folder";
+            from_map_error(MapError::whole_file(&file.to_string_lossy(), problem, "give it with --map FILE"))
         })
     };
     // Report an unreadable scenario before a missing map.
     if !file.is_file() {
-        return Err(of_map(
-            map::load_map(file)
-                .err()
-                .unwrap_or_else(|| MapError::whole(&file.to_string_lossy(), "is not a file", "give a scenario file")),
-        ));
+        return Err(from_map_error(map::load_map(file).err().unwrap_or_else(|| {
+            MapError::whole_file(&file.to_string_lossy(), "is not a file", "give a scenario file")
+        })));
     }
     let path = map_file.map_or_else(beside, |p| Ok(p.to_owned()))?;
-    let grid = map::load_map(&path).map_err(of_map)?;
-    let tasks = map::load_scenario(file, &grid).map_err(of_map)?;
+    let grid = map::load_map(&path).map_err(from_map_error)?;
+    let tasks = map::load_scenario(file, &grid).map_err(from_map_error)?;
     let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
     Ok(format!("scenario: {} tasks, longest {longest:.1} cells\n{}", tasks.len(), facts(&grid)))
 }
@@ -73,7 +71,7 @@ fn facts(grid: &Grid) -> String {
             components.sizes.len(),
             100.0 * largest as f64 / free as f64
         ),
-        format!("farthest:   {} steps", farthest(Diameter::within(grid, &components))),
+        format!("farthest:   {} steps", describe_diameter(Diameter::compute_from(grid, &components))),
     ];
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
         lines.push(format!("marked:     {} starts, {} goals", grid.starts().len(), grid.goals().len()));
@@ -81,7 +79,7 @@ fn facts(grid: &Grid) -> String {
     lines.join("\n") + "\n"
 }
 
-fn farthest(diameter: Diameter) -> String {
+fn describe_diameter(diameter: Diameter) -> String {
     if diameter.exact { diameter.steps.to_string() } else { format!("at least {}", diameter.steps) }
 }
 
@@ -89,10 +87,10 @@ fn farthest(diameter: Diameter) -> String {
 struct Spinner(ProgressBar);
 
 impl Spinner {
-    fn start(what: &'static str) -> Self {
+    fn start(message: &'static str) -> Self {
         // Indicatif draws nothing if standard error is not a terminal.
         let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
-        let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(what);
+        let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(message);
         bar.enable_steady_tick(Duration::from_millis(100));
         Self(bar)
     }

@@ -13,16 +13,16 @@ use std::time::Duration;
 
 use parking_lot::Mutex;
 
-use crate::text::{plain, shortened};
+use crate::text::{sanitized, truncated};
 
 /// The environment variable that tests set.
-const VARIABLE: &str = "GDG_TUI_FAULTS";
+const ENV_VARIABLE: &str = "GDG_TUI_FAULTS";
 
 /// Maximum number of failures kept, so that a repeating one cannot fill the memory.
-const MOST: usize = 100;
+const MAX_FAILURES: usize = 100;
 
 /// Maximum number of characters of a panic message to show.
-const SHOWN: usize = 300;
+const MAX_MESSAGE_CHARS: usize = 300;
 
 static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
 
@@ -35,22 +35,22 @@ pub struct Failure {
     /// The thread's name.
     pub thread: String,
     /// The message and its location in the source.
-    pub what: String,
+    pub message: String,
 }
 
 /// Installs a panic hook that records and logs every panic. It prints panics of the main thread, and those of other
 /// threads unless an interface shows them.
-pub fn watch() {
+pub fn install_panic_hook() {
     std::panic::set_hook(Box::new(|info| {
         let thread = std::thread::current();
         let name = thread.name().unwrap_or("unnamed");
-        let failure = Failure { thread: name.to_owned(), what: message_of(info) };
-        tracing::error!(thread = name, "panicked: {}", failure.what);
+        let failure = Failure { thread: name.to_owned(), message: panic_message(info) };
+        tracing::error!(thread = name, "panicked: {}", failure.message);
         if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
-            crate::text::tell(&format!("internal error in thread {name}: {}", failure.what));
+            crate::text::eprint_line(&format!("internal error in thread {name}: {}", failure.message));
         }
         let mut failures = FAILURES.lock();
-        if failures.len() < MOST {
+        if failures.len() < MAX_FAILURES {
             failures.push(failure);
         }
         drop(failures);
@@ -59,10 +59,10 @@ pub fn watch() {
     }));
 }
 
-fn message_of(info: &PanicHookInfo) -> String {
+fn panic_message(info: &PanicHookInfo) -> String {
     let text = info.payload_as_str().unwrap_or("no message");
     let place = info.location().map_or(String::new(), |at| format!(" ({}:{})", at.file(), at.line()));
-    plain(&format!("{}{place}", shortened(text, SHOWN)))
+    sanitized(&format!("{}{place}", truncated(text, MAX_MESSAGE_CHARS)))
 }
 
 /// Sets whether an interface shows failures.
@@ -71,7 +71,7 @@ pub fn show_in_interface(shown: bool) {
 }
 
 /// Returns and clears the failures recorded since the last call.
-pub fn take() -> Vec<Failure> {
+pub fn take_failures() -> Vec<Failure> {
     std::mem::take(&mut FAILURES.lock())
 }
 
@@ -91,17 +91,17 @@ enum Kind {
     Once,
 }
 
-fn demanded() -> &'static [Fault] {
+fn injected_faults() -> &'static [Fault] {
     static FAULTS: OnceLock<Vec<Fault>> = OnceLock::new();
     FAULTS.get_or_init(|| {
-        let text = std::env::var(VARIABLE).unwrap_or_default();
+        let text = std::env::var(ENV_VARIABLE).unwrap_or_default();
         text.split(',').filter(|fault| !fault.is_empty()).filter_map(parse).collect()
     })
 }
 
 fn parse(text: &str) -> Option<Fault> {
-    let (point, what) = text.split_once('=')?;
-    let (kind, at) = what.split_once('@').unwrap_or((what, "1"));
+    let (point, kind) = text.split_once('=')?;
+    let (kind, at) = kind.split_once('@').unwrap_or((kind, "1"));
     let kind = match kind.split_once(':') {
         Some(("delay", ms)) => Kind::Delay(Duration::from_millis(ms.parse().ok()?)),
         None if kind == "panic" => Kind::Panic,
@@ -119,7 +119,7 @@ fn parse(text: &str) -> Option<Fault> {
 /// If a test injects a panic at this point.
 pub fn point(name: &str) -> bool {
     let mut fails = false;
-    for fault in demanded().iter().filter(|fault| fault.point == name) {
+    for fault in injected_faults().iter().filter(|fault| fault.point == name) {
         let pass = fault.passes.fetch_add(1, Ordering::Relaxed) + 1;
         match fault.kind {
             Kind::Panic => assert!(pass != fault.at, "injected fault in {name}"),

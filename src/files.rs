@@ -5,5 +5,5 @@ mod verified;
 mod write;
 
 pub use read::{open, read, read_text};
-pub use verified::{backup_of, write_verified};
-pub use write::{check_target, unused, write_fresh, write_whole};
+pub use verified::{backup_path, write_verified};
+pub use write::{check_writable, unused_path, write_atomically, write_to_unused};

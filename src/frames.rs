@@ -12,24 +12,24 @@ use ratatui::style::{Color, Modifier, Style};
 use serde::Deserialize;
 
 use crate::cli::FramesArgs;
-use crate::files::{self, write_whole};
+use crate::files::{self, write_atomically};
 use crate::setup::refuse_existing;
-use crate::tui::{LARGEST_SCREEN, Paper, png_of};
+use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
 
 /// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two distinct colours in every
 /// cell takes half of that.
-const LINE_BYTES: u64 = 64 << 20;
+const MAX_LINE_BYTES: u64 = 64 << 20;
 
 /// The first line of a recording.
 #[derive(Deserialize)]
-struct Head {
+struct Header {
     version: u64,
     width: u64,
     height: u64,
 }
 
 /// The event on any other line of a recording.
-enum Change {
+enum Event {
     Output(String),
     Resize {
         columns: u16,
@@ -58,13 +58,13 @@ pub fn run(args: &FramesArgs) -> Result<String, Report> {
     moments.sort_by(f64::total_cmp);
     moments.dedup();
     let name = args.cast.to_string_lossy();
-    let seconds = length(&args.cast)?;
+    let seconds = duration(&args.cast)?;
     if let Some(at) = moments.iter().find(|at| !(0.0..=seconds).contains(*at)) {
-        let right = format!("give times from 0 to {seconds}");
-        return Err(miette!(help = right, "{name}: no frame at {at} s: the recording is {seconds} s long"));
+        let help = format!("give times from 0 to {seconds}");
+        return Err(miette!(help = help, "{name}: no frame at {at} s: the recording is {seconds} s long"));
     }
     for at in &moments {
-        refuse_existing(&picture(args, *at), args.overwrite)?;
+        refuse_existing(&picture_path(args, *at), args.overwrite)?;
     }
     let mut written = Vec::new();
     play(&args.cast, moments, |screen, at| {
@@ -93,16 +93,18 @@ pub fn play(
             show(screen.screen(), at)?;
         }
         match event {
-            Some((_, Change::Output(text))) => screen.process(text.as_bytes()),
-            Some((_, Change::Resize { columns, rows })) => screen.screen_mut().set_size(some(rows), some(columns)),
-            Some((_, Change::Other)) | None => {}
+            Some((_, Event::Output(text))) => screen.process(text.as_bytes()),
+            Some((_, Event::Resize { columns, rows })) => {
+                screen.screen_mut().set_size(non_zero(rows), non_zero(columns));
+            }
+            Some((_, Event::Other)) | None => {}
         }
     }
     Ok(())
 }
 
 /// Returns the time of a recording's last event, in seconds from its start; reads all of its lines.
-fn length(path: &Path) -> Result<f64, Report> {
+fn duration(path: &Path) -> Result<f64, Report> {
     let (mut cast, _) = Cast::open(path)?;
     let mut last = 0f64;
     while let Some((seconds, _)) = cast.event()? {
@@ -122,16 +124,16 @@ impl Cast {
         if !cast.next_line()? {
             return Err(miette!(help = "--record makes recordings", "{}: is empty", cast.name));
         }
-        let head: Head = cast.parse()?;
+        let head: Header = cast.parse()?;
         if head.version != 2 {
-            return Err(cast.wrong());
+            return Err(cast.invalid_line());
         }
         let (columns, rows) = cast.size(head.width, head.height)?;
-        Ok((cast, vt100::Parser::new(some(rows), some(columns), 0)))
+        Ok((cast, vt100::Parser::new(non_zero(rows), non_zero(columns), 0)))
     }
 
     /// Returns the next event and its time, or `None` at the end.
-    fn event(&mut self) -> Result<Option<(f64, Change)>, Report> {
+    fn event(&mut self) -> Result<Option<(f64, Event)>, Report> {
         if !self.next_line()? {
             return Ok(None);
         }
@@ -142,14 +144,14 @@ impl Cast {
             Err(error) => return Err(error),
         };
         let change = match kind.as_str() {
-            "o" => Change::Output(data),
+            "o" => Event::Output(data),
             "r" => {
-                let (columns, rows) = data.split_once('x').ok_or_else(|| self.wrong())?;
-                let number = |text: &str| text.parse().map_err(|_| self.wrong());
+                let (columns, rows) = data.split_once('x').ok_or_else(|| self.invalid_line())?;
+                let number = |text: &str| text.parse().map_err(|_| self.invalid_line());
                 let (columns, rows) = self.size(number(columns)?, number(rows)?)?;
-                Change::Resize { columns, rows }
+                Event::Resize { columns, rows }
             }
-            _ => Change::Other,
+            _ => Event::Other,
         };
         Ok(Some((seconds, change)))
     }
@@ -158,16 +160,16 @@ impl Cast {
     fn next_line(&mut self) -> Result<bool, Report> {
         self.line.clear();
         self.number += 1;
-        let read = (&mut self.file).take(LINE_BYTES + 1).read_until(b'\n', &mut self.line);
+        let read = (&mut self.file).take(MAX_LINE_BYTES + 1).read_until(b'\n', &mut self.line);
         let read = read.into_diagnostic().wrap_err_with(|| format!("{}: cannot be read", self.name))?;
-        if read as u64 > LINE_BYTES {
-            return Err(miette!("{}: is longer than {LINE_BYTES} bytes", self.place()));
+        if read as u64 > MAX_LINE_BYTES {
+            return Err(miette!("{}: is longer than {MAX_LINE_BYTES} bytes", self.location()));
         }
         Ok(read > 0)
     }
 
     fn parse<T: for<'a> Deserialize<'a>>(&self) -> Result<T, Report> {
-        serde_json::from_slice(&self.line).into_diagnostic().wrap_err_with(|| self.wrong())
+        serde_json::from_slice(&self.line).into_diagnostic().wrap_err_with(|| self.invalid_line())
     }
 
     /// Checks that a screen can have this size: an arbitrary one could exhaust the memory.
@@ -178,36 +180,38 @@ impl Cast {
             _ => Err(miette!(
                 help = format!("a screen can have up to {most_columns} x {most_rows} characters"),
                 "{}: a screen of {columns} x {rows} characters is too large",
-                self.place()
+                self.location()
             )),
         }
     }
 
-    fn place(&self) -> String {
+    fn location(&self) -> String {
         format!("{}:{}", self.name, self.number)
     }
 
-    fn wrong(&self) -> Report {
-        miette!("{}: is not a line of an asciinema version 2 recording", self.place())
+    fn invalid_line(&self) -> Report {
+        miette!("{}: is not a line of an asciinema version 2 recording", self.location())
     }
 }
 
 /// Converts a size, raising 0 to the minimum of 1.
-fn some(size: u16) -> NonZero<u16> {
+fn non_zero(size: u16) -> NonZero<u16> {
     NonZero::new(size).unwrap_or(NonZero::<u16>::MIN)
 }
 
 /// Returns the path of a moment's picture.
-fn picture(args: &FramesArgs, at: f64) -> PathBuf {
+fn picture_path(args: &FramesArgs, at: f64) -> PathBuf {
     let stem = args.cast.file_stem().map_or("cast".into(), |stem| stem.to_string_lossy());
     args.out.join(format!("{stem}-{at}.png"))
 }
 
 fn write(screen: &vt100::Screen, args: &FramesArgs, at: f64) -> Result<PathBuf, Report> {
     let buffer = buffer_of(screen);
-    let pixels = png_of(&buffer, buffer.area, Paper::default()).into_diagnostic()?;
-    let path = picture(args, at);
-    write_whole(&path, &pixels).into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+    let pixels = png_of(&buffer, buffer.area, PageColours::default()).into_diagnostic()?;
+    let path = picture_path(args, at);
+    write_atomically(&path, &pixels)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
     Ok(path)
 }
 
@@ -240,7 +244,7 @@ fn buffer_of(screen: &vt100::Screen) -> Buffer {
 mod tests {
     use super::*;
 
-    const HEAD: &str = r#"{"version":2,"width":4,"height":1}"#;
+    const HEADER: &str = r#"{"version":2,"width":4,"height":1}"#;
 
     /// Creates a folder with a recording of these lines, and arguments that draw moments of it.
     fn recording(lines: &str, at: &[f64]) -> (tempfile::TempDir, FramesArgs) {
@@ -261,7 +265,7 @@ mod tests {
 
     #[test]
     fn a_frame_shows_all_output_up_to_its_time() {
-        let events = [HEAD, r#"[1.0,"o","\u001b[31mab"]"#, r#"[2.0,"r","6x2"]"#, r#"[2.5,"o","cd"]"#];
+        let events = [HEADER, r#"[1.0,"o","\u001b[31mab"]"#, r#"[2.0,"r","6x2"]"#, r#"[2.5,"o","cd"]"#];
         let (_folder, args) = recording(&events.join("\n"), &[1.5, 0.5, 2.5, 1.5]);
         assert_eq!(run(&args).expect("pictures").lines().count(), 3);
         let size = |at: &str| {
@@ -274,30 +278,30 @@ mod tests {
 
     #[test]
     fn invalid_recordings_are_reported_with_their_line() {
-        for (lines, place) in [
-            (format!("{HEAD}\nhello\n"), "short.cast:2:"),
-            (format!("{HEAD}\n[1,\"r\",\"wide\"]\n"), "short.cast:2:"),
+        for (lines, location) in [
+            (format!("{HEADER}\nhello\n"), "short.cast:2:"),
+            (format!("{HEADER}\n[1,\"r\",\"wide\"]\n"), "short.cast:2:"),
             ("[1,\"o\",\"\"]\n".to_owned(), "short.cast:1:"),
-            (HEAD.replace("\"version\":2", "\"version\":1"), "short.cast:1:"),
+            (HEADER.replace("\"version\":2", "\"version\":1"), "short.cast:1:"),
             (String::new(), "short.cast: is empty"),
         ] {
             let error = error(&lines, &[0.0]);
-            assert!(error.contains(place), "{error} is not at {place}");
+            assert!(error.contains(location), "{error} is not at {location}");
         }
     }
 
     #[test]
     fn oversized_screens_are_refused() {
         let head = |columns: u32, rows: u32| format!("{{\"version\":2,\"width\":{columns},\"height\":{rows}}}\n");
-        let resize = |columns: u32, rows: u32| format!("{HEAD}\n[0,\"r\",\"{columns}x{rows}\"]\n");
-        for (lines, place, found) in [
+        let resize = |columns: u32, rows: u32| format!("{HEADER}\n[0,\"r\",\"{columns}x{rows}\"]\n");
+        for (lines, location, found) in [
             (head(65535, 65535), "short.cast:1:", "65535 x 65535"),
             (head(1_000_000, 1), "short.cast:1:", "1000000 x 1"),
             (resize(1001, 500), "short.cast:2:", "1001 x 500"),
             (resize(1000, 501), "short.cast:2:", "1000 x 501"),
         ] {
             let error = error(&lines, &[0.0]);
-            assert!(error.contains(place) && error.contains(found), "{error}");
+            assert!(error.contains(location) && error.contains(found), "{error}");
         }
         let (_folder, args) = recording(&resize(1000, 500), &[0.0]);
         assert!(run(&args).is_ok(), "the largest one");
@@ -305,7 +309,7 @@ mod tests {
 
     #[test]
     fn times_outside_the_recording_are_refused() {
-        let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
+        let lines = format!("{HEADER}\n[2.5,\"o\",\"ab\"]\n");
         for at in [2.6, 500.0, -1.0, f64::NAN, f64::INFINITY] {
             assert!(error(&lines, &[1.0, at]).contains("2.5 s long"), "{at}");
         }
@@ -315,7 +319,7 @@ mod tests {
 
     #[test]
     fn pictures_are_replaced_only_with_overwrite() {
-        let lines = format!("{HEAD}\n[2.5,\"o\",\"ab\"]\n");
+        let lines = format!("{HEADER}\n[2.5,\"o\",\"ab\"]\n");
         let (_folder, mut args) = recording(&lines, &[1.0, 2.0]);
         std::fs::create_dir(&args.out).expect("a folder");
         let (one, two) = (args.out.join("short-1.png"), args.out.join("short-2.png"));
@@ -330,7 +334,7 @@ mod tests {
 
     #[test]
     fn a_truncated_recording_is_drawn_up_to_its_last_event() {
-        let lines = format!("{HEAD}\n[1,\"o\",\"ab\"]\n[2,\"o\",\"c");
+        let lines = format!("{HEADER}\n[1,\"o\",\"ab\"]\n[2,\"o\",\"c");
         let (_folder, args) = recording(&lines, &[1.0]);
         assert!(run(&args).is_ok());
         assert!(error(&lines, &[2.0]).contains("1 s long"));

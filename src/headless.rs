@@ -1,6 +1,6 @@
 //! Training without the interface: JSON lines on standard output, a progress bar on standard error.
 
-mod aside;
+mod interruptible;
 mod progress;
 mod records;
 mod saver;
@@ -12,11 +12,11 @@ use miette::{IntoDiagnostic, Report, WrapErr};
 use serde_json::{Map, Value};
 
 use crate::cli::TrainArgs;
-use crate::setup::{Setup, rescue};
-use crate::signals::Ending;
-use crate::text::{json_line, tell};
+use crate::setup::{Setup, save_elsewhere};
+use crate::signals::TerminationSignal;
+use crate::text::{eprint_line, escape_json_line};
 use crate::train::{EndReason, Evaluation, Tick, Trainer};
-use aside::aside;
+use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
 use saver::Saver;
@@ -26,37 +26,37 @@ use saver::Saver;
 const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 
 /// Exit status when `--require-success` is not reached.
-const NOT_REACHED: u8 = 3;
+const EXIT_NOT_REACHED: u8 = 3;
 
 /// Runs training to its end and returns the exit status.
 ///
 /// # Errors
 /// Training, writing records or saving fails.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
-    let ending = Ending::listen(|| {})?;
+    let termination = TerminationSignal::listen(|| {})?;
     if let Some(warning) = &setup.warning {
-        tell(warning);
+        eprint_line(warning);
     }
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
-    let mut session = Session { setup, args, progress: Progress::new(args), saver, ending };
+    let mut session = Session { setup, args, progress: Progress::new(args), saver, termination };
     let ended = session.run();
     // Saves what was learned, even after an error.
     let saved = session.save_at_end();
     let (reason, evaluation) = ended?;
     saved?;
-    if let Some(failure) = crate::faults::take().first() {
-        let what = format!("internal error in thread {}: {}", failure.thread, failure.what);
-        return Err(miette::miette!(help = crate::logging::hint(), "{what}"));
+    if let Some(failure) = crate::faults::take_failures().first() {
+        let problem = format!("internal error in thread {}: {}", failure.thread, failure.message);
+        return Err(miette::miette!(help = crate::logging::hint(), "{problem}"));
     }
     print(&Record::end(reason, &session.setup.trainer))?;
     session.progress.finish();
-    if let (EndReason::Interrupted, Some(status)) = (reason, session.ending.status()) {
+    if let (EndReason::Interrupted, Some(status)) = (reason, session.termination.status()) {
         return Ok(status);
     }
     match (args.require_success, evaluation) {
         (Some(required), Some(found)) if success(&found) < required => {
-            tell(&format!("success rate {:.3} is below the required {required}", success(&found)));
-            Ok(NOT_REACHED)
+            eprint_line(&format!("success rate {:.3} is below the required {required}", success(&found)));
+            Ok(EXIT_NOT_REACHED)
         }
         _ => Ok(0),
     }
@@ -64,7 +64,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
 
 /// Writes one line to standard output.
 fn print(record: &Record) -> Result<(), Report> {
-    let line = json_line(&serde_json::to_string(record).into_diagnostic()?);
+    let line = escape_json_line(&serde_json::to_string(record).into_diagnostic()?);
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
 }
@@ -79,7 +79,7 @@ struct Session<'a> {
     args: &'a TrainArgs,
     progress: Progress,
     saver: Option<Saver>,
-    ending: Ending,
+    termination: TerminationSignal,
 }
 
 impl Session<'_> {
@@ -93,14 +93,14 @@ impl Session<'_> {
                 return Ok((reason, None));
             }
             // Save first: the evaluation may take long and be interrupted.
-            session.save_on_the_way();
+            session.save_periodically();
             match session.evaluate()? {
                 Some(evaluation) => Ok((reason, Some(evaluation))),
                 None => Ok((EndReason::Interrupted, None)),
             }
         };
         catch_unwind(AssertUnwindSafe(|| run(self))).unwrap_or_else(|_| {
-            let mended = self.setup.trainer.mend_after_panic().is_ok();
+            let mended = self.setup.trainer.repair_after_panic().is_ok();
             let state = if mended { "the run is saved if --save is given" } else { "saving may fail" };
             Err(miette::miette!(help = crate::logging::hint(), "an internal error ended training; {state}"))
         })
@@ -109,14 +109,14 @@ impl Session<'_> {
     /// Returns facts about the world, some of which are slow to compute; `None` if a signal arrives first.
     fn facts(&self) -> Result<Option<Map<String, Value>>, Report> {
         let world = self.setup.trainer.world().fork(0);
-        aside("world", &self.ending, move || world.facts())
+        run_interruptibly("world", &self.termination, move || world.facts())
     }
 
     /// Trains until a limit is reached or a signal arrives.
     fn train(&mut self) -> Result<EndReason, Report> {
-        self.edit()?;
+        self.apply_due_edits()?;
         loop {
-            if self.ending.number().is_some() {
+            if self.termination.number().is_some() {
                 return Ok(EndReason::Interrupted);
             }
             if let Some(reason) = self.limit_reached() {
@@ -125,7 +125,7 @@ impl Session<'_> {
             crate::faults::point("trainer");
             let tick = self.setup.trainer.tick().into_diagnostic()?;
             if let Some(recovery) = self.setup.trainer.take_recovery() {
-                tell(&recovery.to_string());
+                eprint_line(&recovery.to_string());
                 print(&Record::Recovery(recovery))?;
             }
             if tick != Tick::Update {
@@ -136,22 +136,22 @@ impl Session<'_> {
                 print(&Record::progress(&self.setup.trainer))?;
                 self.progress.show(&self.setup.trainer);
             }
-            self.edit()?;
+            self.apply_due_edits()?;
             let due = self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every));
             if due && self.limit_reached().is_none() && self.evaluate()?.is_none() {
                 return Ok(EndReason::Interrupted);
             }
             if self.saver.as_ref().is_some_and(Saver::is_due) {
-                self.save_on_the_way();
+                self.save_periodically();
             }
         }
     }
 
     /// Saves in the middle of a run: a failure is only reported, as the next save may succeed.
-    fn save_on_the_way(&mut self) {
+    fn save_periodically(&mut self) {
         if let Err(error) = self.save() {
             tracing::warn!("{error}");
-            crate::report::show(error.wrap_err("training continues; saving will be tried again"));
+            crate::report::print_error(error.wrap_err("training continues; saving will be tried again"));
         }
     }
 
@@ -167,7 +167,7 @@ impl Session<'_> {
     /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still returns an error.
     fn save_at_end(&mut self) -> Result<(), Report> {
         self.save().map_err(|error| match &self.saver {
-            Some(saver) => match rescue(&self.setup.trainer, saver.path()) {
+            Some(saver) => match save_elsewhere(&self.setup.trainer, saver.path()) {
                 Some(path) => miette::miette!("{error}; saved to {} instead", path.display()),
                 None => error,
             },
@@ -176,7 +176,7 @@ impl Session<'_> {
     }
 
     /// Applies the edits of the world due at the current update.
-    fn edit(&mut self) -> Result<(), Report> {
+    fn apply_due_edits(&mut self) -> Result<(), Report> {
         let Setup { trainer, edits, .. } = &mut self.setup;
         let updates = trainer.counters().updates;
         for edit in edits.iter().filter(|edit| edit.updates == updates) {
@@ -196,9 +196,9 @@ impl Session<'_> {
         let per_group = self.args.eval_tasks as usize;
         let evaluate = move || {
             let tasks = job.tasks(per_group);
-            job.carry_out(&tasks)
+            job.run(&tasks)
         };
-        let Some(evaluation) = aside("evaluation", &self.ending, evaluate)? else { return Ok(None) };
+        let Some(evaluation) = run_interruptibly("evaluation", &self.termination, evaluate)? else { return Ok(None) };
         let trainer = &mut self.setup.trainer;
         if evaluation.is_finite() {
             let updates = trainer.counters().updates;

@@ -21,7 +21,7 @@ mod settings;
 mod update;
 
 pub use data::batch::{Batch, BatchSampler};
-pub use data::replay::{Moment, Replay, ReplayState, Sizes};
+pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub use gdg::{FullGradient, Gdg};
 pub use kernels::{kernel, product};
 pub use learner::{Acting, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, TrainingData};

@@ -10,12 +10,12 @@ use tracing_appender::rolling::{RollingFileAppender, Rotation};
 use crate::cli::LogLevel;
 
 /// Number of days to keep.
-const KEPT: usize = 5;
+const KEPT_DAYS: usize = 5;
 
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
 
 /// Opens today's log file. If that fails, the program continues without a log.
-pub fn begin(level: LogLevel) {
+pub fn start(level: LogLevel) {
     let level = match level {
         LogLevel::Off => return,
         LogLevel::Error => LevelFilter::ERROR,
@@ -31,7 +31,7 @@ pub fn begin(level: LogLevel) {
     }
     let file =
         RollingFileAppender::builder().rotation(Rotation::DAILY).filename_prefix("gdg-tui").filename_suffix("log");
-    let Ok(file) = file.max_log_files(KEPT).build(&folder) else { return };
+    let Ok(file) = file.max_log_files(KEPT_DAYS).build(&folder) else { return };
     let log = tracing_subscriber::fmt().with_max_level(level).with_ansi(false).log_internal_errors(false);
     if log.with_writer(std::sync::Mutex::new(file)).try_init().is_ok() {
         let _ = FOLDER.set(folder);

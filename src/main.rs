@@ -10,7 +10,7 @@ use gdg_tui::cli::{Cli, Command};
 #[cfg(feature = "tui")]
 use gdg_tui::env::Scene;
 use gdg_tui::map::{print_ascii, random};
-use gdg_tui::text::{plain_lines, tell};
+use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
 use gdg_tui::{ablate, bench, facts, faults, headless, logging, report, setup};
 #[cfg(feature = "tui")]
@@ -18,13 +18,13 @@ use gdg_tui::{frames, tui};
 use miette::Report;
 
 /// Exit status of a failure while running.
-const FAILED: u8 = 1;
+const EXIT_FAILURE: u8 = 1;
 
 /// Exit status of bad usage or input.
-const BAD_INPUT: u8 = 2;
+const EXIT_BAD_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
-    faults::watch();
+    faults::install_panic_hook();
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
@@ -36,9 +36,9 @@ fn main() -> ExitCode {
             print(&print_ascii(&random((*kind).into(), size, *seed)))
         }
         Some(Command::Settings) => print(&reference_page()),
-        Some(Command::Ablate(args)) => printed(ablate::run(args), BAD_INPUT),
+        Some(Command::Ablate(args)) => printed(ablate::run(args), EXIT_BAD_INPUT),
         #[cfg(feature = "tui")]
-        Some(Command::Frames(args)) => printed(frames::run(args), BAD_INPUT),
+        Some(Command::Frames(args)) => printed(frames::run(args), EXIT_BAD_INPUT),
         #[cfg(feature = "tui")]
         Some(Command::TerminalGuard) => {
             tui::guard_terminal();
@@ -53,12 +53,12 @@ fn main() -> ExitCode {
             let mut page = Vec::new();
             match clap_mangen::Man::new(Cli::command()).render(&mut page) {
                 Ok(()) => print(&String::from_utf8_lossy(&page)),
-                Err(error) => fail(Report::msg(error), FAILED),
+                Err(error) => fail(Report::msg(error), EXIT_FAILURE),
             }
         }
-        Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), BAD_INPUT),
+        Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), EXIT_BAD_INPUT),
         Some(Command::Bench { json, threads, runs }) => {
-            printed(bench::run(*json, setup::threads(*threads), (*runs).into()), FAILED)
+            printed(bench::run(*json, setup::threads(*threads), (*runs).into()), EXIT_FAILURE)
         }
         None => train(&cli),
     };
@@ -70,46 +70,46 @@ fn train(cli: &Cli) -> u8 {
     if args.print_config {
         return match setup::settings(args) {
             Ok(settings) => print(&print_settings(&settings)),
-            Err(error) => fail(error, BAD_INPUT),
+            Err(error) => fail(error, EXIT_BAD_INPUT),
         };
     }
     #[cfg(feature = "tui")]
     if args.print_config_template {
         return print(&tui::config_template());
     }
-    logging::begin(args.log_level);
+    logging::start(args.log_level);
     let setup = match setup::prepare(args, &Registry::builtin()) {
         Ok(setup) => setup,
-        Err(error) => return fail(error, BAD_INPUT),
+        Err(error) => return fail(error, EXIT_BAD_INPUT),
     };
     #[cfg(feature = "tui")]
     if !args.no_ui && std::io::stdout().is_terminal() {
         if matches!(setup.trainer.world().scene(), Scene::Nothing) {
             let help = "train it with --no-ui";
-            return fail(miette::miette!(help = help, "the interface cannot draw this world"), BAD_INPUT);
+            return fail(miette::miette!(help = help, "the interface cannot draw this world"), EXIT_BAD_INPUT);
         }
         return match tui::prepare(args) {
-            Ok(prepared) => tui::run(setup, prepared, args).unwrap_or_else(|error| fail(error, FAILED)),
-            Err(error) => fail(error, BAD_INPUT),
+            Ok(prepared) => tui::run(setup, prepared, args).unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
+            Err(error) => fail(error, EXIT_BAD_INPUT),
         };
     }
-    headless::run(setup, args).unwrap_or_else(|error| fail(error, FAILED))
+    headless::run(setup, args).unwrap_or_else(|error| fail(error, EXIT_FAILURE))
 }
 
 /// Prints the error in the arguments, or the requested help.
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.to_string();
-    if plain_lines(&text) == text {
+    if sanitized_lines(&text) == text {
         let _ = error.print();
     } else {
         // It quotes an argument that contains terminal control characters.
-        tell(plain_lines(&text).trim_end());
+        eprint_line(sanitized_lines(&text).trim_end());
     }
     ExitCode::from(error.exit_code() as u8)
 }
 
 fn printed(text: Result<String, Report>, status: u8) -> u8 {
-    text.map_or_else(|error| fail(error, status), |text| print(&plain_lines(&text)))
+    text.map_or_else(|error| fail(error, status), |text| print(&sanitized_lines(&text)))
 }
 
 /// Prints to standard output. An early close (`| head`) is not an error.
@@ -118,12 +118,12 @@ fn print(text: &str) -> u8 {
     match std::io::stdout().write_all(text.as_bytes()) {
         Ok(()) => 0,
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => 0,
-        Err(e) => fail(Report::msg(e), FAILED),
+        Err(e) => fail(Report::msg(e), EXIT_FAILURE),
     }
 }
 
 fn fail(error: Report, status: u8) -> u8 {
     tracing::error!("{error}");
-    report::show(error);
+    report::print_error(error);
     status
 }

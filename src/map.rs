@@ -21,5 +21,5 @@ pub use error::{MapError, MapResult};
 pub use grid::{Cell, Grid, MAX_CELLS};
 pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes};
 pub use movingai::print_movingai;
-pub use random::{Kind, RANDOM_SIZES, random};
+pub use random::{RANDOM_SIZES, RandomMapKind, random};
 pub use scenario::{ScenarioTask, parse_scenario};

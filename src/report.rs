@@ -6,53 +6,53 @@ use std::fmt;
 use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents};
 
 use crate::map::MapError;
-use crate::text::{Excerpt, plain_lines, shortened, tell};
+use crate::text::{Excerpt, eprint_line, sanitized_lines, truncated};
 use crate::train::{CheckpointError, ConfigError};
 
 /// Maximum number of characters of a message and of each of its causes.
-const SHOWN: usize = 2000;
+const MAX_MESSAGE_CHARS: usize = 2000;
 
 /// Prints an error to standard error; ignores write errors.
-pub fn show(error: Report) {
-    tell(format!("{:?}", Report::new(Shown::from(error))).trim_end());
+pub fn print_error(error: Report) {
+    eprint_line(format!("{:?}", Report::new(SanitizedError::from(error))).trim_end());
 }
 
 /// An error with a hint and, for a file, an excerpt of the offending part.
 #[derive(Debug, thiserror::Error)]
 #[error("{message}")]
-pub struct Explained {
+pub struct ExplainedError {
     message: String,
     help: String,
-    excerpt: Option<Quoted>,
+    excerpt: Option<QuotedExcerpt>,
 }
 
 /// An excerpt as miette renders it.
 #[derive(Debug)]
-struct Quoted(Excerpt);
+struct QuotedExcerpt(Excerpt);
 
-impl Explained {
+impl ExplainedError {
     /// Creates a report of an error that quotes `excerpt`.
     pub fn report(message: String, help: String, excerpt: Option<Excerpt>) -> Report {
-        Report::new(Self { message, help, excerpt: excerpt.map(Quoted) })
+        Report::new(Self { message, help, excerpt: excerpt.map(QuotedExcerpt) })
     }
 }
 
 /// Turns a map error into a report.
-pub fn of_map(error: Box<MapError>) -> Report {
-    Explained::report(error.to_string(), error.right, error.excerpt)
+pub fn from_map_error(error: Box<MapError>) -> Report {
+    ExplainedError::report(error.to_string(), error.help, error.excerpt)
 }
 
 /// Turns an error in settings into a report.
-pub fn of_config(error: Box<ConfigError>) -> Report {
-    Explained::report(error.to_string(), error.right, error.excerpt)
+pub fn from_config_error(error: Box<ConfigError>) -> Report {
+    ExplainedError::report(error.to_string(), error.help, error.excerpt)
 }
 
 /// Turns an error about a checkpoint into a report.
-pub fn of_checkpoint(error: CheckpointError) -> Report {
-    Explained::report(error.to_string(), error.right, None)
+pub fn from_checkpoint_error(error: CheckpointError) -> Report {
+    ExplainedError::report(error.to_string(), error.help, None)
 }
 
-impl Diagnostic for Explained {
+impl Diagnostic for ExplainedError {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         Some(Box::new(&self.help))
     }
@@ -62,12 +62,12 @@ impl Diagnostic for Explained {
     }
 
     fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
-        let Quoted(excerpt) = self.excerpt.as_ref()?;
+        let QuotedExcerpt(excerpt) = self.excerpt.as_ref()?;
         Some(Box::new(std::iter::once(LabeledSpan::new_with_span(Some("here".to_owned()), excerpt.span))))
     }
 }
 
-impl SourceCode for Quoted {
+impl SourceCode for QuotedExcerpt {
     fn read_span<'a>(
         &'a self,
         span: &SourceSpan,
@@ -86,7 +86,7 @@ impl SourceCode for Quoted {
 
 /// An error whose texts, which may quote external input, are safe to display.
 #[derive(Debug)]
-struct Shown {
+struct SanitizedError {
     message: String,
     help: Option<String>,
     cause: Option<Cause>,
@@ -100,24 +100,24 @@ struct Cause {
     cause: Option<Box<Cause>>,
 }
 
-fn safe(text: &str) -> String {
-    if text.chars().count() > SHOWN { shortened(text, SHOWN) } else { plain_lines(text) }
+fn sanitized_message(text: &str) -> String {
+    if text.chars().count() > MAX_MESSAGE_CHARS { truncated(text, MAX_MESSAGE_CHARS) } else { sanitized_lines(text) }
 }
 
-impl From<Report> for Shown {
+impl From<Report> for SanitizedError {
     fn from(error: Report) -> Self {
-        let causes: Vec<String> = error.chain().skip(1).map(|cause| safe(&cause.to_string())).collect();
+        let causes: Vec<String> = error.chain().skip(1).map(|cause| sanitized_message(&cause.to_string())).collect();
         let chained = |cause: Option<Cause>, message| Some(Cause { message, cause: cause.map(Box::new) });
         Self {
-            message: safe(&error.to_string()),
-            help: error.help().map(|help| safe(&help.to_string())),
+            message: sanitized_message(&error.to_string()),
+            help: error.help().map(|help| sanitized_message(&help.to_string())),
             cause: causes.into_iter().rev().fold(None, chained),
             error,
         }
     }
 }
 
-impl fmt::Display for Shown {
+impl fmt::Display for SanitizedError {
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         f.write_str(&self.message)
     }
@@ -129,7 +129,7 @@ impl fmt::Display for Cause {
     }
 }
 
-impl Error for Shown {
+impl Error for SanitizedError {
     fn source(&self) -> Option<&(dyn Error + 'static)> {
         self.cause.as_ref().map(|cause| cause as &dyn Error)
     }
@@ -141,7 +141,7 @@ impl Error for Cause {
     }
 }
 
-impl Diagnostic for Shown {
+impl Diagnostic for SanitizedError {
     fn help<'a>(&'a self) -> Option<Box<dyn fmt::Display + 'a>> {
         self.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
     }
@@ -165,11 +165,11 @@ mod tests {
     fn errors_show_causes_and_help_without_control_characters() {
         let cause: Result<(), _> = Err(std::io::Error::other("cause\x1b]0;x\x07"));
         let error = cause.into_diagnostic().wrap_err("outer\u{9b}31m").expect_err("an error");
-        let shown = Shown::from(error.wrap_err("file\x1b[2J\nname"));
+        let shown = SanitizedError::from(error.wrap_err("file\x1b[2J\nname"));
         let text = format!("{:?}", Report::new(shown));
         assert!(["file?[2J", "outer¿31m", "cause?]0;x?"].iter().all(|part| text.contains(part)), "{text}");
-        let help = Shown::from(miette::miette!(help = "do\x07 that", "what"));
+        let help = SanitizedError::from(miette::miette!(help = "do\x07 that", "what"));
         assert_eq!(help.help.as_deref(), Some("do? that"));
-        assert!(Shown::from(Report::msg("x".repeat(50_000_000))).message.len() <= SHOWN);
+        assert!(SanitizedError::from(Report::msg("x".repeat(50_000_000))).message.len() <= MAX_MESSAGE_CHARS);
     }
 }

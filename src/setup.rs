@@ -12,7 +12,7 @@ use crate::cli::{EditAt, TrainArgs};
 use crate::env::{Environment, PointMaze, Restart};
 use crate::files;
 use crate::map::{self, Grid, MapError};
-use crate::report::{of_checkpoint, of_config, of_map};
+use crate::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 /// A scheduled change of the world.
@@ -45,7 +45,7 @@ pub struct Setup {
 /// See [`train::settings_from`].
 pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
     let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
-    train::settings_from(args.preset, &overrides).map_err(of_config)
+    train::settings_from(args.preset, &overrides).map_err(from_config_error)
 }
 
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from `registry`.
@@ -57,7 +57,7 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     // Checked before training: otherwise, what was learned might be impossible to save.
     let save = args.save.as_deref().map(|path| save_to(path, args)).transpose()?;
     let Loaded { mut trainer, warning } = if let Some(path) = &args.resume {
-        train::load(path, registry, threads).map_err(of_checkpoint)?
+        train::load(path, registry, threads).map_err(from_checkpoint_error)?
     } else {
         let run = Run { method: args.method.clone(), preset: args.preset, seed: args.seed, settings: settings(args)? };
         let world = open_world(&args.map, &run, registry)?;
@@ -68,8 +68,8 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
         Loaded { trainer: Trainer::new(run, &*world, registry, threads).into_diagnostic()?, warning: None }
     };
     if let Some(path) = &args.scen {
-        let maze = PointMaze::of_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
-        maze.set_scenario(map::load_scenario(path, maze.map()).map_err(of_map)?);
+        let maze = PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
+        maze.set_scenario(map::load_scenario(path, maze.map()).map_err(from_map_error)?);
     }
     let edits = load_edits(args, &trainer)?;
     Ok(Setup { trainer, edits, threads, save, resumed: args.resume.clone(), warning })
@@ -83,8 +83,12 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
     }
     let map = Arc::new(find_map(name)?);
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
-        let what = "has no start S, which restart=start-cell requires";
-        return Err(of_map(MapError::whole(name, what, "mark a start with S, or use restart=anywhere")));
+        let problem = "has no start S, which restart=start-cell requires";
+        return Err(from_map_error(MapError::whole_file(
+            name,
+            problem,
+            "mark a start with S, or use restart=anywhere",
+        )));
     }
     Ok(Box::new(PointMaze::new(map, 0)))
 }
@@ -96,19 +100,19 @@ fn not_a_maze(option: &str) -> Report {
 
 /// Returns how to save to the path of `--save`: another run's file is not replaced.
 fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
-    files::check_target(path).map_err(|error| {
+    files::check_writable(path).map_err(|error| {
         let help = "give --save a file in a writable folder";
         miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
     })?;
     let same =
         |other: &PathBuf| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
     let own = args.overwrite || args.resume.as_ref().is_some_and(same);
-    Ok(if own { SaveTo::Own(path.to_owned()) } else { SaveTo::Fresh(path.to_owned()) })
+    Ok(if own { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
 }
 
 /// Returns the requested number of threads, else the number of cores.
-pub fn threads(asked: Option<u16>) -> usize {
-    asked.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
+pub fn threads(requested: Option<u16>) -> usize {
+    requested.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
 
 /// Loads the built-in map or the file called `name`.
@@ -124,13 +128,13 @@ pub fn find_map(name: &str) -> Result<Grid, Report> {
     if looks_like_a_name {
         let names = map::BUILTIN.map(|(known, _)| known);
         let nearest = names.iter().find(|known| strsim::jaro_winkler(known, name) > 0.8);
-        let right = match nearest {
+        let help = match nearest {
             Some(known) => format!("did you mean {known}? Built-in maps: {}; or give a map file", names.join(", ")),
             None => format!("built-in maps: {}; or give a map file", names.join(", ")),
         };
-        return Err(of_map(MapError::whole(name, "is neither a built-in map nor a file", right)));
+        return Err(from_map_error(MapError::whole_file(name, "is neither a built-in map nor a file", help)));
     }
-    map::load_map(path).map_err(of_map)
+    map::load_map(path).map_err(from_map_error)
 }
 
 /// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their updates.
@@ -138,7 +142,7 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     if args.edit_at.is_empty() {
         return Ok(Vec::new());
     }
-    let maze = PointMaze::of(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
+    let maze = PointMaze::downcast_ref(trainer.world()).ok_or_else(|| not_a_maze("--edit-at"))?;
     let (map, begun) = (maze.map(), trainer.counters().updates);
     let load = |edit: &EditAt| {
         let never = |why: String| miette!("--edit-at {}:{}: {why}", edit.updates, edit.file.display());
@@ -148,13 +152,13 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
         if let Some(most) = args.max_updates.filter(|most| edit.updates > *most) {
             return Err(never(format!("the run ends at update {most}: give that or an earlier one")));
         }
-        let new = map::load_map(&edit.file).map_err(of_map)?;
+        let new = map::load_map(&edit.file).map_err(from_map_error)?;
         if (new.width(), new.height()) != (map.width(), map.height()) {
-            let what = format!("is {} x {} cells", new.width(), new.height());
-            let right = format!("give a map of {} x {}, the size of the run's map", map.width(), map.height());
-            return Err(of_map(MapError::whole(&edit.file.to_string_lossy(), what, right)));
+            let problem = format!("is {} x {} cells", new.width(), new.height());
+            let help = format!("give a map of {} x {}, the size of the run's map", map.width(), map.height());
+            return Err(from_map_error(MapError::whole_file(&edit.file.to_string_lossy(), problem, help)));
         }
-        let new: Box<dyn Environment> = Box::new(maze.on_map(Arc::new(new)));
+        let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })
     };
     args.edit_at.iter().map(load).collect()
@@ -165,7 +169,7 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
 /// # Errors
 /// The file exists.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
-    if overwrite || path.symlink_metadata().is_err() { Ok(()) } else { Err(taken(path)) }
+    if overwrite || path.symlink_metadata().is_err() { Ok(()) } else { Err(already_exists(path)) }
 }
 
 /// Creates a file, or truncates an existing one if it may be replaced.
@@ -175,19 +179,19 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
 pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     let file = if overwrite { File::create(path) } else { File::create_new(path) };
     file.map_err(|error| match error.kind() {
-        ErrorKind::AlreadyExists => taken(path),
+        ErrorKind::AlreadyExists => already_exists(path),
         _ => miette!("{}: cannot be written: {error}", path.display()),
     })
 }
 
-fn taken(path: &Path) -> Report {
+fn already_exists(path: &Path) -> Report {
     miette!(help = "give another name, or --overwrite", "{}: the file already exists", path.display())
 }
 
 /// Saves a run that cannot be saved to `path` elsewhere: to `saves/`, or to the user's state folder.
-pub fn rescue(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
+pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
     let state = ProjectDirs::from("", "", "gdg-tui");
     let state = state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
     let mut folders = [Some(PathBuf::from("saves")), state].into_iter().flatten();
-    folders.find_map(|folder| train::save(trainer, &SaveTo::Fresh(folder.join(path.file_name()?))).ok())
+    folders.find_map(|folder| train::save(trainer, &SaveTo::CreateNew(folder.join(path.file_name()?))).ok())
 }

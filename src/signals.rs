@@ -9,31 +9,32 @@ use signal_hook::iterator::Signals;
 
 /// The termination signal received so far, if any.
 #[derive(Clone, Default)]
-pub struct Ending(Arc<AtomicI32>);
+pub struct TerminationSignal(Arc<AtomicI32>);
 
-impl Ending {
+impl TerminationSignal {
     /// Registers the termination signals SIGINT, SIGTERM and SIGHUP, except those that were ignored at startup (as
-    /// under nohup). On a second signal, runs `give_back` and exits.
+    /// under nohup). On a second signal, runs `restore_terminal` and exits.
     ///
     /// # Errors
     /// Returns the system's error.
-    pub fn listen(give_back: fn()) -> Result<Self, Report> {
-        let ending = Self::default();
-        let ignored = ignored();
-        let mut signals = Signals::new([SIGINT, SIGTERM, SIGHUP].into_iter().filter(|n| ignored >> (n - 1) & 1 == 0))
-            .into_diagnostic()?;
-        let first = ending.0.clone();
+    pub fn listen(restore_terminal: fn()) -> Result<Self, Report> {
+        let termination = Self::default();
+        let ignored_signals = ignored_signals();
+        let mut signals =
+            Signals::new([SIGINT, SIGTERM, SIGHUP].into_iter().filter(|n| ignored_signals >> (n - 1) & 1 == 0))
+                .into_diagnostic()?;
+        let first = termination.0.clone();
         let listen = move || {
             for number in signals.forever() {
                 tracing::info!("signal {number}");
                 if first.swap(number, Ordering::Relaxed) != 0 {
-                    give_back();
+                    restore_terminal();
                     signal_hook::low_level::exit(128 + number);
                 }
             }
         };
         std::thread::Builder::new().name("signals".to_owned()).spawn(listen).into_diagnostic()?;
-        Ok(ending)
+        Ok(termination)
     }
 
     /// Returns the number of the signal received, if any.
@@ -49,7 +50,7 @@ impl Ending {
 
 /// Returns the signals ignored by this process, bit n - 1 for number n. Only Linux exposes this without unsafe code;
 /// elsewhere none count as ignored.
-fn ignored() -> u64 {
+fn ignored_signals() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)

@@ -52,13 +52,13 @@ pub enum StoreError {
     },
     /// Contents contradict each other or the settings, or are out of range.
     #[error("{0}")]
-    Misfit(String),
+    Inconsistent(String),
 }
 
 impl StoreError {
     /// Creates an error about contents that do not fit.
-    pub fn misfit(what: impl Into<String>) -> Self {
-        Self::Misfit(what.into())
+    pub fn inconsistent(message: impl Into<String>) -> Self {
+        Self::Inconsistent(message.into())
     }
 }
 

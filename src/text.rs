@@ -8,7 +8,7 @@ mod excerpt;
 pub use excerpt::{Excerpt, line_and_column};
 
 /// Returns whether a character does anything but display itself.
-fn acts(c: char) -> bool {
+fn is_active(c: char) -> bool {
     // Control characters (C0, DEL, C1), line separators, and characters that change the text direction or are
     // invisible.
     c.is_control()
@@ -20,7 +20,7 @@ fn acts(c: char) -> bool {
 
 /// Returns the replacement for a character that acts on the terminal. It has the same length in bytes, so offsets in
 /// the text stay valid.
-fn stand_in(c: char) -> char {
+fn replacement(c: char) -> char {
     match c.len_utf8() {
         1 => '?',
         2 => '¿',
@@ -30,34 +30,34 @@ fn stand_in(c: char) -> char {
 }
 
 /// Replaces all characters of `text` that act on a terminal, line breaks included. The length in bytes stays the same.
-pub fn plain(text: &str) -> String {
-    text.chars().map(|c| if acts(c) { stand_in(c) } else { c }).collect()
+pub fn sanitized(text: &str) -> String {
+    text.chars().map(|c| if is_active(c) { replacement(c) } else { c }).collect()
 }
 
-/// Like [`plain`], but keeps line breaks.
-pub fn plain_lines(text: &str) -> String {
-    text.chars().map(|c| if acts(c) && c != '\n' { stand_in(c) } else { c }).collect()
+/// Like [`sanitized`], but keeps line breaks.
+pub fn sanitized_lines(text: &str) -> String {
+    text.chars().map(|c| if is_active(c) && c != '\n' { replacement(c) } else { c }).collect()
 }
 
 /// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
-pub fn tell(line: &str) {
+pub fn eprint_line(line: &str) {
     use std::io::Write as _;
     let _ = writeln!(std::io::stderr().lock(), "{line}");
 }
 
-/// Returns the beginning of `text`, made safe by [`plain`], in at most `most` characters.
-pub fn shortened(text: &str, most: usize) -> String {
-    let start: String = text.chars().take(most).collect();
+/// Returns the beginning of `text`, made safe by [`sanitized`], in at most `max_chars` characters.
+pub fn truncated(text: &str, max_chars: usize) -> String {
+    let start: String = text.chars().take(max_chars).collect();
     let cut = start.len() < text.len();
-    let kept = if cut { start.chars().take(most.saturating_sub(3)).collect() } else { start };
-    plain(&kept) + if cut { "..." } else { "" }
+    let kept = if cut { start.chars().take(max_chars.saturating_sub(3)).collect() } else { start };
+    sanitized(&kept) + if cut { "..." } else { "" }
 }
 
 /// Escapes the characters in a line of JSON that act on a terminal but need no escape in JSON itself.
-pub fn json_line(json: &str) -> String {
+pub fn escape_json_line(json: &str) -> String {
     let mut out = String::with_capacity(json.len());
     for c in json.chars() {
-        if acts(c) && !matches!(c, '\n' | '\t' | '\r') {
+        if is_active(c) && !matches!(c, '\n' | '\t' | '\r') {
             let mut units = [0; 2];
             c.encode_utf16(&mut units).iter().for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
         } else {
@@ -69,13 +69,13 @@ pub fn json_line(json: &str) -> String {
 
 /// Turns `name` into a file name for a folder of our choice: its last component, without characters that act on a
 /// terminal, never empty. An external name cannot escape from that folder.
-pub fn file_name(name: &str) -> String {
-    const MOST: usize = 80;
+pub fn safe_file_name(name: &str) -> String {
+    const MAX_CHARS: usize = 80;
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let kept: String =
-        last.chars().filter(|c| !acts(*c) && !matches!(c, ':' | '*' | '?' | '"' | '<' | '>' | '|')).collect();
+        last.chars().filter(|c| !is_active(*c) && !matches!(c, ':' | '*' | '?' | '"' | '<' | '>' | '|')).collect();
     let kept = kept.trim_start_matches(|c: char| c == '.' || c.is_whitespace()).trim_end();
-    let kept: String = kept.chars().take(MOST).collect();
+    let kept: String = kept.chars().take(MAX_CHARS).collect();
     if kept.is_empty() { "unnamed".to_owned() } else { kept }
 }
 
@@ -88,23 +88,23 @@ mod tests {
     #[test]
     fn escapes_are_replaced_byte_for_byte() {
         let evil = "a\x1b[2Jb\u{9b}31m\u{202e}c\u{e0041}\n";
-        let shown = plain(evil);
+        let shown = sanitized(evil);
         assert_eq!(shown.len(), evil.len());
         assert_eq!(shown, "a?[2Jb¿31m\u{fffd}c\u{1f6ab}?");
-        assert!(plain_lines(evil).ends_with('\n'));
-        assert_eq!(plain("maps/größe 7.txt"), "maps/größe 7.txt", "harmless text stays");
+        assert!(sanitized_lines(evil).ends_with('\n'));
+        assert_eq!(sanitized("maps/größe 7.txt"), "maps/größe 7.txt", "harmless text stays");
     }
 
     #[test]
     fn long_text_is_truncated() {
-        assert_eq!(shortened("abc", 5), "abc");
-        assert_eq!(shortened(&"x".repeat(50_000_000), 10), "xxxxxxx...");
+        assert_eq!(truncated("abc", 5), "abc");
+        assert_eq!(truncated(&"x".repeat(50_000_000), 10), "xxxxxxx...");
     }
 
     #[test]
     fn control_characters_in_json_are_escaped() {
         let line = serde_json::to_string("a\u{9b}b\u{1b}\u{e0041}").expect("a string");
-        let safe = json_line(&line);
+        let safe = escape_json_line(&line);
         assert!(safe.is_ascii() && !safe.contains('\x1b'), "{safe}");
         assert_eq!(serde_json::from_str::<String>(&safe).expect("JSON"), "a\u{9b}b\u{1b}\u{e0041}");
     }
@@ -122,16 +122,16 @@ mod tests {
             ("\x1b]0;t\x07", "]0;t"),
             ("fourrooms", "fourrooms"),
         ] {
-            assert_eq!(file_name(name), expected, "{name:?}");
+            assert_eq!(safe_file_name(name), expected, "{name:?}");
         }
     }
 
     proptest! {
         #[test]
         fn plain_text_and_file_names_are_safe(text in any::<String>()) {
-            let shown = plain(&text);
-            prop_assert!(!shown.chars().any(acts) && shown.len() == text.len());
-            let name = file_name(&text);
+            let shown = sanitized(&text);
+            prop_assert!(!shown.chars().any(is_active) && shown.len() == text.len());
+            let name = safe_file_name(&text);
             prop_assert!(!name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\']));
             prop_assert_eq!(std::path::Path::new(&name).components().count(), 1);
         }

@@ -18,19 +18,19 @@ mod settings;
 mod trainer;
 
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, from_bytes, load, resealed, save,
+    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, from_bytes, load, save, with_updated_checksum,
 };
 pub use config::{
     ConfigError, Overrides, list_settings, print_settings, settings_from, settings_from_text, with_setting,
 };
-pub use engine::{Command, Engine, Followed, MakeWorld, Networks, Phase, Snapshot, Step};
+pub use engine::{Command, Engine, FollowedAgent, MakeWorld, Networks, Phase, Snapshot, Step};
 pub use error::TrainError;
-pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, Journey, MarkedTask};
-pub use history::{History, LogEntry, LossPoint, MOST_ENTRIES};
+pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome};
+pub use history::{History, LogEntry, LossPoint, MAX_LOG_ENTRIES};
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use registry::Registry;
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use settings::reference::{Group, SETTINGS, Setting, reference_page};
 pub use settings::{Effect, Settings, TrainSettings, UpdateWhen};
-pub use trainer::{Kept, Recovery, Trainer, WorldChange};
+pub use trainer::{KeptState, Recovery, Trainer, WorldChange};

@@ -19,11 +19,11 @@ mod editor;
 mod export;
 mod keymap;
 mod layers;
+mod layout;
 mod log;
 mod measure;
 mod output;
 mod panes;
-mod places;
 mod raster;
 mod record;
 mod render;
@@ -42,34 +42,36 @@ use futures_util::StreamExt;
 use miette::{IntoDiagnostic, Report};
 
 use crate::cli::TrainArgs;
-use crate::report::Explained;
+use crate::report::ExplainedError;
 use crate::setup::Setup;
-use crate::signals::Ending;
-use crate::text::plain_lines;
+use crate::signals::TerminationSignal;
+use crate::text::sanitized_lines;
 use crate::train::Engine;
 use crate::view::Viewer;
 use app::{App, Files};
 pub use config::{UiConfig, load as load_config, parse as parse_config, template as config_template};
-pub use export::{Paper, png_of};
+pub use export::{PageColours, png_of};
 pub use keymap::Keymap;
-pub use measure::Watched;
+pub use measure::MeasuredInterface;
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
 use terminal::Terminal;
-pub use terminal::watch as guard_terminal;
+pub use terminal::run_guard as guard_terminal;
 
-/// Minimum time between frames: after user input (`ANSWER`), and after any other change (`FRAME`).
-const ANSWER: Duration = Duration::from_millis(16);
-const FRAME: Duration = Duration::from_millis(66);
+/// Minimum time between frames: after user input (`INPUT_FRAME_INTERVAL`), and after any other change
+/// (`FRAME_INTERVAL`).
+const INPUT_FRAME_INTERVAL: Duration = Duration::from_millis(16);
+const FRAME_INTERVAL: Duration = Duration::from_millis(66);
 
 /// Polling interval for signals and expiring notices.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// `FRAME` while training is not running and only the walking agent moves: an idle program should use little CPU.
-const IDLE_FRAME: Duration = Duration::from_millis(130);
+/// `FRAME_INTERVAL` while training is not running and only the walking agent moves: an idle program should use little
+/// CPU.
+const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
 
 /// The configuration and the recording, opened before the interface starts.
-pub struct Prepared {
+pub struct PreparedInterface {
     config: (UiConfig, Keymap),
     recorder: Option<Recorder>,
 }
@@ -78,19 +80,23 @@ pub struct Prepared {
 ///
 /// # Errors
 /// The configuration is invalid, or the recording exists already or cannot be written.
-pub fn prepare(args: &TrainArgs) -> Result<Prepared, Report> {
-    let config =
-        config::load(args.ui_config.as_deref()).map_err(|e| Explained::report(e.to_string(), e.right, e.excerpt))?;
-    let recorder = args.record.as_deref().map(|path| Recorder::begin(path, args.overwrite)).transpose()?;
-    Ok(Prepared { config, recorder })
+pub fn prepare(args: &TrainArgs) -> Result<PreparedInterface, Report> {
+    let config = config::load(args.ui_config.as_deref())
+        .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
+    let recorder = args.record.as_deref().map(|path| Recorder::start(path, args.overwrite)).transpose()?;
+    Ok(PreparedInterface { config, recorder })
 }
 
 /// Runs the trainer and returns the exit status.
 ///
 /// # Errors
 /// Errors of the terminal, of training or of saving.
-pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainArgs) -> Result<u8, Report> {
-    let ending = Ending::listen(terminal::restore)?;
+pub fn run(
+    setup: Setup,
+    PreparedInterface { config, recorder }: PreparedInterface,
+    args: &TrainArgs,
+) -> Result<u8, Report> {
+    let termination = TerminationSignal::listen(terminal::restore)?;
     let Setup { trainer, save, resumed, warning, .. } = setup;
     let engine = Engine::start(trainer, args.limits()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
@@ -100,17 +106,17 @@ pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainAr
     }
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
     let mut terminal = Terminal::enter(recorder).into_diagnostic()?;
-    let draw = || runtime.block_on(event_loop(&mut app, &mut terminal, &ending));
+    let draw = || runtime.block_on(event_loop(&mut app, &mut terminal, &termination));
     let shown = catch_unwind(AssertUnwindSafe(draw));
-    if ending.number().is_some() || !matches!(shown, Ok(Ok(()))) {
+    if termination.number().is_some() || !matches!(shown, Ok(Ok(()))) {
         app.on_signal();
     }
     // First, since writing to a terminal that is gone may block.
     let closed = app.close();
     drop(terminal);
-    let _ = writeln!(std::io::stdout(), "{}", plain_lines(&closed.summary));
+    let _ = writeln!(std::io::stdout(), "{}", sanitized_lines(&closed.summary));
     closed.saved?;
-    if let Some(status) = ending.status() {
+    if let Some(status) = termination.status() {
         return Ok(status);
     }
     match shown {
@@ -120,61 +126,61 @@ pub fn run(setup: Setup, Prepared { config, recorder }: Prepared, args: &TrainAr
 }
 
 /// Handles events and draws frames until the user or a signal ends the loop.
-async fn event_loop(app: &mut App, terminal: &mut Terminal, ending: &Ending) -> std::io::Result<()> {
+async fn event_loop(app: &mut App, terminal: &mut Terminal, termination: &TerminationSignal) -> std::io::Result<()> {
     let mut events = EventStream::new();
     let mut snapshots = app.snapshots();
     let mut views = app.views();
-    let mut pace = Pace { asked: true, ..Pace::default() };
-    let mut stops = Stops::listen()?;
+    let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
+    let mut suspend_signals = SuspendSignals::listen()?;
     let mut cache = render::Cache::default();
-    while !app.is_done() && ending.number().is_none() {
+    while !app.is_done() && termination.number().is_none() {
         tokio::select! {
             event = events.next() => match event {
                 Some(event) => {
                     app.on_event(&event?);
-                    pace.asked = true;
+                    timer.immediate = true;
                 }
                 // End of input: the terminal is gone.
                 None => break,
             },
             Ok(()) = snapshots.changed() => {
                 app.on_snapshot(snapshots.borrow_and_update().clone());
-                pace.changed = true;
+                timer.changed = true;
             }
             Ok(()) = views.changed() => {
                 app.on_view(views.borrow_and_update().clone());
-                pace.changed = true;
+                timer.changed = true;
             }
-            () = stops.next() => app.act(action::Action::Suspend),
-            () = tokio::time::sleep(pace.until_due()) => {}
+            () = suspend_signals.next() => app.act(action::Action::Suspend),
+            () = tokio::time::sleep(timer.until_due()) => {}
         }
-        if app.takes_suspension() {
+        if app.take_suspend_request() {
             terminal.suspend()?;
-            pace.asked = true;
+            timer.immediate = true;
         }
-        if let Some(what) = app.takes_export() {
-            let told = export::write(what, &app.screen);
-            app.notify(&told);
+        if let Some(kind) = app.take_export() {
+            let notice = export::write(kind, &app.screen);
+            app.notify(&notice);
         }
-        pace.changed |= app.on_tick();
-        pace.waits = !app.screen.snapshot.phase.trains();
-        if pace.is_due() {
+        timer.changed |= app.on_tick();
+        timer.idle = !app.screen.snapshot.phase.is_training();
+        if timer.is_due() {
             crate::faults::point("interface");
-            let mut places = None;
-            terminal.draw(|frame| places = Some(render::draw(frame, &app.screen, &mut cache)))?;
-            places.into_iter().for_each(|places| app.drawn(places));
+            let mut layout = None;
+            terminal.draw(|frame| layout = Some(render::draw(frame, &app.screen, &mut cache)))?;
+            layout.into_iter().for_each(|layout| app.drawn(layout));
         }
     }
     Ok(())
 }
 
 /// Requests by other processes to suspend (SIGTSTP).
-struct Stops {
+struct SuspendSignals {
     #[cfg(unix)]
     signals: tokio::signal::unix::Signal,
 }
 
-impl Stops {
+impl SuspendSignals {
     fn listen() -> std::io::Result<Self> {
         Ok(Self {
             #[cfg(unix)]
@@ -196,33 +202,33 @@ impl Stops {
 
 /// Decides when to draw: at once after user input, less often for other changes.
 #[derive(Default)]
-struct Pace {
+struct FrameTimer {
     /// A frame is needed at once, as after user input.
-    asked: bool,
+    immediate: bool,
     /// What is shown has changed.
     changed: bool,
     /// Training is not running.
-    waits: bool,
-    drawn: Option<Instant>,
+    idle: bool,
+    last_drawn: Option<Instant>,
 }
 
-impl Pace {
+impl FrameTimer {
     /// Returns the time until the next frame or poll.
     fn until_due(&self) -> Duration {
-        let rest = match self {
-            Self { asked: true, .. } => ANSWER,
-            Self { changed: true, waits: false, .. } => FRAME,
-            Self { changed: true, waits: true, .. } => IDLE_FRAME,
-            _ => return LOOK_EVERY,
+        let interval = match self {
+            Self { immediate: true, .. } => INPUT_FRAME_INTERVAL,
+            Self { changed: true, idle: false, .. } => FRAME_INTERVAL,
+            Self { changed: true, idle: true, .. } => IDLE_FRAME_INTERVAL,
+            _ => return POLL_INTERVAL,
         };
-        self.drawn.map_or(Duration::ZERO, |at| rest.saturating_sub(at.elapsed()))
+        self.last_drawn.map_or(Duration::ZERO, |at| interval.saturating_sub(at.elapsed()))
     }
 
     /// Returns whether a frame is due; if so, counts it as drawn.
     fn is_due(&mut self) -> bool {
-        let due = (self.asked || self.changed) && self.until_due().is_zero();
+        let due = (self.immediate || self.changed) && self.until_due().is_zero();
         if due {
-            *self = Self { drawn: Some(Instant::now()), ..Self::default() };
+            *self = Self { last_drawn: Some(Instant::now()), ..Self::default() };
         }
         due
     }

@@ -13,23 +13,23 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use tokio::sync::watch;
 
-use crate::bridge::{BridgeGraph, BridgeSettings, Standing, Walker};
+use crate::bridge::{BridgeGraph, BridgeSettings, EdgeStatus, Walker};
 use crate::env::{Environment, MazeScene, PointMaze};
 use crate::learn::Scratch;
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use crate::train::{Engine, Networks, Run, Snapshot};
 pub use field::Field;
 pub use raster::{Ground, Raster};
-pub use walk::{Tour, Walk};
+pub use walk::{OnArrival, Walk};
 
 /// Time between two steps of the walking agent.
-const STEP: Duration = Duration::from_millis(70);
+const STEP_INTERVAL: Duration = Duration::from_millis(70);
 
 /// Minimum interval between recomputations of field and graph, and the pause after each as a multiple of its duration.
 /// They run concurrently with training, but on the same cores, so they pause longer while it runs.
-const RENEW_EVERY: Duration = Duration::from_millis(250);
-const REST_WHILE_TRAINING: u32 = 80;
-const REST_OTHERWISE: u32 = 3;
+const REFRESH_INTERVAL: Duration = Duration::from_millis(250);
+const TRAINING_PAUSE_FACTOR: u32 = 80;
+const IDLE_PAUSE_FACTOR: u32 = 3;
 
 /// A request from the screen.
 #[derive(Clone, Debug)]
@@ -39,7 +39,7 @@ pub enum Request {
     /// Start of the walking agent; `None` for a random one.
     Start(Option<Cell>),
     /// What the walking agent does at the goal.
-    Tour(Tour),
+    OnArrival(OnArrival),
     /// The pixels showing the map, and the positions at which to show the actor's directions.
     Frame(Raster, Arc<Vec<[f32; 2]>>),
     /// The quantity to show by colours.
@@ -60,11 +60,11 @@ pub struct Candidate {
 }
 
 /// An edge between two positions, and its record in practice.
-pub type ShownEdge = ([[f32; 2]; 2], Standing);
+pub type ShownEdge = ([[f32; 2]; 2], EdgeStatus);
 
 /// Information about a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Inspected {
+pub struct CellInfo {
     /// The cell.
     pub cell: Cell,
     /// D from its centre to the goal.
@@ -101,7 +101,7 @@ pub struct View {
     /// Its current walk.
     pub walk: Walk,
     /// Information about the cell under the cursor.
-    pub inspected: Option<Inspected>,
+    pub inspected: Option<CellInfo>,
     /// True steps from the followed exploring agent to its goal, if it is reachable.
     pub followed_steps: Option<u32>,
 }
@@ -126,7 +126,7 @@ impl Viewer {
     }
 
     /// Sends a request. Errors are ignored: the thread ends only with the program.
-    pub fn ask(&self, request: Request) {
+    pub fn request(&self, request: Request) {
         let _ = self.requests.send(request);
     }
 
@@ -154,25 +154,25 @@ struct Worker {
     frame: Option<(Raster, Arc<Vec<[f32; 2]>>)>,
     directions: bool,
     inspect: Option<Cell>,
-    inspects_anew: bool,
-    tour: Tour,
+    inspection_due: bool,
+    on_arrival: OnArrival,
     view: View,
     /// Whether the view has changed since it was published.
     changed: bool,
     resting: u32,
     scratch: Scratch,
-    field: Renewal,
-    graph_age: Renewal,
+    field_timer: RefreshTimer,
+    graph_timer: RefreshTimer,
 }
 
 /// When something was last computed, and how long it took.
 #[derive(Clone, Copy, Default)]
-struct Renewal(Option<(Instant, Duration)>);
+struct RefreshTimer(Option<(Instant, Duration)>);
 
-impl Renewal {
-    /// Whether it may be recomputed, after a pause of `times` its duration.
-    fn is_due(self, times: u32) -> bool {
-        self.0.is_none_or(|(at, took)| at.elapsed() >= RENEW_EVERY.max(took * times))
+impl RefreshTimer {
+    /// Whether it may be recomputed, after a pause of `pause_factor` its duration.
+    fn is_due(self, pause_factor: u32) -> bool {
+        self.0.is_none_or(|(at, took)| at.elapsed() >= REFRESH_INTERVAL.max(took * pause_factor))
     }
 
     /// Records a computation that started at `began`.
@@ -181,7 +181,7 @@ impl Renewal {
     }
 
     /// Makes it due at once.
-    fn ask(&mut self) {
+    fn make_due(&mut self) {
         self.0 = None;
     }
 }
@@ -204,14 +204,14 @@ impl Worker {
             frame: None,
             directions: false,
             inspect: None,
-            inspects_anew: false,
-            tour: Tour::default(),
+            inspection_due: false,
+            on_arrival: OnArrival::default(),
             view: View::default(),
             changed: true,
             resting: 0,
             scratch: Scratch::default(),
-            field: Renewal::default(),
-            graph_age: Renewal::default(),
+            field_timer: RefreshTimer::default(),
+            graph_timer: RefreshTimer::default(),
             world,
             snapshots,
             inbox,
@@ -227,13 +227,13 @@ impl Worker {
         let mut stepped = Instant::now();
         loop {
             crate::faults::point("viewer");
-            let wait = STEP.saturating_sub(stepped.elapsed());
+            let wait = STEP_INTERVAL.saturating_sub(stepped.elapsed());
             match self.inbox.recv_timeout(wait) {
                 Ok(request) => {
-                    self.take(request);
+                    self.handle(request);
                     // Handles all queued requests before computing anything for them.
                     while let Ok(request) = self.inbox.try_recv() {
-                        self.take(request);
+                        self.handle(request);
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {
@@ -242,58 +242,58 @@ impl Worker {
                 }
                 Err(RecvTimeoutError::Disconnected) => return,
             }
-            self.renew();
+            self.refresh();
             if std::mem::take(&mut self.changed) {
                 self.publish.send_replace(Arc::new(self.view.clone()));
             }
         }
     }
 
-    fn take(&mut self, request: Request) {
+    fn handle(&mut self, request: Request) {
         self.changed = true;
         match request {
             Request::Goal(cell, number) => {
                 self.view.goal = (Some(cell), number);
-                self.begin_journey();
-                self.field.ask();
+                self.start_walk();
+                self.field_timer.make_due();
             }
             Request::Start(cell) => {
                 self.restart(cell);
                 if self.view.kind == Field::FromStart {
-                    self.field.ask();
+                    self.field_timer.make_due();
                 }
             }
-            Request::Tour(tour) => self.tour = tour,
+            Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
             Request::Field(kind) => {
                 self.view.kind = kind;
-                self.field.ask();
+                self.field_timer.make_due();
             }
             Request::Frame(raster, arrows) => {
                 self.frame = Some((raster, arrows));
-                self.field.ask();
+                self.field_timer.make_due();
             }
             Request::Directions(shown) => {
                 self.directions = shown;
-                self.field.ask();
+                self.field_timer.make_due();
             }
             Request::Inspect(cell) => {
                 self.inspect = cell;
-                self.inspects_anew = true;
+                self.inspection_due = true;
             }
         }
     }
 
     /// Recomputes graph and field from the latest networks if they are due.
-    fn renew(&mut self) {
+    fn refresh(&mut self) {
         let snapshot = self.snapshots.borrow().clone();
         if !Arc::ptr_eq(&snapshot.run, &self.run) {
             (self.run, self.bridge) = (snapshot.run.clone(), snapshot.run.bridge());
             (self.graph, self.walker) = (None, None);
-            self.graph_age.ask();
+            self.graph_timer.make_due();
         }
         let MazeScene { map, .. } = snapshot.scene.maze();
         if !Arc::ptr_eq(&map, self.world.map()) {
-            self.enter(map);
+            self.change_map(map);
         }
         if let Some(followed) = &snapshot.followed {
             let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
@@ -301,26 +301,26 @@ impl Worker {
             self.changed = true;
         }
         let latest = snapshot.networks.clone();
-        let times = if snapshot.phase.trains() { REST_WHILE_TRAINING } else { REST_OTHERWISE };
-        let renewed = !Arc::ptr_eq(&latest, &self.networks);
-        if self.graph_age.0.is_none() || renewed && self.graph_age.is_due(times) {
+        let pause_factor = if snapshot.phase.is_training() { TRAINING_PAUSE_FACTOR } else { IDLE_PAUSE_FACTOR };
+        let changed_networks = !Arc::ptr_eq(&latest, &self.networks);
+        if self.graph_timer.0.is_none() || changed_networks && self.graph_timer.is_due(pause_factor) {
             self.networks = latest.clone();
-            self.renew_graph();
+            self.refresh_graph();
         }
         let shown = Arc::ptr_eq(&latest, &self.shown);
-        if self.field.0.is_none() || !shown && self.field.is_due(times) {
+        if self.field_timer.0.is_none() || !shown && self.field_timer.is_due(pause_factor) {
             self.shown = latest;
-            self.renew_field(&snapshot);
-            self.inspects_anew = true;
+            self.refresh_field(&snapshot);
+            self.inspection_due = true;
         }
         // Once for all cells that the mouse has passed over in the meantime.
-        if std::mem::take(&mut self.inspects_anew) {
+        if std::mem::take(&mut self.inspection_due) {
             self.inspect_cell();
         }
     }
 
     /// Switches to another map or to an edited version of this one.
-    fn enter(&mut self, map: Arc<Grid>) {
+    fn change_map(&mut self, map: Arc<Grid>) {
         let at = self.position();
         let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
         self.world = PointMaze::new(map, 1);
@@ -329,17 +329,17 @@ impl Worker {
         self.view.trail.clear();
         self.graph = None;
         if same_size {
-            self.world.place(0, &at.map(f64::from));
-            self.begin_journey();
+            self.world.set_full_state(0, &at.map(f64::from));
+            self.start_walk();
         } else {
-            self.view.walk.journeys = (0, 0);
+            self.view.walk.finished_walks = (0, 0);
             self.restart(None);
         }
-        self.graph_age.ask();
-        self.field.ask();
+        self.graph_timer.make_due();
+        self.field_timer.make_due();
     }
 
-    fn renew_graph(&mut self) {
+    fn refresh_graph(&mut self) {
         let began = Instant::now();
         let networks = self.networks.clone();
         let policy = &*networks.policy;
@@ -348,7 +348,7 @@ impl Worker {
             let graph =
                 BridgeGraph::build(self.world.spec(), &self.bridge, &networks.candidates, policy, &mut self.scratch);
             let at = |i: usize| [graph.point(i)[0], graph.point(i)[1]];
-            let edge = |e: &crate::bridge::Edge| ([at(e.from), at(e.to)], e.standing);
+            let edge = |e: &crate::bridge::Edge| ([at(e.from), at(e.to)], e.status);
             self.view.edges = Arc::new(graph.edges().iter().map(edge).collect());
             let mut degrees = vec![0u32; networks.candidates.len()];
             graph.edges().iter().for_each(|e| degrees[e.from] += 1);
@@ -361,7 +361,7 @@ impl Worker {
             }
             self.graph = Some(graph);
         }
-        self.graph_age.done(began);
+        self.graph_timer.done(began);
         self.changed = true;
     }
 
@@ -372,7 +372,7 @@ impl Worker {
     /// Returns the true steps between two cells, if there is a path.
     fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
         let map = self.world.map();
-        let steps = self.search.from(to)[map.index(from)];
+        let steps = self.search.steps_from(to)[map.index(from)];
         (steps != UNREACHABLE).then_some(steps)
     }
 
@@ -389,7 +389,7 @@ impl Worker {
         let learned = shown.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
         let visits = self.snapshots.borrow().scene.maze().visits;
         let visits = visits.get(self.world.map().index(cell)).copied().unwrap_or(0);
-        self.view.inspected = Some(Inspected { cell, learned, truth, visits });
+        self.view.inspected = Some(CellInfo { cell, learned, truth, visits });
     }
 }
 

@@ -16,7 +16,7 @@ use gdg_tui::train::Registry;
 use gdg_tui::{map, train};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
-use support::{Session, checkpoints, headless, outcome, plain, resealed, size, some};
+use support::{Session, checkpoints, headless, isolated_command, non_zero, outcome, size, with_updated_checksum};
 
 /// Returns the number of attempts: `short`, or `long` in the long form.
 fn times(short: usize, long: usize) -> usize {
@@ -86,7 +86,7 @@ fn trained(folder: &Path, name: &str, stops: &[u64]) -> PathBuf {
 /// Returns all tensors of a checkpoint and its trainer state, without the elapsed time.
 fn contents(path: &Path) -> BTreeMap<String, Vec<u8>> {
     let mut all = BTreeMap::new();
-    resealed(&std::fs::read(path).unwrap(), |texts, tensors| {
+    with_updated_checksum(&std::fs::read(path).unwrap(), |texts, tensors| {
         all.extend(tensors.iter().map(|(name, (_, bytes))| (name.clone(), bytes.clone())));
         let mut trainer: serde_json::Value = serde_json::from_str(&texts["trainer"]).unwrap();
         trainer.as_object_mut().unwrap().remove("seconds");
@@ -180,7 +180,7 @@ fn mutated_checkpoints_are_refused_or_can_be_trained() {
         let bytes = if i % 2 == 0 {
             mutated(&good, &mut rng)
         } else {
-            resealed(&good, |texts, tensors| {
+            with_updated_checksum(&good, |texts, tensors| {
                 let name = tensors.keys().nth(rng.random_range(0..tensors.len())).unwrap().clone();
                 if rng.random() {
                     let (dtype, bytes) = tensors.get_mut(&name).unwrap();
@@ -217,7 +217,7 @@ fn mutated_recordings_are_drawn_or_refused() {
     for _ in 0..count {
         std::fs::write(folder.path().join("a.cast"), mutated(cast.as_bytes(), &mut rng)).unwrap();
         let began = Instant::now();
-        let mut command = plain(folder.path());
+        let mut command = isolated_command(folder.path());
         let (status, _, errors) =
             outcome(command.args(["frames", "a.cast", "--at", "0.3", "--out", "out", "--overwrite"]));
         assert!(matches!(status, 0 | 2) && began.elapsed() < Duration::from_secs(10), "{status}: {errors}");
@@ -226,11 +226,11 @@ fn mutated_recordings_are_drawn_or_refused() {
 }
 
 /// Returns all files in a folder and its subfolders, with their contents.
-fn everything(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
+fn files_and_contents(folder: &Path) -> BTreeMap<PathBuf, Vec<u8>> {
     let mut all = BTreeMap::new();
     for entry in std::fs::read_dir(folder).unwrap().map(Result::unwrap) {
         if entry.path().is_dir() {
-            all.extend(everything(&entry.path()));
+            all.extend(files_and_contents(&entry.path()));
         } else {
             all.insert(entry.path(), std::fs::read(entry.path()).unwrap());
         }
@@ -265,14 +265,14 @@ fn random_keys_and_clicks_break_nothing_and_touch_no_other_files() {
         }
         if let Some(status) = session.child.try_wait().unwrap() {
             // Random keys can quit the program, as a user does.
-            assert!(status.exit_code() == 0, "{status:?} after {i} events:\n{}", session.shows());
+            assert!(status.exit_code() == 0, "{status:?} after {i} events:\n{}", session.screen_text());
             session = Session::start(&inside, &["trap"]);
             session.wait_for("training");
         }
     }
     session.signal("TERM");
     assert_eq!(session.end(), 143);
-    let after = everything(outside.path());
+    let after = files_and_contents(outside.path());
     let strangers: Vec<_> = after.keys().filter(|path| !path.starts_with(&inside)).collect();
     assert_eq!(strangers.len(), 2, "nothing new outside its folder: {strangers:?}");
     assert_eq!(std::fs::read(outside.path().join("mine.txt")).unwrap(), before);
@@ -295,12 +295,12 @@ fn the_interface_survives_resize_storms() {
             _ => (rng.random_range(1..300), rng.random_range(1..90)),
         };
         session.master.resize(size(cols, rows)).unwrap();
-        let bounded = |n: u16| some(n.clamp(1, 500));
+        let bounded = |n: u16| non_zero(n.clamp(1, 500));
         session.screen.lock().unwrap().screen_mut().set_size(bounded(rows), bounded(cols));
         std::thread::sleep(Duration::from_millis(rng.random_range(0..40)));
     }
     session.master.resize(size(80, 24)).unwrap();
-    session.screen.lock().unwrap().screen_mut().set_size(some(24), some(80));
+    session.screen.lock().unwrap().screen_mut().set_size(non_zero(24), non_zero(80));
     session.wait_for("updates");
     session.signal("TERM");
     assert_eq!(session.end(), 143);
@@ -333,7 +333,7 @@ fn measured(session: &Session) -> Option<(f64, usize, f64)> {
     let pages = std::fs::read_to_string(format!("{process}/statm")).ok()?;
     let pages: f64 = pages.split(' ').nth(1)?.parse().ok()?;
     let handles = std::fs::read_dir(format!("{process}/fd")).ok()?.count();
-    let shown = session.shows();
+    let shown = session.screen_text();
     let updates = shown.split("updates").nth(1)?.split_whitespace().next()?.to_owned();
     let units = [('k', 1e3), ('M', 1e6)];
     let unit = units.iter().find(|(sign, _)| updates.ends_with(*sign)).map_or(1.0, |(_, unit)| *unit);
@@ -393,7 +393,7 @@ fn fuzzing_seeds_are_read_or_refused() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fuzz/seeds");
     let trap = map::builtin("trap").unwrap();
     let mut count = 0;
-    for (path, bytes) in everything(&folder) {
+    for (path, bytes) in files_and_contents(&folder) {
         let text = String::from_utf8_lossy(&bytes);
         match path.parent().unwrap().file_name().unwrap().to_str().unwrap() {
             "map" => drop(map::parse_map("kept", &bytes)),
@@ -403,7 +403,7 @@ fn fuzzing_seeds_are_read_or_refused() {
                 drop(gdg_tui::tui::parse_config("kept", &text));
             }
             "checkpoint" => {
-                for bytes in [Some(bytes.clone()), train::resealed(&bytes)].into_iter().flatten() {
+                for bytes in [Some(bytes.clone()), train::with_updated_checksum(&bytes)].into_iter().flatten() {
                     if let Ok(mut trainer) = train::from_bytes(&bytes, &Registry::builtin(), 1) {
                         (0..4).for_each(|_| drop(trainer.tick()));
                     }

@@ -76,7 +76,7 @@ fn records_have_the_documented_format() {
 }
 
 /// Returns the records without times, rates and the number of threads.
-fn timeless(mut records: Vec<Value>) -> Vec<Value> {
+fn without_times(mut records: Vec<Value>) -> Vec<Value> {
     for record in &mut records {
         let object = record.as_object_mut().unwrap();
         object.remove("seconds");
@@ -89,8 +89,8 @@ fn timeless(mut records: Vec<Value>) -> Vec<Value> {
 #[test]
 fn the_same_seed_prints_the_same_records_on_any_number_of_threads() {
     let args = ["trap", "--seed", "9", "--max-updates", "1200", "--eval-tasks", "2"];
-    let once = timeless(run(&[&args[..], &["--threads", "1"]].concat()));
-    let again = timeless(run(&[&args[..], &["--threads", "2"]].concat()));
+    let once = without_times(run(&[&args[..], &["--threads", "1"]].concat()));
+    let again = without_times(run(&[&args[..], &["--threads", "2"]].concat()));
     assert_eq!(once, again);
 }
 
@@ -190,7 +190,7 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
     assert_eq!(resumed[0]["updates"], 300);
     assert_eq!(resumed.last().unwrap()["updates"], 500);
     let straight = run(&["trap", "--seed", "2", "--max-updates", "500", "--eval-tasks", "1"]);
-    let evaluation = |all: &[Value]| timeless(all.to_vec()).into_iter().find(|r| r["event"] == "evaluation");
+    let evaluation = |all: &[Value]| without_times(all.to_vec()).into_iter().find(|r| r["event"] == "evaluation");
     assert_eq!(evaluation(&straight), evaluation(&resumed));
     let conflict = gdg().args(["--resume", half, "--seed", "3"]).output().unwrap();
     assert_eq!(conflict.status.code(), Some(2));

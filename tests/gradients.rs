@@ -33,7 +33,7 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         batch.states.extend(state(rng));
         let goal = state(rng);
         batch.goals.extend(spec.achieved(&goal));
-        batch.ahead.extend(state(rng));
+        batch.bootstrap_states.extend(state(rng));
         batch.steps.push(i as f32 % 7.0 * 9.0);
         batch.bootstrap.push((i % 2) as f32);
         batch.bound.push(if i % 5 == 1 { 30.0 } else { f32::INFINITY });

@@ -20,10 +20,10 @@ const LAYERS: [&[&str]; 8] = [
 ];
 
 /// Modules that work with states, goals and actions, and do not depend on maps.
-const WITHOUT_MAPS: [&str; 3] = ["learn", "bridge", "train"];
+const MAP_FREE_MODULES: [&str; 3] = ["learn", "bridge", "train"];
 
 /// Identifiers that only modules with access to maps use.
-const OF_MAPS: [&str; 6] = ["Grid", "Cell", "PointMaze", "MazeScene", "StepSearch", "Diameter"];
+const MAP_TYPES: [&str; 6] = ["Grid", "Cell", "PointMaze", "MazeScene", "StepSearch", "Diameter"];
 
 /// Returns every source file and the top-level module that it belongs to.
 fn sources() -> Vec<(String, PathBuf)> {
@@ -89,11 +89,11 @@ fn modules_depend_only_on_lower_layers() {
 
 #[test]
 fn learner_bridges_and_trainer_do_not_depend_on_maps() {
-    for (module, path) in sources().into_iter().filter(|(module, _)| WITHOUT_MAPS.contains(&module.as_str())) {
+    for (module, path) in sources().into_iter().filter(|(module, _)| MAP_FREE_MODULES.contains(&module.as_str())) {
         let code = code(&path);
         assert!(named(&code).all(|other| other != "map"), "{module}: {} depends on map", path.display());
         let mut words = code.split(|c: char| !c.is_alphanumeric() && c != '_');
-        let found = words.find(|word| OF_MAPS.contains(word));
+        let found = words.find(|word| MAP_TYPES.contains(word));
         assert!(found.is_none(), "{module}: {} mentions {}", path.display(), found.unwrap_or_default());
     }
 }

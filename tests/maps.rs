@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use gdg_tui::env::{EnvSettings, Environment, PointMaze};
 use gdg_tui::map::{
-    self, BUILTIN, Cell, Grid, Kind, ScenarioTask, StepSearch, UNREACHABLE, parse_map, print_ascii, print_movingai,
-    random,
+    self, BUILTIN, Cell, Grid, RandomMapKind, ScenarioTask, StepSearch, UNREACHABLE, parse_map, print_ascii,
+    print_movingai, random,
 };
 use proptest::prelude::*;
 use rand::SeedableRng;
@@ -71,9 +71,9 @@ fn every_invalid_file_gets_the_expected_error() {
             map::load_map(&path).map(|_| ()).expect_err(&name)
         };
         assert!(error.to_string().contains(&name), "the error names the file: {error}");
-        assert!(!error.right.is_empty());
+        assert!(!error.help.is_empty());
         let place = error.at.map_or("whole file".to_owned(), |(line, column)| format!("{line}:{column}"));
-        report += &format!("{name}: {place}: {} [{}]\n", error.what, error.right);
+        report += &format!("{name}: {place}: {} [{}]\n", error.problem, error.help);
     }
     let expected = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps/invalid-errors.txt");
     if std::env::var_os("UPDATE_EXPECTED").is_some() {
@@ -89,9 +89,9 @@ fn every_invalid_file_gets_the_expected_error() {
 #[test]
 fn directories_and_missing_files_are_errors_not_panics() {
     let directory = map::load_map(Path::new(env!("CARGO_MANIFEST_DIR"))).unwrap_err();
-    assert!(directory.what.contains("directory"), "{directory}");
+    assert!(directory.problem.contains("directory"), "{directory}");
     let missing = map::load_map(Path::new("no/such.map")).unwrap_err();
-    assert!(missing.what.contains("cannot be read"), "{missing}");
+    assert!(missing.problem.contains("cannot be read"), "{missing}");
 }
 
 #[test]
@@ -107,7 +107,7 @@ fn an_error_far_to_the_right_shows_only_its_surroundings() {
     row.replace_range(1900..1901, "x");
     let error = parse_map("wide", row.as_bytes()).unwrap_err();
     assert_eq!(error.at, Some((1, 1901)));
-    let shown = format!("{:?}", gdg_tui::report::of_map(error));
+    let shown = format!("{:?}", gdg_tui::report::from_map_error(error));
     assert!(shown.lines().all(|l| l.chars().count() < 120), "{shown}");
     assert!(shown.contains("wide:1:1901"), "{shown}");
 }
@@ -230,17 +230,17 @@ fn the_trap_is_a_local_optimum() {
     let grid = built_in("trap");
     let (start, goal) = (grid.starts()[0], grid.goals()[0]);
     let mut search = StepSearch::new(&grid);
-    let to_goal = search.from(goal)[grid.index(start)];
+    let to_goal = search.steps_from(goal)[grid.index(start)];
     assert!(to_goal > 80 && to_goal != UNREACHABLE, "{to_goal}");
     let straight = |c: Cell| (c.x as f64 - goal.x as f64).hypot(c.y as f64 - goal.y as f64);
     let near: Vec<Cell> = {
-        let steps = search.from(start).to_vec();
+        let steps = search.steps_from(start).to_vec();
         grid.free_cells().filter(|c| steps[grid.index(*c)] <= 10).collect()
     };
     let end = *near.iter().min_by(|a, b| straight(**a).total_cmp(&straight(**b))).unwrap();
     assert!(straight(end) < straight(start));
     // Nothing within ten steps of that cell is nearer either: it is a local optimum, and the start lies in its basin.
-    let around = search.from(end).to_vec();
+    let around = search.steps_from(end).to_vec();
     assert!(grid.free_cells().filter(|c| around[grid.index(*c)] <= 10).all(|c| straight(c) >= straight(end)));
 }
 
@@ -277,7 +277,7 @@ proptest! {
     fn steps_agree_with_a_library_search(grid in grids(12)) {
         let mut search = StepSearch::new(&grid);
         let start = grid.free_cells().next().unwrap();
-        let steps = search.from(start).to_vec();
+        let steps = search.steps_from(start).to_vec();
         for goal in grid.free_cells() {
             let path = pathfinding::directed::bfs::bfs(&start, |c| grid.neighbours(*c).collect::<Vec<_>>(), |c| *c == goal);
             let expected = path.map_or(UNREACHABLE, |p| p.len() as u32 - 1);
@@ -293,7 +293,7 @@ proptest! {
         let within: Vec<Cell> =
             grid.free_cells().filter(|c| components.of_cell[grid.index(*c)] == Some(largest)).collect();
         let farthest = within.iter().flat_map(|a| {
-            search.from(*a).iter().copied().filter(|s| *s != UNREACHABLE).collect::<Vec<_>>()
+            search.steps_from(*a).iter().copied().filter(|s| *s != UNREACHABLE).collect::<Vec<_>>()
         }).max().unwrap();
         let diameter = search.diameter(&grid, usize::MAX);
         prop_assert!(diameter.exact);
@@ -332,12 +332,12 @@ fn agents_slide_along_walls_and_are_moved_out_of_them() {
     let grid = Arc::new(parse_map("wall", b"...\n###\n...\n").unwrap());
     let mut rng = ChaCha8Rng::seed_from_u64(1);
     let mut world = PointMaze::new(grid, 1);
-    world.place(0, &[0.5, 0.5]);
+    world.set_full_state(0, &[0.5, 0.5]);
     world.step(&[1.0, 1.0], &mut rng);
     let at = world.states();
     assert!((at[0] - 1.5).abs() < 1e-3, "it slides to the right: {at:?}");
     assert!(at[1] < 1.0, "the wall holds: {at:?}");
-    world.place(0, &[1.5, 1.4]);
+    world.set_full_state(0, &[1.5, 1.4]);
     assert_eq!(world.states(), [1.5, 0.5]);
 }
 
@@ -352,7 +352,7 @@ fn shared(file: &str) -> Option<PathBuf> {
 
 #[test]
 fn a_printed_map_and_a_scenario_on_it_are_read() {
-    let grid = map::random(Kind::City, None, 3);
+    let grid = map::random(RandomMapKind::City, None, 3);
     let read = parse_map("city.map", map::print_movingai(&grid).as_bytes()).unwrap();
     assert_eq!(read.free(), grid.free());
     let cells: Vec<Cell> = grid.free_cells().step_by(97).collect();
@@ -374,9 +374,9 @@ fn a_scenario_stays_on_an_edited_map_and_not_on_one_of_another_size() {
     maze.set_scenario(vec![task]);
     let tasks = |maze: &PointMaze| maze.tasks(1, &mut ChaCha8Rng::seed_from_u64(1)).tasks;
     assert_eq!(tasks(&maze).len(), 1);
-    let edited = tasks(&maze.on_map(map("....\n.#..\n")));
+    let edited = tasks(&maze.with_map(map("....\n.#..\n")));
     assert_eq!((edited.len(), &edited[0].goal), (1, &vec![3.5, 1.5]));
-    assert!(tasks(&maze.on_map(map("...\n"))).iter().all(|task| task.goal != edited[0].goal));
+    assert!(tasks(&maze.with_map(map("...\n"))).iter().all(|task| task.goal != edited[0].goal));
 }
 
 #[test]
@@ -400,7 +400,7 @@ fn real_maps_and_scenarios_are_read() {
         let tasks = map::load_scenario(&shared(scenario).unwrap(), &grid).unwrap();
         let mut search = StepSearch::new(&grid);
         for task in tasks.iter().step_by(7) {
-            let steps = f64::from(search.from(task.start)[grid.index(task.goal)]);
+            let steps = f64::from(search.steps_from(task.start)[grid.index(task.goal)]);
             // A diagonal counts sqrt 2 in an octile length, and 1 in a step count.
             assert!(steps <= task.optimal_octile + 1e-6 && task.optimal_octile <= steps * 2f64.sqrt() + 1e-6);
         }
@@ -409,7 +409,7 @@ fn real_maps_and_scenarios_are_read() {
 
 #[test]
 fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
-    for (kind, side) in [(Kind::Maze, 44), (Kind::City, 101)] {
+    for (kind, side) in [(RandomMapKind::Maze, 44), (RandomMapKind::City, 101)] {
         let mut shares = Vec::new();
         for seed in 0..20 {
             let grid = random(kind, None, seed);
@@ -427,7 +427,7 @@ fn random_maps_are_connected_and_reproducible_and_differ_by_seed() {
 #[test]
 fn perfect_mazes_have_one_path_between_any_two_cells_and_the_size_asked_for() {
     for (size, rooms) in [(5, 2), (33, 16), (34, 17), (128, 64)] {
-        let grid = random(Kind::Perfect, Some(size), 1);
+        let grid = random(RandomMapKind::Perfect, Some(size), 1);
         assert_eq!((grid.width(), grid.height()), (size, size));
         // A tree on the rooms has one passage less than rooms; more free cells would close a loop.
         assert_eq!(grid.free_count(), 2 * rooms * rooms - 1);
@@ -435,7 +435,7 @@ fn perfect_mazes_have_one_path_between_any_two_cells_and_the_size_asked_for() {
         let on_a_crossing = |cell: &Cell| cell.x % 2 == 0 && cell.y % 2 == 0;
         assert!(!grid.free_cells().any(|cell| on_a_crossing(&cell)), "walls are one cell thick");
     }
-    for (kind, size) in [(Kind::Maze, 23), (Kind::City, 60)] {
+    for (kind, size) in [(RandomMapKind::Maze, 23), (RandomMapKind::City, 60)] {
         assert_eq!(random(kind, Some(size), 1).width(), size);
     }
 }

@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 
 use gdg_tui::train::{self, Registry};
 use serde_json::Value;
-use support::{Session, checkpoints, headless, kill, outcome, plain, resealed};
+use support::{Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum};
 
 /// The environment variable that injects faults.
 const FAULTS: &str = "GDG_TUI_FAULTS";
@@ -41,12 +41,12 @@ fn events(output: &str) -> Vec<Value> {
 }
 
 /// A run in the background whose records can be waited for.
-struct Running {
+struct RunningProgram {
     child: Child,
     out: BufReader<std::process::ChildStdout>,
 }
 
-impl Running {
+impl RunningProgram {
     fn start(command: &mut Command) -> Self {
         let mut child = command.stdin(Stdio::null()).stdout(Stdio::piped()).stderr(Stdio::piped()).spawn().unwrap();
         let out = BufReader::new(child.stdout.take().unwrap());
@@ -62,7 +62,7 @@ impl Running {
     }
 
     /// Sends a signal; returns the exit status and the time until exit.
-    fn ends_by(mut self, signal: &str) -> (i32, Duration) {
+    fn end_with_signal(mut self, signal: &str) -> (i32, Duration) {
         let asked = Instant::now();
         kill(self.child.id(), signal);
         let mut rest = String::new();
@@ -72,7 +72,7 @@ impl Running {
 }
 
 /// "Within a second", with a margin for busy machines.
-const SOON: Duration = Duration::from_secs(4);
+const TIMEOUT: Duration = Duration::from_secs(4);
 
 #[test]
 fn closing_the_terminal_saves_the_run() {
@@ -81,7 +81,7 @@ fn closing_the_terminal_saves_the_run() {
     session.wait_for("training");
     // Runs of less than ten seconds are not saved.
     session.wait_for("elapsed   0:00:12");
-    let mut child = session.hang_up();
+    let mut child = session.close_terminal();
     let began = Instant::now();
     let status = loop {
         if let Some(status) = child.try_wait().unwrap() {
@@ -163,10 +163,12 @@ fn divergence_is_shown_in_the_interface_and_the_program_stays_usable() {
 fn headless_runs_save_periodically() {
     let folder = folder();
     let path = folder.path().join("often.safetensors");
-    let mut run =
-        Running::start(&mut headless(folder.path(), &["trap", "--save", "often.safetensors", "--save-every", "0.002"]));
+    let mut run = RunningProgram::start(&mut headless(
+        folder.path(),
+        &["trap", "--save", "often.safetensors", "--save-every", "0.002"],
+    ));
     (0..3).for_each(|_| run.wait_for("saved"));
-    let (status, _) = run.ends_by("KILL");
+    let (status, _) = run.end_with_signal("KILL");
     assert_eq!(status, -1);
     assert!(assert_loads(&path) > 0, "the periodic checkpoint exists");
 }
@@ -177,7 +179,7 @@ fn a_file_replaced_by_another_program_is_left_alone() {
     let other = std::fs::read(checkpoint(folder.path())).unwrap();
     let path = folder.path().join("mine.safetensors");
     let args = ["trap", "--save", "mine.safetensors", "--save-every", "0.01"];
-    let mut run = Running::start(&mut headless(folder.path(), &args));
+    let mut run = RunningProgram::start(&mut headless(folder.path(), &args));
     run.wait_for("saved");
     std::fs::write(folder.path().join("new"), &other).unwrap();
     std::fs::rename(folder.path().join("new"), &path).unwrap();
@@ -187,7 +189,7 @@ fn a_file_replaced_by_another_program_is_left_alone() {
         assert!(began.elapsed() < Duration::from_mins(1), "no new file is written");
         std::thread::sleep(Duration::from_millis(20));
     }
-    assert_eq!(run.ends_by("TERM").0, 143);
+    assert_eq!(run.end_with_signal("TERM").0, 143);
     assert!(std::fs::read(&path).unwrap() == other && assert_loads(&own) > 0);
     assert_eq!(checkpoints(folder.path()).len(), 3, "and keeps to that");
 }
@@ -205,12 +207,12 @@ fn a_failed_periodic_save_does_not_end_the_run() {
 #[test]
 fn a_run_that_cannot_be_saved_to_its_path_is_saved_elsewhere() {
     let folder = folder();
-    let mut run = Running::start(&mut headless(folder.path(), &["trap", "--save", "sub/a.safetensors"]));
+    let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "sub/a.safetensors"]));
     run.wait_for("progress");
     // Replace the folder with a file.
     std::fs::remove_dir_all(folder.path().join("sub")).unwrap();
     std::fs::write(folder.path().join("sub"), b"").unwrap();
-    assert_eq!(run.ends_by("TERM").0, 1);
+    assert_eq!(run.end_with_signal("TERM").0, 1);
     assert!(assert_loads(&folder.path().join("saves/a.safetensors")) >= 1000);
 }
 
@@ -231,23 +233,23 @@ fn an_unwritable_path_is_refused_before_training() {
 fn signals_interrupt_an_evaluation_and_the_run_is_saved_before_it() {
     let folder = folder();
     let args = ["trap", "--max-updates", "50", "--save", "kept.safetensors"];
-    let mut run = Running::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
+    let mut run = RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "evaluation=delay:60000"));
     run.wait_for("saved");
     assert_eq!(assert_loads(&folder.path().join("kept.safetensors")), 50);
-    let (status, took) = run.ends_by("TERM");
-    assert!(status == 143 && took < SOON, "{status} after {took:?}");
+    let (status, took) = run.end_with_signal("TERM");
+    assert!(status == 143 && took < TIMEOUT, "{status} after {took:?}");
 }
 
 #[test]
 fn a_second_signal_exits_immediately() {
     let folder = folder();
-    let mut run = Running::start(headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"));
+    let mut run = RunningProgram::start(headless(folder.path(), &["trap"]).env(FAULTS, "trainer=delay:60000@30"));
     run.wait_for("start");
     std::thread::sleep(Duration::from_millis(300));
     kill(run.child.id(), "INT");
     std::thread::sleep(Duration::from_millis(300));
-    let (status, took) = run.ends_by("INT");
-    assert!(status == 130 && took < SOON, "{status} after {took:?}");
+    let (status, took) = run.end_with_signal("INT");
+    assert!(status == 130 && took < TIMEOUT, "{status} after {took:?}");
 }
 
 #[cfg(target_os = "linux")]
@@ -258,11 +260,11 @@ fn ignored_signals_stay_ignored() {
     let mut shell = Command::new("sh");
     shell.args(["-c", "trap '' HUP; exec \"$0\" \"$@\""]).arg(program.get_program()).args(program.get_args());
     shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
-    let mut run = Running::start(&mut shell);
+    let mut run = RunningProgram::start(&mut shell);
     run.wait_for("start");
     kill(run.child.id(), "HUP");
     run.wait_for("progress");
-    assert_eq!(run.ends_by("TERM").0, 143);
+    assert_eq!(run.end_with_signal("TERM").0, 143);
 }
 
 /// Waits for the message about an internal error, saves and quits, and checks what is left.
@@ -312,8 +314,8 @@ fn a_panic_in_the_interface_restores_the_terminal_and_saves_the_run() {
     let args = ["trap", "--save", "kept.safetensors"];
     let mut session = Session::start_with(folder.path(), &args, &[(FAULTS, "interface=panic@25")]);
     assert_eq!(session.status(), 1);
-    session.assert_given_back();
-    assert!(session.shows().contains("internal error"), "{}", session.shows());
+    session.assert_terminal_restored();
+    assert!(session.screen_text().contains("internal error"), "{}", session.screen_text());
     assert_loads(&folder.path().join("kept.safetensors"));
 }
 
@@ -364,7 +366,7 @@ fn killing_or_aborting_the_program_restores_the_terminal() {
             assert!(began.elapsed() < Duration::from_secs(10), "the cursor does not come back after {signal}");
             std::thread::sleep(Duration::from_millis(10));
         }
-        session.assert_given_back();
+        session.assert_terminal_restored();
         let modes = session.master.get_termios().unwrap();
         assert!(format!("{:?}", modes.local_flags).contains("ECHO |"), "the terminal echoes again");
     }
@@ -375,7 +377,7 @@ fn settings_that_exceed_the_memory_are_refused_with_the_amount_needed() {
     let folder = folder();
     let limited = |args: &[&str]| {
         let mut shell = Command::new("sh");
-        let program = plain(folder.path());
+        let program = isolated_command(folder.path());
         shell.args(["-c", "ulimit -v 2000000; exec \"$0\" \"$@\""]).arg(program.get_program()).args(args);
         shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
         outcome(shell.current_dir(folder.path()))
@@ -437,7 +439,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
     let good = std::fs::read(&path).unwrap();
     std::fs::write(
         &path,
-        resealed(&good, |texts, _| {
+        with_updated_checksum(&good, |texts, _| {
             let evil = |name: &str| (name.to_owned(), "../../evil/\x1b[2Jx".to_owned());
             texts.extend([evil("map_name"), evil("title")]);
         }),
@@ -460,7 +462,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
         ("replay.episode", None, "out of range"),
         ("critic0.table_last", None, "in the future"),
     ] {
-        let bytes = resealed(&good, |_, tensors| {
+        let bytes = with_updated_checksum(&good, |_, tensors| {
             let (_, bytes) = tensors.get_mut(tensor).unwrap();
             match number {
                 Some(number) => bytes[..4].copy_from_slice(&number.to_le_bytes()),
@@ -480,7 +482,7 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
         ("run", "\"hidden\":16", "\"hidden\":0"),
         ("history", "\"every\":50", "\"every\":0"),
     ] {
-        let bytes = resealed(&good, |texts, _| {
+        let bytes = with_updated_checksum(&good, |texts, _| {
             let changed = texts[text].replacen(from, to, 1);
             assert_ne!(changed, texts[text], "{from}");
             texts.insert(text.to_owned(), changed);
@@ -496,13 +498,13 @@ fn a_checkpoints_names_and_numbers_are_not_trusted() {
 fn old_checkpoints_load_and_newer_ones_are_refused_with_their_version() {
     let folder = folder();
     let good = std::fs::read(checkpoint(folder.path())).unwrap();
-    let former = resealed(&good, |texts, _| {
+    let former = with_updated_checksum(&good, |texts, _| {
         texts.insert("format".to_owned(), "gdg-tui checkpoint 1".to_owned());
         texts.remove("history").unwrap();
     });
     let trainer = train::from_bytes(&former, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}"));
     assert!(trainer.counters().updates == 350 && trainer.history().points().is_empty());
-    let later = resealed(&good, |texts, _| {
+    let later = with_updated_checksum(&good, |texts, _| {
         texts.insert("format".to_owned(), "gdg-tui checkpoint 9".to_owned());
         texts.insert("version".to_owned(), "7.1.0".to_owned());
     });
@@ -525,9 +527,9 @@ fn special_files_are_refused_without_blocking() {
             &["frames", file, "--at", "1"],
         ] {
             let began = Instant::now();
-            let (status, _, errors) = outcome(plain(folder.path()).args(args));
+            let (status, _, errors) = outcome(isolated_command(folder.path()).args(args));
             assert_eq!(status, 2, "{args:?}: {errors}");
-            assert!(errors.contains("not a regular file") && began.elapsed() < SOON, "{args:?}: {errors}");
+            assert!(errors.contains("not a regular file") && began.elapsed() < TIMEOUT, "{args:?}: {errors}");
         }
     }
     std::fs::create_dir(folder.path().join("saves")).unwrap();
@@ -575,7 +577,7 @@ fn external_text_cannot_control_the_terminal() {
         &["check", "good\u{9b}31m.txt"],
         &["--no-ui", "good\u{9b}31m.txt", "--max-updates", "2", "--eval-tasks", "1", "--set", "hidden=8"],
     ] {
-        let (_, output, errors) = outcome(plain(folder.path()).args(args));
+        let (_, output, errors) = outcome(isolated_command(folder.path()).args(args));
         let acts = |c: char| c != '\n' && (c.is_control() || c == '\u{202e}');
         assert!(!output.is_empty() || !errors.is_empty());
         assert!(!output.contains(acts) && !errors.contains(acts), "{args:?}: {output:?} {errors:?}");
@@ -588,7 +590,7 @@ fn errors_about_huge_lines_are_short() {
     let line = "x".repeat(50_000_000);
     for text in [format!("{{\"{line}\": 1}}"), format!("{{\"tau\": \"{line}\"}}"), format!("{{\"tau\": {line}}}")] {
         std::fs::write(folder.path().join("long.json"), text).unwrap();
-        let (status, _, errors) = outcome(plain(folder.path()).args(["--no-ui", "--config", "long.json"]));
+        let (status, _, errors) = outcome(isolated_command(folder.path()).args(["--no-ui", "--config", "long.json"]));
         assert_eq!(status, 2);
         assert!(errors.len() < 5_000, "{} bytes of error", errors.len());
     }
@@ -599,7 +601,7 @@ fn a_full_standard_error_does_not_change_the_exit_status() {
     let folder = folder();
     let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
     for (args, expected) in [(&["--no-ui", "nomap"][..], 2), (&["--nonsense"], 2), (&["check", "nomap"], 2)] {
-        let status = plain(folder.path()).args(args).stderr(full()).stdout(Stdio::null()).status().unwrap();
+        let status = isolated_command(folder.path()).args(args).stderr(full()).stdout(Stdio::null()).status().unwrap();
         assert_eq!(status.code(), Some(expected), "{args:?}");
     }
     let args = ["trap", "--max-updates", "30", "--eval-tasks", "1", "--save", "kept.safetensors"];

@@ -74,7 +74,7 @@ fn any_learner_and_planner_combine_and_resume_bitwise() {
         train_to(&mut straight, 700);
         let mut first = trainer(method);
         train_to(&mut first, 450);
-        train::save(&first, &SaveTo::Own(path.clone())).unwrap();
+        train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
         let mut resumed = train::load(&path, &registry(), 1).unwrap().trainer;
         assert_eq!(state(&first), state(&resumed), "{method}");
         train_to(&mut resumed, 700);
@@ -88,7 +88,7 @@ fn any_learner_and_planner_combine_and_resume_bitwise() {
 fn a_checkpoint_of_an_unknown_world_or_learner_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("own");
-    train::save(&trainer("table+none"), &SaveTo::Own(path.clone())).unwrap();
+    train::save(&trainer("table+none"), &SaveTo::Replace(path.clone())).unwrap();
     let error = train::load(&path, &train::Registry::builtin(), 1).err().unwrap().to_string();
     assert!(error.contains("\"bead\""), "{error}");
     let bead = train::Registry::builtin().with_world(registry().worlds()[0]);

@@ -7,7 +7,7 @@ mod support;
 use std::time::Duration;
 
 use portable_pty::{CommandBuilder, native_pty_system};
-use support::{Session, size, some};
+use support::{Session, non_zero, size};
 
 #[test]
 fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {
@@ -138,7 +138,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
         String::from_utf8(output.stdout).unwrap()
     };
     let cast = std::fs::read_to_string(folder.path().join("run.cast")).unwrap();
-    let mut screen = vt100::Parser::new(some(24), some(80), 0);
+    let mut screen = vt100::Parser::new(non_zero(24), non_zero(80), 0);
     let (mut seen, mut end) = (false, 0.0);
     for line in cast.lines().skip(1) {
         let (seconds, kind, text): (f64, String, String) = serde_json::from_str(line).unwrap();
@@ -194,7 +194,7 @@ fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     session.wait_for("quit");
     for (cols, rows) in [(1, 1), (200, 60), (3, 2), (40, 10), (1, 50), (80, 24)] {
         session.master.resize(size(cols, rows)).unwrap();
-        session.screen.lock().unwrap().screen_mut().set_size(some(rows), some(cols));
+        session.screen.lock().unwrap().screen_mut().set_size(non_zero(rows), non_zero(cols));
         std::thread::sleep(Duration::from_millis(40));
     }
     session.press("\x1b[200~");
@@ -249,7 +249,7 @@ fn check_shows_a_spinner_on_a_terminal() {
     assert!(child.wait().unwrap().success());
     let shown = String::from_utf8_lossy(&shown);
     assert!(shown.contains("measuring the map"), "{shown}");
-    let mut screen = vt100::Parser::new(some(24), some(80), 0);
+    let mut screen = vt100::Parser::new(non_zero(24), non_zero(80), 0);
     screen.process(shown.as_bytes());
     let left = screen.screen().contents();
     assert!(left.starts_with("map:        large") && !left.contains("measuring"), "{left}");

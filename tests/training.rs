@@ -43,12 +43,12 @@ fn trainer(settings: Settings, seed: u64, threads: usize) -> Trainer {
 }
 
 fn map_of(trainer: &Trainer) -> &Arc<Grid> {
-    PointMaze::of(trainer.world()).unwrap().map()
+    PointMaze::downcast_ref(trainer.world()).unwrap().map()
 }
 
 /// Switches to the same maze on another map.
 fn change_map(trainer: &mut Trainer, map: &Arc<Grid>) -> Result<train::WorldChange, train::TrainError> {
-    let maze = PointMaze::of(trainer.world()).unwrap().on_map(map.clone());
+    let maze = PointMaze::downcast_ref(trainer.world()).unwrap().with_map(map.clone());
     trainer.change_world(&maze)
 }
 
@@ -59,7 +59,7 @@ fn train_to(trainer: &mut Trainer, updates: u64) {
 }
 
 /// Returns all state of a run as bits, except for the elapsed time.
-fn everything(trainer: &Trainer) -> Vec<(String, Vec<u64>)> {
+fn full_state(trainer: &Trainer) -> Vec<(String, Vec<u64>)> {
     let store = trainer.save().unwrap();
     let bits = |array: &Array| -> Vec<u64> {
         match array {
@@ -84,7 +84,7 @@ fn without_time(state: &str) -> String {
 }
 
 fn assert_same(a: &Trainer, b: &Trainer) {
-    let (a, b) = (everything(a), everything(b));
+    let (a, b) = (full_state(a), full_state(b));
     assert_eq!(a.len(), b.len());
     for ((name, a), (_, b)) in a.iter().zip(&b) {
         assert!(a == b, "{name} differs");
@@ -96,7 +96,7 @@ fn the_same_seed_gives_the_same_run_and_another_seed_a_different_one() {
     let mut runs = [trainer(settings(), 1, 1), trainer(settings(), 1, 1), trainer(settings(), 2, 1)];
     runs.iter_mut().for_each(|run| train_to(run, 450));
     assert_same(&runs[0], &runs[1]);
-    assert!(everything(&runs[0]) != everything(&runs[2]));
+    assert!(full_state(&runs[0]) != full_state(&runs[2]));
 }
 
 #[test]
@@ -128,7 +128,7 @@ fn a_resumed_run_continues_bitwise() {
     let mut first = trainer(settings(), 5, 1);
     // Stop mid-cycle: between one due update and the next.
     train_to(&mut first, 333);
-    train::save(&first, &SaveTo::Own(path.clone())).unwrap();
+    train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
     let mut resumed = train::load(&path, &Registry::builtin(), 2).unwrap().trainer;
     assert_same(&first, &resumed);
     assert_eq!(map_of(&resumed), map_of(&straight));
@@ -144,7 +144,7 @@ fn a_checkpoint_is_described_without_being_loaded() {
     train_to(&mut run, 120);
     let evaluation = run.evaluate(&run.tasks(2)).unwrap();
     run.history_mut().add_evaluation(100, evaluation.clone());
-    train::save(&run, &SaveTo::Own(path.clone())).unwrap();
+    train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
     let found = train::describe(&path).unwrap();
     assert_eq!((found.updates, found.success, &found.run), (120, Some(evaluation.success(100)), run.run()));
     assert_eq!(found.title, map_of(&run).name());
@@ -221,7 +221,7 @@ fn a_run_with_a_full_replay_resumes_bitwise() {
     assert_eq!(straight.replay().len(), straight.replay().capacity(), "the replay is full");
     let mut first = trainer(small, 6, 1);
     train_to(&mut first, 400);
-    train::save(&first, &SaveTo::Own(path.clone())).unwrap();
+    train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
     let mut resumed = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
     assert_same(&first, &resumed);
     train_to(&mut resumed, 500);
@@ -239,7 +239,7 @@ fn files_that_are_not_checkpoints_are_refused() {
     let whole = folder.path().join("whole.safetensors");
     let mut run = trainer(settings(), 7, 1);
     train_to(&mut run, 10);
-    train::save(&run, &SaveTo::Own(whole.clone())).unwrap();
+    train::save(&run, &SaveTo::Replace(whole.clone())).unwrap();
     let bytes = std::fs::read(&whole).unwrap();
     let text = |path: &Path| train::load(path, &Registry::builtin(), 1).err().expect("an error").to_string();
     assert!(text(&folder.path().join("missing")).contains("cannot be read"));
@@ -404,7 +404,7 @@ fn a_run_on_an_edited_map_resumes_on_that_map() {
     train_to(&mut run, 450);
     change_map(&mut run, &map).unwrap();
     train_to(&mut run, 500);
-    train::save(&run, &SaveTo::Own(path.clone())).unwrap();
+    train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
     let mut resumed = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
     assert_eq!(map_of(&resumed), &map);
     assert_same(&run, &resumed);

@@ -2,11 +2,11 @@
 //! loads.
 #![no_main]
 
-use gdg_tui::train::{Registry, from_bytes, resealed};
+use gdg_tui::train::{Registry, from_bytes, with_updated_checksum};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {
-    let whole = resealed(bytes);
+    let whole = with_updated_checksum(bytes);
     if let Ok(mut trainer) = from_bytes(whole.as_deref().unwrap_or(bytes), &Registry::builtin(), 1) {
         (0..4).for_each(|_| drop(trainer.tick()));
     }

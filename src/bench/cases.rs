@@ -5,8 +5,8 @@ use std::sync::Arc;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use super::plain::Plain;
-use super::{DefaultTimes, PhaseTimes, Timed, UpdateTimes, median, time_us};
+use super::baseline::Baseline;
+use super::{DefaultTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us};
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use crate::env::{Environment, PointMaze};
 use crate::learn::{Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
@@ -14,17 +14,17 @@ use crate::map::{Grid, builtin};
 use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 
 /// Updates per turn.
-const UPDATES: usize = 20;
+const UPDATES_PER_TURN: usize = 20;
 
 /// Side length of the open map for fields and plans, in cells.
-pub const OPEN: usize = 256;
+pub const OPEN_MAP_SIDE: usize = 256;
 
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(1)
 }
 
 fn open_map() -> Arc<Grid> {
-    Arc::new(Grid::new("open", OPEN, vec![true; OPEN * OPEN], Vec::new(), Vec::new()))
+    Arc::new(Grid::new("open", OPEN_MAP_SIDE, vec![true; OPEN_MAP_SIDE * OPEN_MAP_SIDE], Vec::new(), Vec::new()))
 }
 
 /// Returns random pairs and transitions on a 100 x 100 map.
@@ -37,7 +37,7 @@ fn batch(rows: usize) -> Batch {
     Batch {
         states: numbers(1.0, 99.0),
         goals: numbers(1.0, 99.0),
-        ahead: numbers(1.0, 99.0),
+        bootstrap_states: numbers(1.0, 99.0),
         steps: vec![1.0; rows],
         bootstrap: vec![1.0; rows],
         bound: vec![f32::INFINITY; rows],
@@ -71,15 +71,15 @@ pub fn updates(
     let world = PointMaze::new(Arc::new(Grid::new("100", 100, vec![true; 10_000], Vec::new(), Vec::new())), 1);
     let mut fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
     let mut together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
-    let mut plain = Plain::new(&settings)?;
+    let mut plain = Baseline::new(&settings)?;
     let batch = batch(rows);
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
     let (mut failure, mut profile) = (Ok(()), Profile::default());
     // The first turn is a warm-up.
     for turn in 0..=runs {
         let mut repeat = |update: &mut dyn FnMut() -> candle_core::Result<()>| {
-            let took = time_us(|| (0..UPDATES).for_each(|_| failure = update()));
-            took / UPDATES as f64
+            let took = time_us(|| (0..UPDATES_PER_TURN).for_each(|_| failure = update()));
+            took / UPDATES_PER_TURN as f64
         };
         let times = (
             repeat(&mut || plain.update(&batch)),
@@ -111,7 +111,7 @@ pub fn updates(
 
 /// Measures training on the four rooms with the default preset.
 pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, TrainError> {
-    const UPDATES_A_TURN: u64 = 500;
+    const UPDATES_PER_TURN: u64 = 500;
     let Some(map) = builtin("fourrooms").map(Arc::new) else { unreachable!("it is built in") };
     let trainer = |threads| {
         let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
@@ -122,11 +122,11 @@ pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, T
     for turn in 0..=runs {
         for (trainer, rates) in trainers.iter_mut().zip(&mut rates) {
             let (seconds, mut updates) = (trainer.seconds(), 0);
-            while updates < UPDATES_A_TURN {
+            while updates < UPDATES_PER_TURN {
                 updates += u64::from(trainer.tick()? == Tick::Update);
             }
             if turn > 0 {
-                rates.push(UPDATES_A_TURN as f64 / (trainer.seconds() - seconds));
+                rates.push(UPDATES_PER_TURN as f64 / (trainer.seconds() - seconds));
             }
         }
     }
@@ -139,7 +139,7 @@ pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, T
 }
 
 /// Measures acting, the field of a whole map, planning, and environment steps.
-pub fn other() -> Result<Vec<Timed>, TrainError> {
+pub fn other() -> Result<Vec<TimedOperation>, TrainError> {
     let map = open_map();
     let mut world = PointMaze::new(map.clone(), 32);
     let mut rng = rng();
@@ -149,7 +149,7 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
     let mut scratch = Scratch::default();
     let timed = |what, runs: usize, work: &mut dyn FnMut()| {
         work();
-        Timed { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
+        TimedOperation { what, us: median((0..runs).map(|_| time_us(&mut *work)).collect()), runs }
     };
     let (states, goals) = (world.states().to_vec(), world.states().iter().rev().copied().collect::<Vec<f32>>());
     let mut actions = vec![0.0; 64];
@@ -162,7 +162,7 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
         policy.distances(&cells, &one_goal, &mut field, &mut scratch);
     }));
     for (candidates, what) in [(500, "planning query, 500 candidates"), (1500, "planning query, 1500 candidates")] {
-        let (candidates, settings) = explored(&map, candidates);
+        let (candidates, settings) = explored_candidates(&map, candidates);
         let graph = BridgeGraph::build(world.spec(), &settings, &candidates.frozen(), &*policy, &mut scratch);
         all.push(timed(what, 50, &mut || {
             let mut walker = Walker::new(graph.route(&[40.5, 200.5], &*policy, &mut scratch));
@@ -170,7 +170,7 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
         }));
     }
     // Asking for 500 candidates yields three times as many on this map.
-    let (candidates, _) = explored(&map, 500);
+    let (candidates, _) = explored_candidates(&map, 500);
     all.push(timed("blocking training to build a graph of 1500 candidates", 20, &mut || {
         std::hint::black_box((learner.policy(true).is_ok(), candidates.frozen()));
     }));
@@ -179,7 +179,7 @@ pub fn other() -> Result<Vec<Timed>, TrainError> {
 }
 
 /// Collects about `candidates` candidates from random walks on the open map.
-fn explored(map: &Arc<Grid>, candidates: usize) -> (Candidates, BridgeSettings) {
+fn explored_candidates(map: &Arc<Grid>, candidates: usize) -> (Candidates, BridgeSettings) {
     let mut rng = rng();
     let mut world = PointMaze::new(map.clone(), 32);
     let settings = BridgeSettings { candidates, ..BridgeSettings::default() };

@@ -30,10 +30,10 @@ const MAX_SPACING_SHARE: f32 = 0.45;
 pub struct Candidates {
     spec: Spec,
     /// Target number of candidates, and the hard limit.
-    wanted: usize,
-    most: usize,
+    target_count: usize,
+    max_count: usize,
     /// Once the spacing exceeds this, the number of candidates may exceed the target.
-    widest: f32,
+    max_target_spacing: f32,
     window: usize,
     spacing: f32,
     /// `(candidates, state_dim)`.
@@ -45,7 +45,7 @@ pub struct Candidates {
     /// The next candidate's id.
     next_id: u32,
     /// Observed paths from each candidate. Frozen copies share the rows that have not changed since.
-    ways: Vec<Arc<Ways>>,
+    paths: Vec<Arc<KnownPaths>>,
     /// Each agent's recent visits: step within the episode, candidate.
     visits: Vec<VecDeque<(u32, u32)>>,
     /// Steps in each agent's episode so far.
@@ -54,14 +54,14 @@ pub struct Candidates {
 
 /// Observed paths from one candidate to others. Sparse, as recorded paths are short.
 #[derive(Clone, Debug, Default, PartialEq)]
-struct Ways {
+struct KnownPaths {
     /// Index of another candidate and the fewest steps to it, sorted by index.
     observed: Vec<(u32, u16)>,
     /// Outcomes of walks to another candidate, by its id.
     practice: BTreeMap<u32, WalkRecord>,
 }
 
-impl Ways {
+impl KnownPaths {
     /// Records that a trajectory reached candidate `to` in `steps`.
     fn observe(this: &mut Arc<Self>, to: u32, steps: u16) {
         match this.observed.binary_search_by_key(&to, |(to, _)| *to) {
@@ -86,16 +86,16 @@ impl Candidates {
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
         Self {
             spec: spec.clone(),
-            wanted: settings.candidates,
-            most: settings.max_candidates(),
-            widest: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
+            target_count: settings.candidates,
+            max_count: settings.max_candidates(),
+            max_target_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
             window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
             states: Vec::new(),
             points: Vec::new(),
             ids: Vec::new(),
             next_id: 0,
-            ways: Vec::new(),
+            paths: Vec::new(),
             visits: vec![VecDeque::new(); agents],
             clocks: vec![0; agents],
         }
@@ -109,7 +109,7 @@ impl Candidates {
             states: self.states.clone(),
             points: self.points.clone(),
             ids: self.ids.clone(),
-            ways: self.ways.clone(),
+            paths: self.paths.clone(),
             visits: Vec::new(),
             clocks: Vec::new(),
             ..*self
@@ -147,13 +147,13 @@ impl Candidates {
         if from == to {
             return 0;
         }
-        let row = &self.ways[from].observed;
+        let row = &self.paths[from].observed;
         row.binary_search_by_key(&(to as u32), |(to, _)| *to).map_or(UNOBSERVED, |at| row[at].1)
     }
 
     /// Returns the candidates that some trajectory reached from near `from`, in ascending order.
     pub fn observed_from(&self, from: usize) -> impl Iterator<Item = usize> {
-        self.ways[from].observed.iter().map(|(to, _)| *to as usize)
+        self.paths[from].observed.iter().map(|(to, _)| *to as usize)
     }
 
     /// Returns the id of candidate `i`, which stays the same when others retire.
@@ -167,14 +167,14 @@ impl Candidates {
     }
 
     /// Returns the outcomes of walks from candidate `from` to candidate `to`.
-    pub fn practice(&self, from: usize, to: usize) -> WalkRecord {
-        self.ways[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
+    pub fn walk_record(&self, from: usize, to: usize) -> WalkRecord {
+        self.paths[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
     }
 
     /// Records the outcome of a walk between two candidates, given by their ids.
     pub fn record_walk(&mut self, (from, to): (u32, u32), arrived: bool) {
         let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to)) else { return };
-        let practice = Arc::make_mut(&mut self.ways[row]).practice.entry(to).or_default();
+        let practice = Arc::make_mut(&mut self.paths[row]).practice.entry(to).or_default();
         if arrived {
             *practice = WalkRecord { arrived: practice.arrived.saturating_add(1), failed: 0 };
         } else {
@@ -207,7 +207,7 @@ impl Candidates {
         }
         let Some(to) = near else { return };
         for (step, from) in visits.iter().filter(|(_, from)| *from as usize != to) {
-            Ways::observe(&mut self.ways[*from as usize], to as u32, (clock - step) as u16);
+            KnownPaths::observe(&mut self.paths[*from as usize], to as u32, (clock - step) as u16);
         }
         visits.push_back((clock, to as u32));
     }
@@ -233,7 +233,9 @@ impl Candidates {
     /// Makes `state` a candidate, thinning the others if there is no room, and returns its index; `None` if it is too
     /// close to another at the new spacing.
     fn add(&mut self, state: &[f32]) -> Option<usize> {
-        while self.len() >= self.wanted && (self.spacing < self.widest || self.len() >= self.most) {
+        while self.len() >= self.target_count
+            && (self.spacing < self.max_target_spacing || self.len() >= self.max_count)
+        {
             self.spacing *= 1.1;
             self.thin();
             if self.nearest(state).1 <= self.spacing {
@@ -243,7 +245,7 @@ impl Candidates {
         self.states.extend(state);
         self.points.extend(self.spec.achieved(state));
         self.ids.push(self.next_id);
-        self.ways.push(Arc::default());
+        self.paths.push(Arc::default());
         self.next_id += 1;
         Some(self.len() - 1)
     }
@@ -261,14 +263,14 @@ impl Candidates {
         let mut new_index = vec![None; self.len()];
         kept.iter().enumerate().for_each(|(new, old)| new_index[*old] = Some(new as u32));
         let ids: Vec<u32> = kept.iter().map(|i| self.ids[*i]).collect();
-        let ways = kept.iter().map(|i| {
-            let Ways { observed, practice } = &*self.ways[*i];
+        let paths = kept.iter().map(|i| {
+            let KnownPaths { observed, practice } = &*self.paths[*i];
             let observed = observed.iter().filter_map(|(to, steps)| Some((new_index[*to as usize]?, *steps)));
             let alive = |id: &u32| ids.binary_search(id).is_ok();
             let practice = practice.iter().filter(|(id, _)| alive(id)).map(|(id, practice)| (*id, *practice));
-            Arc::new(Ways { observed: observed.collect(), practice: practice.collect() })
+            Arc::new(KnownPaths { observed: observed.collect(), practice: practice.collect() })
         });
-        self.ways = ways.collect();
+        self.paths = paths.collect();
         self.states = kept.iter().flat_map(|i| self.states[i * s..(i + 1) * s].to_vec()).collect();
         self.points = kept.iter().flat_map(|i| self.points[i * g..(i + 1) * g].to_vec()).collect();
         self.ids = ids;
@@ -308,24 +310,24 @@ pub(super) mod tests {
     }
 
     #[test]
-    fn practice_counts_consecutive_failures_until_an_arrival() {
+    fn walk_records_count_consecutive_failures_until_an_arrival() {
         let (spec, settings) = line(10);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 12.0);
         let hop = (candidates.id(0), candidates.id(1));
         candidates.record_walk(hop, false);
         candidates.record_walk(hop, false);
-        assert_eq!(candidates.practice(0, 1), WalkRecord { arrived: 0, failed: 2 });
-        assert_eq!(candidates.practice(1, 0), WalkRecord::default(), "the other direction is another edge");
+        assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 0, failed: 2 });
+        assert_eq!(candidates.walk_record(1, 0), WalkRecord::default(), "the other direction is another edge");
         candidates.record_walk(hop, true);
-        assert_eq!(candidates.practice(0, 1), WalkRecord { arrived: 1, failed: 0 });
+        assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 1, failed: 0 });
         candidates.record_walk((hop.0, 12_345), true);
         candidates.record_walk((hop.0, hop.0), true);
         assert_eq!(candidates.state().practice.len(), 4, "self-loops and unknown candidates are ignored");
     }
 
     #[test]
-    fn practice_follows_candidates_when_others_retire() {
+    fn walk_records_follow_candidates_when_others_retire() {
         let (spec, settings) = line(10);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 15.0);
@@ -344,7 +346,7 @@ pub(super) mod tests {
             assert_eq!(candidates.points()[2 * i], *point);
             for (other, _) in kept.iter().filter(|(other, _)| other != name) {
                 let j = place(*other, &candidates).unwrap_or_default();
-                assert_eq!(candidates.practice(i, j).arrived, 1);
+                assert_eq!(candidates.walk_record(i, j).arrived, 1);
             }
         }
         assert_eq!(candidates.state().practice.len(), 4 * kept.len() * (kept.len() - 1));

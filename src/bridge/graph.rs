@@ -2,7 +2,7 @@
 
 mod routes;
 
-pub use routes::{Distilled, LINKS, Route};
+pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
 
 use std::sync::Arc;
 
@@ -28,12 +28,12 @@ pub struct Edge {
     /// the edge or walks along it failed.
     pub cost: f32,
     /// Its record in practice.
-    pub standing: Standing,
+    pub status: EdgeStatus,
 }
 
 /// An edge's record in practice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Standing {
+pub enum EdgeStatus {
     /// Not walked yet, or failed once since the latest arrival.
     Untried,
     /// The latest walk along it arrived in time.
@@ -42,7 +42,7 @@ pub enum Standing {
     Demoted,
 }
 
-impl From<WalkRecord> for Standing {
+impl From<WalkRecord> for EdgeStatus {
     fn from(practice: WalkRecord) -> Self {
         match practice {
             WalkRecord { failed: 2.., .. } => Self::Demoted,
@@ -91,7 +91,7 @@ const MAX_EDGE_STEPS: f32 = 1e4;
 const DEMOTED_FACTOR: f32 = 3.0;
 
 /// Random candidates from which the frontier candidate is chosen.
-const FRONTIER_DRAWS: usize = 12;
+const FRONTIER_SAMPLES: usize = 12;
 
 /// Snapshot of candidates and edges at one point in training.
 #[derive(Clone, Debug)]
@@ -123,7 +123,7 @@ impl BridgeGraph {
             let to: Vec<usize> = if settings.verify_edges {
                 candidates.observed_from(from).collect()
             } else {
-                let near = nearest(spec, candidates, state, LINKS);
+                let near = nearest(spec, candidates, state, LINK_CANDIDATES);
                 near.into_iter().filter(|to| *to != from).collect()
             };
             states.clear();
@@ -136,18 +136,18 @@ impl BridgeGraph {
             policy.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
                 let cost = link_cost(settings, *distance, candidates.observed(from, *to))?;
-                let standing = Standing::from(candidates.practice(from, *to));
-                let cost = if standing == Standing::Demoted { DEMOTED_FACTOR * cost } else { cost };
+                let status = EdgeStatus::from(candidates.walk_record(from, *to));
+                let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
                 let cost = cost + settings.hop_steps;
-                Some(Edge { from, to: *to, distance: *distance, cost, standing })
+                Some(Edge { from, to: *to, distance: *distance, cost, status })
             });
             edges.extend(found);
         }
-        Self::of(spec, settings, candidates.clone(), edges)
+        Self::from_edges(spec, settings, candidates.clone(), edges)
     }
 
     /// Builds the graph from `edges`, which are sorted by source.
-    fn of(spec: &Spec, settings: &BridgeSettings, candidates: Arc<Candidates>, edges: Vec<Edge>) -> Self {
+    fn from_edges(spec: &Spec, settings: &BridgeSettings, candidates: Arc<Candidates>, edges: Vec<Edge>) -> Self {
         let mut first = vec![0u32; candidates.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
@@ -175,18 +175,18 @@ impl BridgeGraph {
         let (ends, lengths) = (state.ends.as_chunks::<2>().0, state.lengths.as_chunks::<2>().0);
         let known = |i: &u32| (*i as usize) < candidates.len();
         if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
-            return Err(StoreError::misfit("the stored bridge graph does not fit its candidates"));
+            return Err(StoreError::inconsistent("the stored bridge graph does not fit its candidates"));
         }
         if !lengths.iter().flatten().all(|length| (0.0..MAX_EDGE_STEPS).contains(length)) {
-            return Err(StoreError::misfit("the stored bridge graph has edges of impossible length"));
+            return Err(StoreError::inconsistent("the stored bridge graph has edges of impossible length"));
         }
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);
-            let standing = Standing::from(candidates.practice(from, to));
-            Edge { from, to, distance: *distance, cost: *cost, standing }
+            let status = EdgeStatus::from(candidates.walk_record(from, to));
+            Edge { from, to, distance: *distance, cost: *cost, status }
         });
         let edges = edges.collect();
-        Ok(Self::of(spec, settings, Arc::new(candidates), edges))
+        Ok(Self::from_edges(spec, settings, Arc::new(candidates), edges))
     }
 
     /// Returns all edges, sorted by source.
@@ -235,7 +235,7 @@ impl BridgeGraph {
             let from = self.edges.partition_point(|e| e.from < i);
             self.edges[from..].iter().take_while(|e| e.from == i).count()
         };
-        (0..FRONTIER_DRAWS).map(|_| rng.random_range(0..self.candidates.len())).min_by_key(|i| leaving(*i))
+        (0..FRONTIER_SAMPLES).map(|_| rng.random_range(0..self.candidates.len())).min_by_key(|i| leaving(*i))
     }
 }
 
@@ -285,9 +285,9 @@ mod tests {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
-        let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, cost: 3.0, standing: Standing::Untried };
+        let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, cost: 3.0, status: EdgeStatus::Untried };
         let edges = (0..candidates.len() - 1).map(edge).collect();
-        BridgeGraph::of(&spec, &settings, candidates.frozen(), edges)
+        BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
     }
 
     #[test]
@@ -326,11 +326,11 @@ mod tests {
 
     #[test]
     fn walks_that_fail_demote_an_edge_and_walks_that_arrive_confirm_it() {
-        let standing = |arrived, failed| Standing::from(WalkRecord { arrived, failed });
-        assert_eq!(standing(0, 0), Standing::Untried);
-        assert_eq!(standing(0, 1), Standing::Untried);
-        assert_eq!(standing(0, 2), Standing::Demoted);
-        assert_eq!(standing(9, 2), Standing::Demoted);
-        assert_eq!(standing(3, 0), Standing::Confirmed);
+        let status = |arrived, failed| EdgeStatus::from(WalkRecord { arrived, failed });
+        assert_eq!(status(0, 0), EdgeStatus::Untried);
+        assert_eq!(status(0, 1), EdgeStatus::Untried);
+        assert_eq!(status(0, 2), EdgeStatus::Demoted);
+        assert_eq!(status(9, 2), EdgeStatus::Demoted);
+        assert_eq!(status(3, 0), EdgeStatus::Confirmed);
     }
 }

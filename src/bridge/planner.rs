@@ -2,12 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::graph::{BridgeGraph, LINKS, Route};
+use super::graph::{BridgeGraph, LINK_CANDIDATES, Route};
 use crate::learn::{Policy, Scratch};
 use crate::store::StoreError;
 
 /// Number of consecutive late targets after which an agent counts as stuck.
-const STUCK: u32 = 2;
+const MAX_STRIKES: u32 = 2;
 
 /// What a walker heads for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -123,14 +123,14 @@ impl Walker {
         let mut targets = state.target.iter().chain(state.banned.iter().map(|(target, _)| target));
         let known = |i: usize| i < graph.candidates().len();
         if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
-            return Err(StoreError::misfit("a stored walk does not fit its bridge graph"));
+            return Err(StoreError::inconsistent("a stored walk does not fit its bridge graph"));
         }
         let finite = state.goal.iter().chain(&state.remaining).all(|v| v.is_finite());
         if state.goal.len() != graph.spec().goal_dim() || !finite {
-            return Err(StoreError::misfit("a stored walk contains values out of range"));
+            return Err(StoreError::inconsistent("a stored walk contains values out of range"));
         }
         Ok(Self {
-            route: graph.route_by(&state.goal, state.nearest, state.links),
+            route: graph.route_from_links(&state.goal, state.nearest, state.links),
             target: state.target,
             clock: state.clock,
             deadline: state.deadline,
@@ -143,7 +143,7 @@ impl Walker {
     }
 
     /// Returns the hop between two candidates that ended with the latest step, if any.
-    pub fn ended_hop(&self) -> Option<Hop> {
+    pub fn finished_hop(&self) -> Option<Hop> {
         self.hop
     }
 
@@ -158,7 +158,7 @@ impl Walker {
     }
 
     /// Returns the position of `target`, `(goal_dim)`.
-    fn aim<'a>(&'a self, graph: &'a BridgeGraph, target: Target) -> &'a [f32] {
+    fn target_position<'a>(&'a self, graph: &'a BridgeGraph, target: Target) -> &'a [f32] {
         match target {
             Target::Goal => &self.route.goal,
             Target::Candidate(i) => graph.point(i),
@@ -177,7 +177,7 @@ impl Walker {
         let mut target = self.target;
         self.hop = None;
         if let Some(current) = target {
-            let reached = graph.spec().reached(state, self.aim(graph, current));
+            let reached = graph.spec().reached(state, self.target_position(graph, current));
             let late = settings.progress_check && self.clock >= self.deadline;
             if let (Some(from), Some(to)) = (self.at, current.candidate())
                 && (reached || late)
@@ -210,13 +210,13 @@ impl Walker {
             _ => None,
         };
         let target = target.or_else(planned).unwrap_or_else(|| {
-            let (target, distance) = self.choose(state, graph, policy, scratch);
+            let (target, distance) = self.choose_target(state, graph, policy, scratch);
             self.deadline = clock + (settings.late_factor * distance + settings.late_slack_steps) as u32;
             target
         });
         self.target = Some(target);
         self.clock += 1;
-        self.aim(graph, target)
+        self.target_position(graph, target)
     }
 
     /// Returns the best next target and D to it.
@@ -224,8 +224,14 @@ impl Walker {
     /// This is the nearby candidate w that minimises D(s,w) + steps(w,g), or the goal itself if D(s,g) is below the
     /// cut-off and no longer than the detour. If no verified link is usable, unverified ones count; if the graph has no
     /// path at all, the target is the goal.
-    fn choose(&self, state: &[f32], graph: &BridgeGraph, policy: &dyn Policy, scratch: &mut Scratch) -> (Target, f32) {
-        let options = &graph.options(&[state], &self.route, LINKS, policy, scratch)[0];
+    fn choose_target(
+        &self,
+        state: &[f32],
+        graph: &BridgeGraph,
+        policy: &dyn Policy,
+        scratch: &mut Scratch,
+    ) -> (Target, f32) {
+        let options = &graph.options(&[state], &self.route, LINK_CANDIDATES, policy, scratch)[0];
         let allowed = |target: Target| self.banned.iter().all(|(b, _)| *b != target);
         let best = |verified: bool| {
             let usable = options.candidates.iter().filter_map(|hop| {
@@ -238,7 +244,7 @@ impl Walker {
                 usable.then_some((i, hop.distance, cost + ahead))
             });
             // A stuck agent is where the actor makes no progress: take the shortest hop away from there.
-            let key = |option: &(usize, f32, f32)| if self.strikes >= STUCK { option.1 } else { option.2 };
+            let key = |option: &(usize, f32, f32)| if self.strikes >= MAX_STRIKES { option.1 } else { option.2 };
             usable.min_by(|a, b| key(a).total_cmp(&key(b)))
         };
         let waypoint = best(true).or_else(|| best(false));
@@ -251,7 +257,7 @@ impl Walker {
     }
 
     /// Returns the waypoints still ahead, as candidates, in walking order.
-    pub fn ahead(&self) -> Vec<usize> {
+    pub fn waypoints_ahead(&self) -> Vec<usize> {
         let Some(Target::Candidate(mut at)) = self.target else { return Vec::new() };
         let mut ahead = vec![at];
         while self.route.next[at] as usize != at && ahead.len() <= self.route.next.len() {

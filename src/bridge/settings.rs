@@ -136,7 +136,7 @@ impl BridgeSettings {
 
     /// Returns the settings as `planner` uses them.
     #[must_use]
-    pub fn of(&self, planner: Planner) -> Self {
+    pub fn for_planner(&self, planner: Planner) -> Self {
         match planner {
             Planner::Sorb => self.sorb(),
             Planner::None | Planner::Bridges => self.clone(),
@@ -157,7 +157,7 @@ impl BridgeSettings {
     ///
     /// # Errors
     /// Returns the first setting that is out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         let within = |v: f32, from: f32, to: f32| (from..=to).contains(&v);
         let checks = [
             ("candidates", (2..=10_000).contains(&self.candidates)),

@@ -12,11 +12,11 @@ use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
 use super::{
-    Change, EnvError, EnvSettings, Environment, MazeScene, Restart, Scene, Spec, Task, TaskSet, Truth, WorldKind,
+    Change, EnvError, EnvSettings, Environment, GroundTruth, MazeScene, Restart, Scene, Spec, Task, TaskSet, WorldKind,
 };
 use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
 use crate::store::{Store, StoreError};
-use crate::text::file_name;
+use crate::text::safe_file_name;
 
 /// Registry entry of the maze.
 pub const KIND: WorldKind = WorldKind {
@@ -101,7 +101,7 @@ impl PointMaze {
     }
 
     /// Downcasts `world`; returns `None` if it is not a maze.
-    pub fn of(world: &dyn Environment) -> Option<&Self> {
+    pub fn downcast_ref(world: &dyn Environment) -> Option<&Self> {
         (world as &dyn Any).downcast_ref()
     }
 
@@ -112,7 +112,7 @@ impl PointMaze {
     }
 
     /// Downcasts `world` mutably, like [`Self::of`].
-    pub fn of_mut(world: &mut dyn Environment) -> Option<&mut Self> {
+    pub fn downcast_mut(world: &mut dyn Environment) -> Option<&mut Self> {
         (world as &mut dyn Any).downcast_mut()
     }
 
@@ -124,7 +124,7 @@ impl PointMaze {
     /// Returns a replacement for this maze on another map, with the same settings and without agents; the scenario is
     /// kept if the map has the same size.
     #[must_use]
-    pub fn on_map(&self, map: Arc<Grid>) -> Self {
+    pub fn with_map(&self, map: Arc<Grid>) -> Self {
         let new = Self { settings: self.settings, ..Self::new(map, 0) };
         if new.size() == self.size() { Self { scenario: self.scenario.clone(), ..new } } else { new }
     }
@@ -146,14 +146,14 @@ impl PointMaze {
 
     /// Returns the map's diameter; the first call takes seconds on large maps.
     pub fn diameter(&self) -> Diameter {
-        *self.diameter.get_or_init(|| Diameter::of(&self.map))
+        *self.diameter.get_or_init(|| Diameter::compute(&self.map))
     }
 
     fn load(store: &Store) -> Result<Self, StoreError> {
         // The name comes from a file and becomes part of other file names, so it must not contain a path.
-        let name = file_name(store.text("map_name")?);
+        let name = safe_file_name(store.text("map_name")?);
         let map = parse_map(&name, store.text("map")?.as_bytes());
-        let map = map.map_err(|e| StoreError::misfit(e.to_string()))?.named(&name);
+        let map = map.map_err(|e| StoreError::inconsistent(e.to_string()))?.named(&name);
         Ok(Self::new(Arc::new(map), 0))
     }
 
@@ -183,8 +183,8 @@ fn slide(map: &Grid, [mut x, mut y]: [f32; 2], [ax, ay]: [f32; 2]) -> [f32; 2] {
     [x, y]
 }
 
-/// Converts a position to a whole state.
-pub fn whole_of([x, y]: [f32; 2]) -> [f64; 2] {
+/// Converts a position to a full state.
+pub fn full_state_at([x, y]: [f32; 2]) -> [f64; 2] {
     [f64::from(x), f64::from(y)]
 }
 
@@ -209,12 +209,12 @@ impl Environment for PointMaze {
         &self.positions
     }
 
-    fn whole(&self, agent: usize) -> Vec<f64> {
+    fn full_state(&self, agent: usize) -> Vec<f64> {
         self.positions[2 * agent..2 * agent + 2].iter().map(|v| f64::from(*v)).collect()
     }
 
-    fn place(&mut self, agent: usize, whole: &[f64]) {
-        let mut position = [whole[0] as f32, whole[1] as f32];
+    fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
+        let mut position = [full_state[0] as f32, full_state[1] as f32];
         if !self.map.is_free_at(position[0], position[1]) {
             let cell = Cell::new(position[0].max(0.0) as usize, position[1].max(0.0) as usize);
             if let Some(free) = self.map.nearest_free(cell) {
@@ -272,7 +272,7 @@ impl Environment for PointMaze {
     fn restore_statistics(&mut self, store: &Store) -> Result<(), StoreError> {
         let visits = store.u32("visited")?;
         if visits.len() != self.visits.len() {
-            return Err(StoreError::misfit("the stored visits do not fit the map"));
+            return Err(StoreError::inconsistent("the stored visits do not fit the map"));
         }
         self.visits = Arc::new(visits.to_vec());
         Ok(())
@@ -313,7 +313,7 @@ impl Environment for PointMaze {
         if self.scenario.is_empty() {
             tasks::at_distances(&self.map, self.diameter().steps, per_group, rng)
         } else {
-            tasks::of_scenario(&self.map, &self.scenario, per_group)
+            tasks::from_scenario(&self.map, &self.scenario, per_group)
         }
     }
 
@@ -322,8 +322,8 @@ impl Environment for PointMaze {
         tasks::marked(&self.map)
     }
 
-    fn truth(&self) -> Option<Box<dyn Truth + '_>> {
-        Some(Box::new(truth::StepTruth::new(&self.map, &self.components[self.largest as usize])))
+    fn ground_truth(&self) -> Option<Box<dyn GroundTruth + '_>> {
+        Some(Box::new(truth::MazeGroundTruth::new(&self.map, &self.components[self.largest as usize])))
     }
 
     /// Checks that the step reproduces `next`; with action noise, only that both positions are free.
@@ -338,17 +338,17 @@ impl Environment for PointMaze {
     }
 
     fn change_from(&self, before: &dyn Environment) -> Result<Change, EnvError> {
-        let other = EnvError::OtherKind { run: before.kind(), other: NAME };
-        let before = Self::of(before).ok_or(other)?;
+        let other = EnvError::KindMismatch { run: before.kind(), other: NAME };
+        let before = Self::downcast_ref(before).ok_or(other)?;
         if self.size() != before.size() {
-            return Err(EnvError::OtherSize { map: self.size(), run: before.size() });
+            return Err(EnvError::SizeMismatch { map: self.size(), run: before.size() });
         }
         let cells = || self.map.free().iter().zip(before.map.free());
         let changed = |to: bool| cells().filter(|(new, old)| new != old && **new == to).count();
         let (walled, opened, pieces) = (changed(false), changed(true), self.components.len());
         Ok(Change {
             may_lengthen: walled > 0,
-            what: format!("{walled} cells walled, {opened} opened"),
+            summary: format!("{walled} cells walled, {opened} opened"),
             warning: (pieces > 1).then(|| format!("{pieces} disconnected components")),
             facts: Map::from_iter([
                 ("map".to_owned(), json!(self.map.name())),

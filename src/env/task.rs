@@ -41,7 +41,7 @@ pub struct TaskSet {
 pub const NEAR_STEPS: u32 = 10;
 
 /// True distances of a world.
-pub trait Truth {
+pub trait GroundTruth {
     /// Returns the fewest steps from the place `from` to each of `goals`, all `(goal_dim)`; `None` for a goal that is
     /// farther than `longest` or unreachable. Returns `None` overall if no agent can be at `from`.
     fn steps(&mut self, from: &[f32], goals: &[f32], longest: u32) -> Option<Vec<Option<u32>>>;

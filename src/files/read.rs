@@ -9,51 +9,51 @@ use std::path::Path;
 /// # Errors
 /// Returns the system's error, or an error if the path is not a regular file.
 pub fn open(path: &Path) -> Result<File> {
-    check_kind(std::fs::metadata(path)?.file_type())?;
+    ensure_regular_file(std::fs::metadata(path)?.file_type())?;
     let mut options = OpenOptions::new();
     options.read(true);
     // Do not block if a FIFO has replaced the file since the check.
     #[cfg(unix)]
     std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, nix::fcntl::OFlag::O_NONBLOCK.bits());
     let file = options.open(path)?;
-    check_kind(file.metadata()?.file_type())?;
+    ensure_regular_file(file.metadata()?.file_type())?;
     Ok(file)
 }
 
-/// Reads all of a regular file of at most `most` bytes.
+/// Reads all of a regular file of at most `max_bytes` bytes.
 ///
 /// # Errors
-/// Fails like [`open`], and if the file is larger than `most`.
-pub fn read(path: &Path, most: u64) -> Result<Vec<u8>> {
+/// Fails like [`open`], and if the file is larger than `max_bytes`.
+pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     let file = open(path)?;
     let size = file.metadata()?.len();
     let too_large = |size: u64| {
-        let text = format!("its size of {size} bytes exceeds the limit of {most}");
+        let text = format!("its size of {size} bytes exceeds the limit of {max_bytes}");
         Error::new(ErrorKind::FileTooLarge, text)
     };
-    if size > most {
+    if size > max_bytes {
         return Err(too_large(size));
     }
     let mut bytes = Vec::new();
     bytes.try_reserve_exact(size as usize).map_err(|_| Error::from(ErrorKind::OutOfMemory))?;
     // The file may grow while it is read, and files in /proc report no size.
-    let found = file.take(most + 1).read_to_end(&mut bytes)? as u64;
-    if found > most { Err(too_large(found)) } else { Ok(bytes) }
+    let found = file.take(max_bytes + 1).read_to_end(&mut bytes)? as u64;
+    if found > max_bytes { Err(too_large(found)) } else { Ok(bytes) }
 }
 
 /// Like [`read`], but returns text.
 ///
 /// # Errors
 /// Fails like [`read`], and on bytes that are not UTF-8.
-pub fn read_text(path: &Path, most: u64) -> Result<String> {
-    String::from_utf8(read(path, most)?).map_err(|e| {
+pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
+    String::from_utf8(read(path, max_bytes)?).map_err(|e| {
         let text = format!("byte {} is not valid UTF-8", e.utf8_error().valid_up_to());
         Error::new(ErrorKind::InvalidData, text)
     })
 }
 
 /// Returns an error unless `kind` is a regular file.
-pub(super) fn check_kind(kind: FileType) -> Result<()> {
+pub(super) fn ensure_regular_file(kind: FileType) -> Result<()> {
     if kind.is_file() {
         return Ok(());
     }
@@ -61,7 +61,7 @@ pub(super) fn check_kind(kind: FileType) -> Result<()> {
         return Err(Error::new(ErrorKind::IsADirectory, "is a directory"));
     }
     #[cfg(unix)]
-    let what = {
+    let kind_name = {
         use std::os::unix::fs::FileTypeExt;
         match kind {
             kind if kind.is_fifo() => "a FIFO",
@@ -70,8 +70,8 @@ pub(super) fn check_kind(kind: FileType) -> Result<()> {
         }
     };
     #[cfg(not(unix))]
-    let what = "something else";
-    Err(Error::new(ErrorKind::InvalidInput, format!("is {what}, not a regular file")))
+    let kind_name = "something else";
+    Err(Error::new(ErrorKind::InvalidInput, format!("is {kind_name}, not a regular file")))
 }
 
 #[cfg(test)]

@@ -7,24 +7,24 @@ use super::read::read;
 use super::write::{Target, sync_folder};
 
 /// Returns where the previous version of `path` is kept until the new one has been read back.
-pub fn backup_of(path: &Path) -> PathBuf {
+pub fn backup_path(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
     name.push(".bak");
     path.with_file_name(name)
 }
 
-/// Writes a file like [`super::write_whole`], reads it back and checks the bytes with `whole`. Until then the previous
-/// version is kept at [`backup_of`] the path; it is restored if the check fails.
+/// Writes a file like [`super::write_atomically`], reads it back and checks the bytes with `is_valid`. Until then the
+/// previous version is kept at its [`backup_path`]; it is restored if the check fails.
 ///
 /// # Errors
 /// Returns the system's error, or an error if the check fails.
-pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) -> Result<()> {
-    let target = Target::of(path)?;
-    let backup = backup_of(&target.path);
-    let good = |path: &Path| read(path, u64::MAX - 1).is_ok_and(|bytes| whole(&bytes));
+pub fn write_verified(path: &Path, bytes: &[u8], is_valid: impl Fn(&[u8]) -> bool) -> Result<()> {
+    let target = Target::resolve(path)?;
+    let backup = backup_path(&target.path);
+    let good = |path: &Path| read(path, u64::MAX - 1).is_ok_and(|bytes| is_valid(&bytes));
     // Make the backup only after the new file has been written next to the target, so that a full disk changes nothing.
     target.write(bytes, |file, path| {
-        keep(path, &backup, target.exists(), good)?;
+        keep_backup(path, &backup, target.exists(), good)?;
         file.persist(path).map_err(|e| e.error)
     })?;
     let has_backup = backup.symlink_metadata().is_ok();
@@ -42,7 +42,7 @@ pub fn write_verified(path: &Path, bytes: &[u8], whole: impl Fn(&[u8]) -> bool) 
 }
 
 /// Keeps the file at `path` as `backup`.
-fn keep(path: &Path, backup: &Path, exists: bool, good: impl Fn(&Path) -> bool) -> Result<()> {
+fn keep_backup(path: &Path, backup: &Path, exists: bool, good: impl Fn(&Path) -> bool) -> Result<()> {
     // A program that was killed left an existing backup: replace it only if the file itself is good.
     let left_behind = backup.symlink_metadata().is_ok();
     if !exists || left_behind && !good(path) {
@@ -66,11 +66,11 @@ mod tests {
     fn a_file_that_cannot_be_read_back_does_not_replace_a_good_one() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("file");
-        let whole = |bytes: &[u8]| bytes.starts_with(b"good");
-        write_verified(&path, b"good 1", whole).expect("written");
-        write_verified(&path, b"bad", whole).expect_err("not good");
+        let is_valid = |bytes: &[u8]| bytes.starts_with(b"good");
+        write_verified(&path, b"good 1", is_valid).expect("written");
+        write_verified(&path, b"bad", is_valid).expect_err("not good");
         assert_eq!(std::fs::read(&path).expect("there"), b"good 1");
-        write_verified(&path, b"good 2", whole).expect("written");
+        write_verified(&path, b"good 2", is_valid).expect("written");
         assert_eq!(std::fs::read(&path).expect("there"), b"good 2");
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "no backup is left");
     }
@@ -79,13 +79,13 @@ mod tests {
     fn a_leftover_backup_is_replaced_only_by_a_good_file() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("file");
-        let whole = |bytes: &[u8]| bytes.starts_with(b"good");
+        let is_valid = |bytes: &[u8]| bytes.starts_with(b"good");
         std::fs::write(&path, b"broken").expect("written");
-        std::fs::write(backup_of(&path), b"good 1").expect("written");
-        write_verified(&path, b"bad", whole).expect_err("not good");
+        std::fs::write(backup_path(&path), b"good 1").expect("written");
+        write_verified(&path, b"bad", is_valid).expect_err("not good");
         assert_eq!(std::fs::read(&path).expect("there"), b"good 1", "the broken file is not kept");
-        std::fs::write(backup_of(&path), b"good 0").expect("written");
-        write_verified(&path, b"bad", whole).expect_err("not good");
+        std::fs::write(backup_path(&path), b"good 0").expect("written");
+        write_verified(&path, b"bad", is_valid).expect_err("not good");
         assert_eq!(std::fs::read(&path).expect("there"), b"good 1", "the newer good one is kept");
     }
 }

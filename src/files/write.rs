@@ -7,34 +7,35 @@ use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
-use super::read::check_kind;
+use super::read::ensure_regular_file;
 
 /// Prefix and suffix of temporary files.
-const TEMPORARY: (&str, &str) = (".gdg-", ".tmp");
+const TEMP_AFFIXES: (&str, &str) = (".gdg-", ".tmp");
 
 /// An unlocked temporary file older than this was left by a killed program.
-const STALE: Duration = Duration::from_secs(5);
+const STALE_AFTER: Duration = Duration::from_secs(5);
 
 /// Maximum length of a chain of symbolic links, as on Linux.
-const MOST_LINKS: usize = 40;
+const MAX_LINKS: usize = 40;
 
 /// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an existing file's
 /// permissions.
 ///
 /// # Errors
 /// Returns the system's error, or an error if the target is write-protected or not a regular file.
-pub fn write_whole(path: &Path, bytes: &[u8]) -> Result<()> {
-    Target::of(path)?.write(bytes, |file, path| file.persist(path).map_err(|e| e.error))
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    Target::resolve(path)?.write(bytes, |file, path| file.persist(path).map_err(|e| e.error))
 }
 
 /// Writes a file at `path`, or at the first unused of `path-2`, `path-3` ..., and returns the path it took.
 ///
 /// # Errors
 /// Returns the system's error.
-pub fn write_fresh(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
+pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     loop {
-        let free = unused(path);
-        let written = Target::of(&free)?.write(bytes, |file, path| file.persist_noclobber(path).map_err(|e| e.error));
+        let free = unused_path(path);
+        let written =
+            Target::resolve(&free)?.write(bytes, |file, path| file.persist_noclobber(path).map_err(|e| e.error));
         match written {
             // Another program took this name first.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
@@ -44,8 +45,8 @@ pub fn write_fresh(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
 }
 
 /// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is neither a file nor a backup.
-pub fn unused(path: &Path) -> PathBuf {
-    let taken = |path: &Path| path.symlink_metadata().is_ok() || super::backup_of(path).symlink_metadata().is_ok();
+pub fn unused_path(path: &Path) -> PathBuf {
+    let taken = |path: &Path| path.symlink_metadata().is_ok() || super::backup_path(path).symlink_metadata().is_ok();
     if !taken(path) {
         return path.to_owned();
     }
@@ -59,46 +60,46 @@ pub fn unused(path: &Path) -> PathBuf {
 ///
 /// # Errors
 /// Returns the reason why it cannot.
-pub fn check_target(path: &Path) -> Result<()> {
-    Target::of(path)?.temporary().map(|_| ())
+pub fn check_writable(path: &Path) -> Result<()> {
+    Target::resolve(path)?.create_temporary().map(|_| ())
 }
 
 /// A file to be written: its path with links resolved, and the metadata of the existing file.
 pub(super) struct Target {
     pub path: PathBuf,
     folder: PathBuf,
-    there: Option<Metadata>,
+    existing: Option<Metadata>,
 }
 
 impl Target {
-    pub fn of(path: &Path) -> Result<Self> {
-        let path = followed(path)?;
+    pub fn resolve(path: &Path) -> Result<Self> {
+        let path = resolve_links(path)?;
         if path.file_name().is_none() {
             return Err(Error::new(ErrorKind::InvalidFilename, "is not a file name"));
         }
-        let there = match std::fs::metadata(&path) {
-            Ok(there) => Some(there),
+        let existing = match std::fs::metadata(&path) {
+            Ok(existing) => Some(existing),
             Err(error) if error.kind() == ErrorKind::NotFound => None,
             Err(error) => return Err(error),
         };
-        if let Some(there) = &there {
-            check_kind(there.file_type())?;
-            if there.permissions().readonly() {
+        if let Some(existing) = &existing {
+            ensure_regular_file(existing.file_type())?;
+            if existing.permissions().readonly() {
                 return Err(Error::new(ErrorKind::PermissionDenied, "is write-protected"));
             }
         }
         let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
-        Ok(Self { path, folder, there })
+        Ok(Self { path, folder, existing })
     }
 
     /// Returns whether the file already exists.
     pub fn exists(&self) -> bool {
-        self.there.is_some()
+        self.existing.is_some()
     }
 
     /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into place.
     pub fn write<T>(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<T>) -> Result<()> {
-        let mut file = self.temporary()?;
+        let mut file = self.create_temporary()?;
         file.write_all(bytes)?;
         file.as_file().sync_all()?;
         persist(file, &self.path)?;
@@ -106,24 +107,24 @@ impl Target {
     }
 
     /// Creates a temporary file in the target's folder, with the permissions intended for the target.
-    fn temporary(&self) -> Result<NamedTempFile> {
+    fn create_temporary(&self) -> Result<NamedTempFile> {
         std::fs::create_dir_all(&self.folder)?;
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(TEMPORARY.0).suffix(TEMPORARY.1);
+        builder.prefix(TEMP_AFFIXES.0).suffix(TEMP_AFFIXES.1);
         // Temporary files are private by default; give a new file the user's usual permissions.
         #[cfg(unix)]
         builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
         let file = builder.tempfile_in(&self.folder)?;
         // The lock marks the file as being written; without lock support, other processes judge by its age.
         let _ = file.as_file().try_lock();
-        if let Some(there) = &self.there {
-            file.as_file().set_permissions(there.permissions())?;
+        if let Some(existing) = &self.existing {
+            file.as_file().set_permissions(existing.permissions())?;
             // Keep the owner; only root can write a file for another user, so failure is ignored.
             #[cfg(unix)]
             {
                 use std::os::unix::fs::MetadataExt;
-                let _ = std::os::unix::fs::fchown(file.as_file(), Some(there.uid()), Some(there.gid()));
+                let _ = std::os::unix::fs::fchown(file.as_file(), Some(existing.uid()), Some(existing.gid()));
             }
         }
         Ok(file)
@@ -131,11 +132,11 @@ impl Target {
 }
 
 /// Resolves the symbolic links at `path`; their target need not exist.
-fn followed(path: &Path) -> Result<PathBuf> {
+fn resolve_links(path: &Path) -> Result<PathBuf> {
     let mut path = path.to_owned();
-    for _ in 0..MOST_LINKS {
+    for _ in 0..MAX_LINKS {
         match path.symlink_metadata() {
-            Ok(there) if there.is_symlink() => {
+            Ok(metadata) if metadata.is_symlink() => {
                 let to = path.read_link()?;
                 path = path.parent().map_or(to.clone(), |folder| folder.join(&to));
             }
@@ -159,12 +160,12 @@ pub(super) fn sync_folder(folder: &Path) -> Result<()> {
 
 /// Removes the temporary files in `folder` of programs that were killed while writing.
 fn remove_stale(folder: &Path) {
-    let ours = |name: &str| name.starts_with(TEMPORARY.0) && name.ends_with(TEMPORARY.1);
+    let ours = |name: &str| name.starts_with(TEMP_AFFIXES.0) && name.ends_with(TEMP_AFFIXES.1);
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(ours)) {
         let old = |file: &File| {
-            let modified = file.metadata().and_then(|there| there.modified()).ok();
-            modified.and_then(|at| at.elapsed().ok()).is_some_and(|age| age > STALE)
+            let modified = file.metadata().and_then(|metadata| metadata.modified()).ok();
+            modified.and_then(|at| at.elapsed().ok()).is_some_and(|age| age > STALE_AFTER)
         };
         if super::open(&entry.path()).is_ok_and(|file| old(&file) && file.try_lock().is_ok()) {
             let _ = std::fs::remove_file(entry.path());
@@ -194,12 +195,12 @@ mod tests {
         std::fs::write(&real, b"old").expect("written");
         std::fs::set_permissions(&real, PermissionsExt::from_mode(0o600)).expect("set");
         symlink("real", &link).expect("a link");
-        write_whole(&link, b"new").expect("written");
+        write_atomically(&link, b"new").expect("written");
         assert!(link.symlink_metadata().expect("there").is_symlink());
         assert_eq!((std::fs::read(&real).expect("there"), mode(&real)), (b"new".to_vec(), 0o600));
         let dangling = folder.path().join("dangling");
         symlink("sub/later", &dangling).expect("a link");
-        write_whole(&dangling, b"1").expect("written");
+        write_atomically(&dangling, b"1").expect("written");
         assert_eq!(std::fs::read(folder.path().join("sub/later")).expect("there"), b"1");
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 4);
     }
@@ -215,7 +216,7 @@ mod tests {
         let circle = folder.path().join("circle");
         symlink("circle", &circle).expect("a link");
         for path in [&fifo, &protected, &circle, folder.path(), Path::new("/dev/null"), Path::new("/dev/full/x")] {
-            assert!(write_whole(path, b"x").is_err() && check_target(path).is_err(), "{}", path.display());
+            assert!(write_atomically(path, b"x").is_err() && check_writable(path).is_err(), "{}", path.display());
         }
         assert_eq!(std::fs::read(&protected).expect("there"), b"mine");
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 3);
@@ -225,7 +226,7 @@ mod tests {
     fn a_fresh_file_gets_an_unused_name() {
         let folder = folder();
         let path = folder.path().join("run.v2.safetensors");
-        let names: Vec<PathBuf> = (0..3).map(|_| write_fresh(&path, b"x").expect("written")).collect();
+        let names: Vec<PathBuf> = (0..3).map(|_| write_to_unused(&path, b"x").expect("written")).collect();
         let expected = ["run.v2.safetensors", "run.v2-2.safetensors", "run.v2-3.safetensors"];
         assert_eq!(names, expected.map(|name| folder.path().join(name)));
     }
@@ -235,7 +236,7 @@ mod tests {
         let folder = folder();
         let old = |name: &str| {
             let file = File::create(folder.path().join(name)).expect("a file");
-            file.set_modified(SystemTime::now() - 10 * STALE).expect("set");
+            file.set_modified(SystemTime::now() - 10 * STALE_AFTER).expect("set");
             file
         };
         let written = old(".gdg-1.tmp");
@@ -244,7 +245,7 @@ mod tests {
             old(name);
         }
         File::create(folder.path().join(".gdg-3.tmp")).expect("a file");
-        write_whole(&folder.path().join("file"), b"x").expect("written");
+        write_atomically(&folder.path().join("file"), b"x").expect("written");
         let mut left: Vec<_> =
             std::fs::read_dir(folder.path()).expect("a folder").flatten().map(|entry| entry.file_name()).collect();
         left.sort();

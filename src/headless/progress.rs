@@ -13,7 +13,7 @@ pub struct Progress {
     bar: ProgressBar,
     /// Whether the position is training time in milliseconds instead of updates.
     by_seconds: bool,
-    begun: bool,
+    started: bool,
 }
 
 impl Progress {
@@ -30,7 +30,7 @@ impl Progress {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
-        Self { bar, by_seconds, begun: false }
+        Self { bar, by_seconds, started: false }
     }
 
     /// Updates the bar to the trainer's state.
@@ -38,9 +38,9 @@ impl Progress {
         let updates = trainer.counters().updates;
         self.bar.set_message(format!("{updates} updates, {:.0}/s", updates_per_second(trainer)));
         self.bar.set_position(if self.by_seconds { (trainer.seconds() * 1000.0) as u64 } else { updates });
-        if !self.begun {
+        if !self.started {
             // A resumed run's earlier progress says nothing about the remaining time.
-            self.begun = true;
+            self.started = true;
             self.bar.reset_eta();
             self.bar.enable_steady_tick(Duration::from_millis(250));
         }

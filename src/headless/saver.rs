@@ -6,29 +6,29 @@ use std::time::{Duration, Instant};
 use miette::Report;
 
 use super::records::Record;
-use crate::report::of_checkpoint;
-use crate::text::{plain, tell};
+use crate::report::from_checkpoint_error;
+use crate::text::{eprint_line, sanitized};
 use crate::train::{self, SaveTo, Trainer};
 
 /// Default time between checkpoints.
-const EVERY_MINUTES: f64 = 5.0;
+const DEFAULT_INTERVAL_MINUTES: f64 = 5.0;
 
 /// Where and when to save checkpoints.
 pub struct Saver {
     to: SaveTo,
     /// Time between checkpoints; `None` to save only at the end.
-    every: Option<Duration>,
-    saved: Instant,
+    interval: Option<Duration>,
+    last_save: Instant,
     /// The state saved last: updates, steps and evaluations.
-    state: Option<(u64, u64, usize)>,
+    last_saved_state: Option<(u64, u64, usize)>,
 }
 
 impl Saver {
-    /// Creates a saver to `to`, every `every_minutes` (default 5; 0 saves only at the end).
-    pub fn new(to: SaveTo, every_minutes: Option<f64>) -> Self {
-        let minutes = every_minutes.unwrap_or(EVERY_MINUTES);
-        let every = (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes));
-        Self { to, every, saved: Instant::now(), state: None }
+    /// Creates a saver to `to`, every `interval_minutes` (default 5; 0 saves only at the end).
+    pub fn new(to: SaveTo, interval_minutes: Option<f64>) -> Self {
+        let minutes = interval_minutes.unwrap_or(DEFAULT_INTERVAL_MINUTES);
+        let interval = (minutes > 0.0).then(|| Duration::from_secs_f64(60.0 * minutes));
+        Self { to, interval, last_save: Instant::now(), last_saved_state: None }
     }
 
     /// Returns the path of the checkpoints.
@@ -38,7 +38,7 @@ impl Saver {
 
     /// Whether the next checkpoint is due.
     pub fn is_due(&self) -> bool {
-        self.every.is_some_and(|every| self.saved.elapsed() >= every)
+        self.interval.is_some_and(|interval| self.last_save.elapsed() >= interval)
     }
 
     /// Saves unless this state is already saved; returns the record to print.
@@ -46,22 +46,22 @@ impl Saver {
     /// # Errors
     /// The checkpoint cannot be saved.
     pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<Record>, Report> {
-        self.saved = Instant::now();
+        self.last_save = Instant::now();
         let counters = trainer.counters();
-        let state = Some((counters.updates, counters.env_steps, trainer.history().evaluations().len()));
-        if self.state == state {
+        let last_saved_state = Some((counters.updates, counters.env_steps, trainer.history().evaluations().len()));
+        if self.last_saved_state == last_saved_state {
             return Ok(None);
         }
         // Even when no rollbacks are left, the networks are good and can be saved; the next update fails again.
         let _ = trainer.ensure_finite();
-        let path: PathBuf = train::save(trainer, &self.to).map_err(of_checkpoint)?;
-        let asked = self.to.path();
-        if path != asked {
-            let (asked, path) = (plain(&asked.to_string_lossy()), plain(&path.to_string_lossy()));
-            tell(&format!("{asked} belongs to another run (--overwrite replaces it): saving to {path}"));
+        let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
+        let requested = self.to.path();
+        if path != requested {
+            let (requested, path) = (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
+            eprint_line(&format!("{requested} belongs to another run (--overwrite replaces it): saving to {path}"));
         }
-        self.to = SaveTo::Own(path.clone());
-        self.state = state;
+        self.to = SaveTo::Replace(path.clone());
+        self.last_saved_state = last_saved_state;
         Ok(Some(Record::Saved { updates: trainer.counters().updates, path: path.to_string_lossy().into_owned() }))
     }
 }

@@ -52,7 +52,7 @@ pub struct Gdg {
     /// Share of a batch that is replaced with pairs of known distance.
     distillation: f32,
     shared: Arc<Shared>,
-    team: ThreadPool,
+    pool: ThreadPool,
     backend: Backend,
     /// The networks on a tape backend, if one is selected; each update is written back to `shared`.
     tape: Option<Tape>,
@@ -93,7 +93,7 @@ impl Gdg {
         let part = || Part::new(settings.critics);
         let parts =
             (0..settings.batch_size.div_ceil(part_rows(settings.batch_size))).map(|_| Mutex::new(part())).collect();
-        let rates = RwLock::new(LearningRates::of(settings));
+        let rates = RwLock::new(LearningRates::from_settings(settings));
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
         let failure = Mutex::default();
         let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
@@ -103,7 +103,7 @@ impl Gdg {
             batch: Batch::default(),
             distillation: settings.distillation,
             shared: Arc::new(shared),
-            team: ThreadPool::new(threads)?,
+            pool: ThreadPool::new(threads)?,
             backend: settings.backend,
             tape,
         })
@@ -164,7 +164,7 @@ impl Gdg {
         }
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.run_parallel(Shared::LOOKS + parts, Shared::touched_or_critic_model_gradients)?;
+        self.run_parallel(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
         self.run_parallel(2 * (critics + 1), Shared::step_critics_and_model)?;
         let began = profile.lap(Stage::CriticModelSteps, began);
@@ -178,7 +178,7 @@ impl Gdg {
     /// Calls `work` with each index below `tasks`, on all threads; returns the first error.
     fn run_parallel(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
         let shared = self.shared.clone();
-        self.team.run(tasks, move |i| {
+        self.pool.run(tasks, move |i| {
             if let Err(error) = work(&shared, i) {
                 shared.failure.lock().get_or_insert(error);
             }
@@ -194,25 +194,26 @@ impl Gdg {
     pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [FullGradient; 3])> {
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        self.run_parallel(Shared::LOOKS + parts, Shared::touched_or_critic_model_gradients)?;
+        self.run_parallel(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         self.run_parallel(parts, Shared::actor_gradients)?;
-        let whole = |network: &Network, touched: &RwLock<TouchedCorners>, of: fn(&mut Part) -> &mut Gradient| {
-            let mut dense = Vec::new();
-            for part in &self.shared.parts {
-                let mut part = part.lock();
-                let gradient = &of(&mut part).dense;
-                dense.resize(gradient.len(), 0.0);
-                kernel::add_into(&mut dense, gradient);
-            }
-            let encoded: Vec<_> = self.shared.parts.iter().map(|p| of(&mut p.lock()).encoded.clone()).collect();
-            let table = network.halves().1.map(|table| touched.read().whole(&encoded, table.channels()));
-            (dense, table.unwrap_or_default())
-        };
+        let full_gradient =
+            |network: &Network, touched: &RwLock<TouchedCorners>, of: fn(&mut Part) -> &mut Gradient| {
+                let mut dense = Vec::new();
+                for part in &self.shared.parts {
+                    let mut part = part.lock();
+                    let gradient = &of(&mut part).dense;
+                    dense.resize(gradient.len(), 0.0);
+                    kernel::add_into(&mut dense, gradient);
+                }
+                let encoded: Vec<_> = self.shared.parts.iter().map(|p| of(&mut p.lock()).encoded.clone()).collect();
+                let table = network.halves().1.map(|table| touched.read().table_gradient(&encoded, table.channels()));
+                (dense, table.unwrap_or_default())
+            };
         let Shared { pairs, transitions, .. } = &*self.shared;
         let gradients = [
-            whole(self.critic(0), pairs, |part| &mut part.critics[0]),
-            whole(self.model(), transitions, |part| &mut part.model),
-            whole(self.actor(), pairs, |part| &mut part.actor),
+            full_gradient(self.critic(0), pairs, |part| &mut part.critics[0]),
+            full_gradient(self.model(), transitions, |part| &mut part.model),
+            full_gradient(self.actor(), pairs, |part| &mut part.actor),
         ];
         Ok((self.losses(), gradients))
     }
@@ -247,7 +248,7 @@ impl Gdg {
         };
         let critics = self.shared.critics.iter().map(|critic| parameters(critic, true));
         let others = [parameters(&self.shared.model, false), parameters(&self.shared.actor, true)];
-        Reference::of(self.shapes(), critics.chain(others).collect::<Result<_>>()?, layers)
+        Reference::with_parameters(self.shapes(), critics.chain(others).collect::<Result<_>>()?, layers)
     }
 
     /// Calls `use_nets` with the current networks or their running averages; no update can run in the meantime.
@@ -274,7 +275,7 @@ impl Gdg {
             let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
             let (from, to) = (from as usize, to as usize);
             let (state, goal) = (&known.states[from * s..(from + 1) * s], &known.goals[to * g..(to + 1) * g]);
-            self.batch.set_known(i, state, goal, steps);
+            self.batch.set_known_distance(i, state, goal, steps);
         }
     }
 
@@ -345,7 +346,7 @@ impl Learner for Gdg {
 
     fn load(&mut self, store: &Store) -> std::result::Result<(), LearnError> {
         let updates = store.text("learner_updates")?.parse::<u32>();
-        let updates = updates.map_err(|_| StoreError::misfit("its number of updates is out of range"))?.into();
+        let updates = updates.map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?.into();
         let find = |network: &str, part: &str| {
             let name = format!("{network}.{part}");
             let counts = || store.u32(&name).map(|counts| counts.iter().copied().map(f32::from_bits).collect());
@@ -353,7 +354,7 @@ impl Learner for Gdg {
         };
         let named = || self.shared.named();
         let restore = |(name, network): (String, &Network)| network.restore(updates, |part| find(&name, part));
-        named().try_for_each(restore).map_err(|e| StoreError::misfit(format!("its networks do not fit: {e}")))?;
+        named().try_for_each(restore).map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))?;
         self.tape = Tape::new(self.backend, self.shared.networks())?;
         Ok(())
     }
@@ -361,7 +362,7 @@ impl Learner for Gdg {
 
 impl Shared {
     /// Number of tasks in the first phase that find the table corners touched by the batch.
-    const LOOKS: usize = 2;
+    const TOUCH_TASKS: usize = 2;
 
     /// Returns critics, model, actor.
     fn networks(&self) -> impl Iterator<Item = &Network> {
@@ -376,16 +377,16 @@ impl Shared {
 
     /// Runs one task of an update's first phase: the first tasks find the corners that the steps will touch, each other
     /// one computes the gradients of critics and model on its part of the batch.
-    fn touched_or_critic_model_gradients(&self, task: usize) -> Result<()> {
-        if let Some(part) = task.checked_sub(Self::LOOKS) {
+    fn touched_corners_or_gradients(&self, task: usize) -> Result<()> {
+        if let Some(part) = task.checked_sub(Self::TOUCH_TASKS) {
             return self.critic_and_model_gradients(part);
         }
-        self.look(task == 0);
+        self.find_touched_corners(task == 0);
         Ok(())
     }
 
     /// Finds the corners that the batch's pairs, or its transitions, touch.
-    fn look(&self, pairs: bool) {
+    fn find_touched_corners(&self, pairs: bool) {
         let Some(grid) = self.shapes.encoder.grid() else { return };
         let batch = self.batch.read();
         let encoder = &self.shapes.encoder;
@@ -444,7 +445,7 @@ impl Shared {
 
     /// Steps the critics and the model, which are independent of each other, in two tasks per network.
     fn step_critics_and_model(&self, task: usize) -> Result<()> {
-        let (i, half) = (task / 2, Half::of(task));
+        let (i, half) = (task / 2, Half::for_task(task));
         match self.critics.get(i) {
             Some(critic) => self.step(critic, half, &self.pairs, |part| &mut part.critics[i]),
             None => self.step(&self.model, half, &self.transitions, |part| &mut part.model),
@@ -453,7 +454,7 @@ impl Shared {
 
     /// Steps the actor, in two tasks.
     fn step_actor(&self, task: usize) -> Result<()> {
-        self.step(&self.actor, Half::of(task), &self.pairs, |part| &mut part.actor)
+        self.step(&self.actor, Half::for_task(task), &self.pairs, |part| &mut part.actor)
     }
 
     /// Steps one half of a network with the sum of all parts' gradients. Moves these out of the parts meanwhile, so
@@ -490,7 +491,7 @@ enum Half {
 
 impl Half {
     /// Returns the half that task number `task` of a phase of steps handles.
-    fn of(task: usize) -> Self {
+    fn for_task(task: usize) -> Self {
         if task.is_multiple_of(2) { Self::Table } else { Self::Dense }
     }
 }

@@ -158,7 +158,7 @@ impl LearnSettings {
     ///
     /// # Errors
     /// Returns the first setting that is out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         let share = |v: f32| (0.0..=1.0).contains(&v);
         let positive = |v: f32| v > 0.0 && v.is_finite();
         let scales = |v: &[f32]| v.len() <= 16 && v.iter().all(|c| (0.01..=1e6).contains(c));

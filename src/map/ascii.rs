@@ -12,7 +12,8 @@ enum Mark {
     Goal,
 }
 
-const CHARACTERS: &str = "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start and 'G' a goal";
+const ALLOWED_CHARACTERS: &str =
+    "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start and 'G' a goal";
 
 fn mark(c: char) -> Option<Mark> {
     match c {
@@ -40,7 +41,7 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let (mut starts, mut goals) = (Vec::new(), Vec::new());
     for (y, line) in text.lines.iter().enumerate() {
         for (x, c) in line.chars().enumerate() {
-            let Some(mark) = mark(c) else { return Err(unknown_character(text, y, x, c, CHARACTERS)) };
+            let Some(mark) = mark(c) else { return Err(unknown_character(text, y, x, c, ALLOWED_CHARACTERS)) };
             match mark {
                 Mark::Start => starts.push(Cell::new(x, y)),
                 Mark::Goal => goals.push(Cell::new(x, y)),
@@ -67,8 +68,8 @@ pub fn print_ascii(grid: &Grid) -> String {
 
 /// Creates the error for a map of more than [`MAX_CELLS`] cells.
 pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
-    let right = format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096");
-    text.line_error(0, format!("a map of {width} x {height} cells is too large"), right)
+    let help = format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096");
+    text.line_error(0, format!("a map of {width} x {height} cells is too large"), help)
 }
 
 /// Creates the error for a character that is not a map character.
@@ -96,5 +97,5 @@ pub fn check_some_free(text: &Text, free: &[bool]) -> MapResult<()> {
     if free.iter().any(|f| *f) {
         return Ok(());
     }
-    Err(super::MapError::whole(text.file, "the map has no free cell", "write free cells as '.'"))
+    Err(super::MapError::whole_file(text.file, "the map has no free cell", "write free cells as '.'"))
 }

@@ -27,7 +27,7 @@ const WEST: u8 = 0b0001;
 const NORTH: u8 = 0b0100;
 
 /// The two sides adjacent to each corner, as bits.
-const BESIDE: [u8; 4] = [0b0101, 0b0110, 0b1001, 0b1010];
+const ADJACENT_SIDES: [u8; 4] = [0b0101, 0b0110, 0b1001, 0b1010];
 
 /// The largest distance between two connected cells.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,27 +39,27 @@ pub struct Diameter {
 }
 
 /// Cell visits allowed for a diameter: enough to be exact on the built-in maps, and seconds on the largest ones.
-const DIAMETER_CELLS: usize = 60_000_000;
+const DIAMETER_CELL_BUDGET: usize = 60_000_000;
 
 /// Candidate middles to try; fewer on large maps, where their searches would dominate.
-const MIDDLES: usize = 8;
-const SEARCHES_FOR_EACH_MIDDLE: usize = 25;
+const MAX_MIDDLES: usize = 8;
+const SEARCHES_PER_MIDDLE: usize = 25;
 
 impl Diameter {
     /// Computes the diameter of `grid` in bounded time.
-    pub fn of(grid: &Grid) -> Self {
-        Self::within(grid, &StepSearch::new(grid).components(grid))
+    pub fn compute(grid: &Grid) -> Self {
+        Self::compute_from(grid, &StepSearch::new(grid).components(grid))
     }
 
-    /// Like [`Self::of`], for a map whose components are known.
-    pub fn within(grid: &Grid, components: &Components) -> Self {
-        Self::by(DIAMETER_CELLS / grid.free_count().max(1), grid, components)
+    /// Like [`Self::compute`], for a map whose components are known.
+    pub fn compute_from(grid: &Grid, components: &Components) -> Self {
+        Self::bounded(DIAMETER_CELL_BUDGET / grid.free_count().max(1), grid, components)
     }
 
     /// Runs iFUB (Crescenzi et al. 2013, "On computing the diameter of real-world undirected graphs"): searches from
     /// the cells farthest from the middle of a long path, working inwards; cells within i steps of the middle are at
     /// most 2 i apart.
-    fn by(searches: usize, grid: &Grid, components: &Components) -> Self {
+    fn bounded(searches: usize, grid: &Grid, components: &Components) -> Self {
         let Some(first) = components.largest_cells(grid).next() else {
             return Self { steps: 0, exact: true };
         };
@@ -71,7 +71,7 @@ impl Diameter {
         let mut halfway = flood.ring(a, across / 2);
         let to_b = flood.ring(b, across - across / 2);
         halfway.retain(|cell| to_b.binary_search_by_key(&(cell.y, cell.x), |c| (c.y, c.x)).is_ok());
-        let middles = (searches / SEARCHES_FOR_EACH_MIDDLE).clamp(1, MIDDLES);
+        let middles = (searches / SEARCHES_PER_MIDDLE).clamp(1, MAX_MIDDLES);
         let tried: Vec<Cell> = halfway.iter().step_by(halfway.len().div_ceil(middles).max(1)).copied().collect();
         let middle = match tried[..] {
             [only] => only,
@@ -127,7 +127,7 @@ impl StepSearch {
             };
             let sides = (0..4).fold(0, |bits, i| bits | way(i));
             // No corner cutting: both cells adjacent to a diagonal must be free.
-            let open = (4..8).filter(|i| sides & BESIDE[i - 4] == BESIDE[i - 4]);
+            let open = (4..8).filter(|i| sides & ADJACENT_SIDES[i - 4] == ADJACENT_SIDES[i - 4]);
             moves[grid.index(cell)] = open.fold(sides, |bits, i| bits | way(i));
         }
         Self { width: grid.width(), moves, steps: vec![UNREACHABLE; grid.free().len()], reached: Vec::new() }
@@ -135,12 +135,12 @@ impl StepSearch {
 
     /// Returns the steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no path. Steps are
     /// reversible, so these are also the steps *to* `cell`.
-    pub fn from(&mut self, cell: Cell) -> &[u32] {
-        self.within(cell, UNREACHABLE)
+    pub fn steps_from(&mut self, cell: Cell) -> &[u32] {
+        self.steps_within(cell, UNREACHABLE)
     }
 
-    /// Like [`Self::from`], but only up to `most` steps; farther cells are [`UNREACHABLE`] too.
-    pub fn within(&mut self, cell: Cell, most: u32) -> &[u32] {
+    /// Like [`Self::steps_from`], but only up to `max_steps` steps; farther cells are [`UNREACHABLE`] too.
+    pub fn steps_within(&mut self, cell: Cell, max_steps: u32) -> &[u32] {
         let Self { width, moves, steps, reached } = self;
         for at in reached.drain(..) {
             steps[at as usize] = UNREACHABLE;
@@ -153,7 +153,7 @@ impl StepSearch {
             let at = reached[done] as usize;
             done += 1;
             let next_steps = steps[at] + 1;
-            if next_steps > most {
+            if next_steps > max_steps {
                 break;
             }
             let mut bits = moves[at];
@@ -182,7 +182,7 @@ impl StepSearch {
         for i in (0..of_cell.len()).filter(|i| grid.free()[*i]) {
             let neighbour = |side: u8, back: usize| if self.moves[i] & side == 0 { None } else { of_cell[i - back] };
             let label = match (neighbour(WEST, 1), neighbour(NORTH, self.width)) {
-                (Some(left), Some(above)) => join(&mut part_of, left, above),
+                (Some(left), Some(above)) => merge(&mut part_of, left, above),
                 (Some(label), None) | (None, Some(label)) => label,
                 (None, None) => {
                     part_of.push(part_of.len() as u32);
@@ -193,9 +193,9 @@ impl StepSearch {
         }
         let mut sizes = Vec::new();
         for label in 0..part_of.len() {
-            let whole = part_of[label] as usize;
-            part_of[label] = if whole == label { sizes.len() as u32 } else { part_of[whole] };
-            sizes.resize(sizes.len() + usize::from(whole == label), 0);
+            let root = part_of[label] as usize;
+            part_of[label] = if root == label { sizes.len() as u32 } else { part_of[root] };
+            sizes.resize(sizes.len() + usize::from(root == label), 0);
         }
         for label in of_cell.iter_mut().flatten() {
             *label = part_of[*label as usize];
@@ -207,19 +207,19 @@ impl StepSearch {
     /// Returns the largest distance within the largest component, using at most `searches` breadth-first searches after
     /// the few that find the middle.
     pub fn diameter(&self, grid: &Grid, searches: usize) -> Diameter {
-        Diameter::by(searches, grid, &self.components(grid))
+        Diameter::bounded(searches, grid, &self.components(grid))
     }
 }
 
 /// Merges two components and returns the label of the earlier one.
-fn join(part_of: &mut [u32], a: u32, b: u32) -> u32 {
-    let (a, b) = (whole(part_of, a), whole(part_of, b));
+fn merge(part_of: &mut [u32], a: u32, b: u32) -> u32 {
+    let (a, b) = (find_root(part_of, a), find_root(part_of, b));
     part_of[a.max(b) as usize] = a.min(b);
     a.min(b)
 }
 
 /// Returns the root of `label`, halving the path to it for later look-ups.
-fn whole(part_of: &mut [u32], mut label: u32) -> u32 {
+fn find_root(part_of: &mut [u32], mut label: u32) -> u32 {
     while part_of[label as usize] != label {
         part_of[label as usize] = part_of[part_of[label as usize] as usize];
         label = part_of[label as usize];

@@ -26,9 +26,9 @@ pub struct Flood {
 struct Word {
     free: u64,
     /// Free cells that the latest flood has not reached.
-    dry: u64,
+    unreached: u64,
     /// Cells of the next ring; empty between floods.
-    wet: u64,
+    next_ring: u64,
 }
 
 /// Distance to another cell's bit: whole words plus bits.
@@ -69,14 +69,14 @@ impl Flood {
 
     /// Returns the cell farthest from `cell` (on a tie, the first in row order) and its distance in steps.
     pub fn farthest(&mut self, cell: Cell) -> (Cell, u32) {
-        let steps = self.spread(cell, u32::MAX, |_, _| {});
+        let steps = self.flood(cell, u32::MAX, |_, _| {});
         let (word, bits) = *self.ring.iter().min().expect("a flood reaches at least its own start");
         (self.cell(word, bits), steps)
     }
 
     /// Returns the cells exactly `steps` away from `cell`, in row order.
     pub fn ring(&mut self, cell: Cell, steps: u32) -> Vec<Cell> {
-        let reached = self.spread(cell, steps, |_, _| {});
+        let reached = self.flood(cell, steps, |_, _| {});
         let mut ring = std::mem::take(&mut self.ring);
         ring.sort_unstable();
         if reached == steps { self.cells_of(&ring).collect() } else { Vec::new() }
@@ -86,7 +86,7 @@ impl Flood {
     /// in, in row order within a ring. Stops after the whole ring that brings the count above `enough`.
     pub fn outermost(&mut self, cell: Cell, near: u32, enough: usize) -> Vec<(u32, Cell)> {
         let mut rings = Vec::new();
-        self.spread(cell, u32::MAX, |steps, ring| {
+        self.flood(cell, u32::MAX, |steps, ring| {
             if steps > near {
                 rings.extend(ring.iter().map(|bits| (steps, *bits)));
             }
@@ -118,10 +118,10 @@ impl Flood {
         Cell::new(bit % self.stride, bit / self.stride)
     }
 
-    /// Floods ring by ring, up to `most` steps away, and passes each ring to `pass`. Returns the distance of the last
-    /// ring.
-    fn spread(&mut self, cell: Cell, most: u32, mut pass: impl FnMut(u32, &[(usize, u64)])) -> u32 {
-        self.cells.iter_mut().for_each(|word| word.dry = word.free);
+    /// Floods ring by ring, up to `max_steps` steps away, and passes each ring to `pass`. Returns the distance of the
+    /// last ring.
+    fn flood(&mut self, cell: Cell, max_steps: u32, mut pass: impl FnMut(u32, &[(usize, u64)])) -> u32 {
+        self.cells.iter_mut().for_each(|word| word.unreached = word.free);
         let bit = self.before * BITS + cell.y * self.stride + cell.x;
         self.reach(bit / BITS, 1 << (bit % BITS));
         let row = self.stride as isize;
@@ -130,9 +130,9 @@ impl Flood {
         let mut steps = 0;
         loop {
             ring.clear();
-            ring.extend(self.next.drain(..).map(|word| (word, std::mem::take(&mut self.cells[word].wet))));
+            ring.extend(self.next.drain(..).map(|word| (word, std::mem::take(&mut self.cells[word].next_ring))));
             pass(steps, &ring);
-            if steps < most {
+            if steps < max_steps {
                 for &(word, bits) in &ring {
                     // Cells whose neighbour on that side is free.
                     let [w, e, n, s] = [west, east, north, south].map(|side| bits & side.free(&self.cells, word));
@@ -170,13 +170,13 @@ impl Flood {
     #[inline]
     fn reach(&mut self, word: usize, bits: u64) {
         let cells = &mut self.cells[word];
-        let new = bits & cells.dry;
+        let new = bits & cells.unreached;
         if new != 0 {
-            cells.dry ^= new;
-            if cells.wet == 0 {
+            cells.unreached ^= new;
+            if cells.next_ring == 0 {
                 self.next.push(word);
             }
-            cells.wet |= new;
+            cells.next_ring |= new;
         }
     }
 }
@@ -201,19 +201,19 @@ mod tests {
             let grid = Grid::new("random", width, free, Vec::new(), Vec::new());
             let start = grid.cell(start);
             let mut search = StepSearch::new(&grid);
-            let steps = search.from(start);
+            let steps = search.steps_from(start);
             let mut cells: Vec<(u32, Cell)> = steps.iter().enumerate().map(|(i, s)| (*s, grid.cell(i))).collect();
             cells.retain(|(steps, _)| *steps != UNREACHABLE);
             // Outermost ring first, in row order within a ring.
             cells.sort_by_key(|(steps, _)| std::cmp::Reverse(*steps));
             let mut flood = Flood::new(&grid);
-            let (most, first) = cells[0];
-            assert_eq!(flood.farthest(start), (first, most), "{width} x {height}");
-            for ring in [0, most / 2, most, most + 1] {
+            let (max_steps, first) = cells[0];
+            assert_eq!(flood.farthest(start), (first, max_steps), "{width} x {height}");
+            for ring in [0, max_steps / 2, max_steps, max_steps + 1] {
                 let expected: Vec<Cell> = cells.iter().filter(|c| c.0 == ring).map(|c| c.1).collect();
                 assert_eq!(flood.ring(start, ring), expected, "ring {ring} of {width} x {height}");
             }
-            let near = most / 3;
+            let near = max_steps / 3;
             cells.retain(|(steps, _)| *steps > near);
             assert_eq!(flood.outermost(start, near, usize::MAX), cells);
             let some = flood.outermost(start, near, 5);

@@ -50,15 +50,15 @@ pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<
 
 fn read(path: &Path) -> MapResult<Vec<u8>> {
     files::read(path, MAX_BYTES).map_err(|error| {
-        let (file, right) = (path.to_string_lossy(), "give a map file, or a name from 'gdg-tui maps'".to_owned());
-        let (what, right) = match error.kind() {
+        let (file, help) = (path.to_string_lossy(), "give a map file, or a name from 'gdg-tui maps'".to_owned());
+        let (problem, help) = match error.kind() {
             ErrorKind::IsADirectory => ("is a directory".to_owned(), "give a map file".to_owned()),
             ErrorKind::FileTooLarge => {
-                let right = format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096");
-                ("the file is too large for a map".to_owned(), right)
+                let help = format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096");
+                ("the file is too large for a map".to_owned(), help)
             }
-            _ => (format!("cannot be read: {error}"), right),
+            _ => (format!("cannot be read: {error}"), help),
         };
-        MapError::whole(&file, what, right)
+        MapError::whole_file(&file, problem, help)
     })
 }

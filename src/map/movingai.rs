@@ -10,7 +10,7 @@ use super::text::Text;
 const HEADER: &str =
     "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
 
-const CHARACTERS: &str = "in a Moving AI map '.', 'G' and 'S' are passable, '@', 'O', 'T' and 'W' are not";
+const ALLOWED_CHARACTERS: &str = "in a Moving AI map '.', 'G' and 'S' are passable, '@', 'O', 'T' and 'W' are not";
 
 /// Returns whether the text starts with a Moving AI header.
 pub fn is_movingai(text: &Text) -> bool {
@@ -34,18 +34,18 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
             free.push(match c {
                 '.' | 'G' | 'S' => true,
                 '@' | 'O' | 'T' | 'W' => false,
-                _ => return Err(unknown_character(text, line, column, c, CHARACTERS)),
+                _ => return Err(unknown_character(text, line, column, c, ALLOWED_CHARACTERS)),
             });
         }
     }
     if rows < height {
         let line = text.lines.len() - 1;
-        let what = format!("the map ends after {rows} rows, but the header says height {height}");
-        return Err(text.line_error(line, what, "give as many rows as the header says"));
+        let problem = format!("the map ends after {rows} rows, but the header says height {height}");
+        return Err(text.line_error(line, problem, "give as many rows as the header says"));
     }
     if rows > height {
-        let what = format!("row {}, but the header says height {height}", height + 1);
-        return Err(text.line_error(first_row + height, what, "give as many rows as the header says"));
+        let problem = format!("row {}, but the header says height {height}", height + 1);
+        return Err(text.line_error(first_row + height, problem, "give as many rows as the header says"));
     }
     check_some_free(text, &free)?;
     Ok(Grid::new(name, width, free, Vec::new(), Vec::new()))
@@ -79,8 +79,8 @@ fn parse_header(text: &Text) -> MapResult<(usize, usize, usize)> {
 fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
     let column = text.lines[line].chars().count() - text.lines[line].trim_start().chars().count();
     let from = column + text.lines[line].trim_start().find(value).unwrap_or(0);
-    let error = |what: String| {
-        text.error(line, from..from + value.chars().count(), what, "sizes are integers from 1 to 16777216")
+    let error = |problem: String| {
+        text.error(line, from..from + value.chars().count(), problem, "sizes are integers from 1 to 16777216")
     };
     match value.parse::<usize>() {
         Ok(0) => Err(error("a size of 0 is invalid".to_owned())),

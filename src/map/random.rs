@@ -10,7 +10,7 @@ use super::grid::Grid;
 
 /// The kind of a random map.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Kind {
+pub enum RandomMapKind {
     /// 9 x 9 rooms of 4 x 4 cells, separated by walls one cell thick; besides those of the spanning tree, a tenth of
     /// the walls are open.
     Maze,
@@ -37,7 +37,7 @@ struct Lattice {
     extra: f32,
 }
 
-impl Kind {
+impl RandomMapKind {
     /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {
@@ -59,15 +59,15 @@ impl Kind {
 
 /// Generates the map of `kind` for `seed`, `size` cells wide and high (by default 44, 101 or 33); what is left of that
 /// after the last whole place is wall. All of its free cells are connected.
-pub fn random(kind: Kind, size: Option<usize>, seed: u64) -> Grid {
+pub fn random(kind: RandomMapKind, size: Option<usize>, seed: u64) -> Grid {
     let Lattice { side, border, place, gap, extra } = kind.lattice();
     let side = size.unwrap_or(side);
     let pitch = place + gap;
     let places = ((side + gap).saturating_sub(border) / pitch).max(1);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let joined = match kind {
-        Kind::Maze | Kind::City => spanning_tree(places, extra, &mut rng),
-        Kind::Perfect => depth_first_tree(places, &mut rng),
+        RandomMapKind::Maze | RandomMapKind::City => spanning_tree(places, extra, &mut rng),
+        RandomMapKind::Perfect => depth_first_tree(places, &mut rng),
     };
 
     let side = side.max(border + places * pitch - gap);

@@ -15,7 +15,7 @@ pub struct ScenarioTask {
     pub optimal_octile: f64,
 }
 
-const FIELDS: &str = "a task has 9 fields separated by tabs: bucket, map, map width, map height, start x, start y, \
+const EXPECTED_FIELDS: &str = "a task has 9 fields separated by tabs: bucket, map, map width, map height, start x, start y, \
                       goal x, goal y, optimal length";
 
 /// Parses a scenario for `grid`; scales coordinates if the stated map size differs from the grid's.
@@ -38,7 +38,7 @@ pub fn parse_scenario(text: &Text, grid: &Grid) -> MapResult<Vec<ScenarioTask>> 
         .collect();
     let tasks = tasks?;
     if tasks.is_empty() {
-        return Err(text.line_error(0, "the scenario has no tasks", FIELDS));
+        return Err(text.line_error(0, "the scenario has no tasks", EXPECTED_FIELDS));
     }
     Ok(tasks)
 }
@@ -46,18 +46,17 @@ pub fn parse_scenario(text: &Text, grid: &Grid) -> MapResult<Vec<ScenarioTask>> 
 fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> {
     let fields: Vec<&str> = text.lines[line].split('\t').collect();
     if fields.len() != 9 {
-        let what = format!("{} fields instead of 9", fields.len());
-        return Err(text.line_error(line, what, FIELDS));
+        let problem = format!("{} fields instead of 9", fields.len());
+        return Err(text.line_error(line, problem, EXPECTED_FIELDS));
     }
     let columns = |field: usize| {
         let from: usize = fields[..field].iter().map(|f| f.chars().count() + 1).sum();
         from..from + fields[field].chars().count()
     };
     let number = |field: usize| {
-        fields[field]
-            .trim()
-            .parse::<usize>()
-            .map_err(|_| text.error(line, columns(field), format!("{:?} is not an integer", fields[field]), FIELDS))
+        fields[field].trim().parse::<usize>().map_err(|_| {
+            text.error(line, columns(field), format!("{:?} is not an integer", fields[field]), EXPECTED_FIELDS)
+        })
     };
     let (stated_width, stated_height) = (number(2)?, number(3)?);
     let cell = |field: usize, which: &str| {
@@ -73,20 +72,19 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
         }
         let (x, y) = (cell.x, cell.y);
         let outside = x >= grid.width() || y >= grid.height();
-        let what = if outside {
+        let problem = if outside {
             format!("the {which} ({x}, {y}) is outside the map of {} x {}", grid.width(), grid.height())
         } else {
             format!("the {which} ({x}, {y}) is a wall of {}", grid.name())
         };
-        let right =
-            "starts and goals must be free cells, as x, y from (0, 0) at the upper left; is this the right map?";
-        Err(text.error(line, columns(field).start..columns(field + 1).end, what, right))
+        let help = "starts and goals must be free cells, as x, y from (0, 0) at the upper left; is this the right map?";
+        Err(text.error(line, columns(field).start..columns(field + 1).end, problem, help))
     };
     let optimal_octile = fields[8].trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
     Ok(ScenarioTask {
         start: cell(4, "start")?,
         goal: cell(6, "goal")?,
         optimal_octile: optimal_octile
-            .ok_or_else(|| text.error(line, columns(8), format!("{:?} is not a length", fields[8]), FIELDS))?,
+            .ok_or_else(|| text.error(line, columns(8), format!("{:?} is not a length", fields[8]), EXPECTED_FIELDS))?,
     })
 }

@@ -22,7 +22,7 @@ impl<'a> Text<'a> {
             lines.pop();
         }
         if lines.is_empty() {
-            return Err(MapError::whole(file, "the file is empty", "a map needs at least one free cell"));
+            return Err(MapError::whole_file(file, "the file is empty", "a map needs at least one free cell"));
         }
         Ok(Self { file, lines })
     }
@@ -32,16 +32,16 @@ impl<'a> Text<'a> {
         &self,
         line: usize,
         columns: std::ops::Range<usize>,
-        what: impl Into<String>,
-        right: impl Into<String>,
+        problem: impl Into<String>,
+        help: impl Into<String>,
     ) -> Box<MapError> {
-        MapError::at(self.file, (line, self.lines.get(line).unwrap_or(&"")), columns, what, right)
+        MapError::at(self.file, (line, self.lines.get(line).unwrap_or(&"")), columns, problem, help)
     }
 
     /// Creates an error about the whole of line `line`.
-    pub fn line_error(&self, line: usize, what: impl Into<String>, right: impl Into<String>) -> Box<MapError> {
+    pub fn line_error(&self, line: usize, problem: impl Into<String>, help: impl Into<String>) -> Box<MapError> {
         let length = self.lines.get(line).map_or(0, |l| l.chars().count());
-        self.error(line, 0..length, what, right)
+        self.error(line, 0..length, problem, help)
     }
 }
 

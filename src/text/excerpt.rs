@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use super::plain;
+use super::sanitized;
 
 /// Characters shown on each side of the error.
-const SHOWN_AROUND: usize = 36;
+const CONTEXT_CHARS: usize = 36;
 
 /// The offending part of a line and its surroundings.
 #[derive(Debug, Clone)]
@@ -26,22 +26,22 @@ impl Excerpt {
     /// Creates an excerpt around `columns` (from 0, in characters) of line number `line` (from 0), whose text is
     /// `text`.
     pub fn new(file: &str, (line, text): (usize, &str), columns: Range<usize>) -> Self {
-        let first_column = columns.start.saturating_sub(SHOWN_AROUND);
-        let shown: String = text.chars().skip(first_column).take(2 * SHOWN_AROUND).collect();
+        let first_column = columns.start.saturating_sub(CONTEXT_CHARS);
+        let shown: String = text.chars().skip(first_column).take(2 * CONTEXT_CHARS).collect();
         let bytes = |until: usize| -> usize { shown.chars().take(until).map(char::len_utf8).sum() };
         let (from, to) = (bytes(columns.start - first_column), bytes(columns.end.max(columns.start) - first_column));
-        Self { file: plain(file), line, first_column, text: plain(&shown), span: (from, to - from) }
+        Self { file: sanitized(file), line, first_column, text: sanitized(&shown), span: (from, to - from) }
     }
 
     /// Returns an excerpt around the bytes `span` of a file's `text`, and their line and column (both from 1).
-    pub fn of(file: &str, text: &str, span: Range<usize>) -> (Self, (usize, usize)) {
+    pub fn from_span(file: &str, text: &str, span: Range<usize>) -> (Self, (usize, usize)) {
         let at = text.floor_char_boundary(span.start);
         let (line, column) = line_and_column(text, at);
         let from = text[..at].rfind('\n').map_or(0, |i| i + 1);
         let rest = &text[from..];
         let own = rest.split('\n').next().unwrap_or_default();
         let end = text.floor_char_boundary(span.end.max(at)).min(from + own.len()).max(at);
-        let length = text[at..end].chars().take(2 * SHOWN_AROUND).count();
+        let length = text[at..end].chars().take(2 * CONTEXT_CHARS).count();
         let own = own.strip_suffix('\r').unwrap_or(own);
         (Self::new(file, (line - 1, own), column - 1..column - 1 + length), (line, column))
     }
@@ -62,7 +62,7 @@ mod tests {
     fn an_excerpt_contains_only_the_line_of_its_span() {
         let text = "{\n  \"tau\": \"x\",\r\n  \"b\": 1\n}";
         let at = text.find("\"x\"").expect("there");
-        let (excerpt, place) = Excerpt::of("f", text, at..at + 3);
+        let (excerpt, place) = Excerpt::from_span("f", text, at..at + 3);
         assert_eq!(place, (2, 10));
         assert_eq!((excerpt.text.as_str(), excerpt.span), ("  \"tau\": \"x\",", (9, 3)));
     }
@@ -70,10 +70,10 @@ mod tests {
     #[test]
     fn very_long_lines_are_truncated() {
         let text = "x".repeat(5_000_000) + "é\x1b";
-        let (excerpt, place) = Excerpt::of("f", &text, 4_000_000..5_000_000);
+        let (excerpt, place) = Excerpt::from_span("f", &text, 4_000_000..5_000_000);
         assert_eq!(place, (1, 4_000_001));
-        assert!(excerpt.text.len() <= 2 * SHOWN_AROUND);
-        let (end, _) = Excerpt::of("f", &text, text.len()..text.len() + 9);
+        assert!(excerpt.text.len() <= 2 * CONTEXT_CHARS);
+        let (end, _) = Excerpt::from_span("f", &text, text.len()..text.len() + 9);
         assert!(end.text.ends_with("é?"), "{}", end.text);
     }
 }

@@ -22,23 +22,23 @@ use super::run::Run;
 use super::score::Success;
 use super::trainer::{Trainer, TrainerState};
 use crate::files;
-use crate::text::{file_name, plain, shortened};
-pub use content::resealed;
+use crate::text::{safe_file_name, sanitized, truncated};
+pub use content::with_updated_checksum;
 use content::{ContentError, texts_from_header};
 
 /// Maximum length of a displayed reason, in characters: it may quote the file.
-const SHOWN: usize = 400;
+const MAX_REASON_CHARS: usize = 400;
 
 /// Error from writing or loading a checkpoint.
 #[derive(Debug, thiserror::Error)]
-#[error("{}: {what}", plain(&file.to_string_lossy()))]
+#[error("{}: {problem}", sanitized(&file.to_string_lossy()))]
 pub struct CheckpointError {
     /// The file.
     pub file: PathBuf,
     /// What is wrong with it.
-    pub what: String,
+    pub problem: String,
     /// How to fix it.
-    pub right: String,
+    pub help: String,
 }
 
 /// Summary of a checkpoint, without its tensors.
@@ -61,7 +61,7 @@ pub struct Description {
 }
 
 /// Maximum header size read, far above that of any checkpoint of this program.
-const MOST_HEADER_BYTES: u64 = 64 << 20;
+const MAX_HEADER_BYTES: u64 = 64 << 20;
 
 /// Reads a checkpoint's summary without its tensors.
 ///
@@ -74,7 +74,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
         let mut length = [0; 8];
         file.read_exact(&mut length)?;
         let mut header = Vec::new();
-        file.take(u64::from_le_bytes(length).min(MOST_HEADER_BYTES)).read_to_end(&mut header)?;
+        file.take(u64::from_le_bytes(length).min(MAX_HEADER_BYTES)).read_to_end(&mut header)?;
         Ok::<_, std::io::Error>((header, facts))
     };
     let (header, facts) = read().map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
@@ -83,7 +83,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
         Ok::<_, ContentError>(Description {
             file: path.to_owned(),
             // Older formats only had maps.
-            title: file_name(store.text("title").or_else(|_| store.text("map_name"))?),
+            title: safe_file_name(store.text("title").or_else(|_| store.text("map_name"))?),
             run: store.json("run")?,
             updates: store.json::<TrainerState>("trainer")?.counters.updates,
             success: store.json("success")?,
@@ -94,45 +94,45 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     describe().map_err(|e| unreadable(path, &e.to_string()))
 }
 
-fn unreadable(path: &Path, what: &str) -> CheckpointError {
-    let right = "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors".to_owned();
-    CheckpointError { file: path.to_owned(), what: shortened(what, SHOWN), right }
+fn unreadable(path: &Path, problem: &str) -> CheckpointError {
+    let help = "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors".to_owned();
+    CheckpointError { file: path.to_owned(), problem: truncated(problem, MAX_REASON_CHARS), help }
 }
 
 /// Where to write a checkpoint.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SaveTo {
-    /// Replaces the existing file: the run's own, or one that the user agreed to overwrite. Acts like `Fresh` if
+    /// Replaces the existing file: the run's own, or one that the user agreed to overwrite. Acts like `CreateNew` if
     /// another program has replaced the file in the meantime.
-    Own(PathBuf),
+    Replace(PathBuf),
     /// Writes to this path, or to the path with the suffix `-2`, `-3` ... if it exists: an existing file belongs to
     /// another run.
-    Fresh(PathBuf),
+    CreateNew(PathBuf),
 }
 
 impl SaveTo {
     /// Returns the requested path.
     pub fn path(&self) -> &Path {
         match self {
-            Self::Own(path) | Self::Fresh(path) => path,
+            Self::Replace(path) | Self::CreateNew(path) => path,
         }
     }
 }
 
 /// Files that this program has read or written, with their identity at that time: any change since then was made by
 /// another program.
-static KNOWN: Mutex<BTreeMap<PathBuf, Identity>> = Mutex::new(BTreeMap::new());
+static KNOWN_FILES: Mutex<BTreeMap<PathBuf, FileIdentity>> = Mutex::new(BTreeMap::new());
 
 /// Distinguishes a file from another one at the same path.
 #[derive(Clone, Copy, PartialEq, Eq)]
-struct Identity {
+struct FileIdentity {
     bytes: u64,
     modified: Option<SystemTime>,
     inode: u64,
 }
 
-impl Identity {
-    fn of(path: &Path) -> Option<Self> {
+impl FileIdentity {
+    fn read(path: &Path) -> Option<Self> {
         let facts = std::fs::metadata(path).ok()?;
         #[cfg(unix)]
         let inode = std::os::unix::fs::MetadataExt::ino(&facts);
@@ -142,16 +142,16 @@ impl Identity {
     }
 
     /// Records the current identity of the file at `path`.
-    fn remember(path: &Path) {
-        if let (Ok(path), Some(identity)) = (path.canonicalize(), Self::of(path)) {
-            KNOWN.lock().insert(path, identity);
+    fn record(path: &Path) {
+        if let (Ok(path), Some(identity)) = (path.canonicalize(), Self::read(path)) {
+            KNOWN_FILES.lock().insert(path, identity);
         }
     }
 
     /// Whether another program has replaced the file at `path` since this one last read or wrote it.
     fn is_foreign(path: &Path) -> bool {
-        let known = path.canonicalize().ok().and_then(|path| KNOWN.lock().get(&path).copied());
-        known.is_some_and(|known| Self::of(path) != Some(known))
+        let known = path.canonicalize().ok().and_then(|path| KNOWN_FILES.lock().get(&path).copied());
+        known.is_some_and(|known| Self::read(path) != Some(known))
     }
 }
 
@@ -161,10 +161,10 @@ impl Identity {
 /// # Errors
 /// The file system or the learner fails, or numbers are not finite.
 pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> {
-    let failed = |what: String| CheckpointError {
+    let failed = |problem: String| CheckpointError {
         file: to.path().to_owned(),
-        what: format!("not saved: {what}"),
-        right: "choose a file in a writable folder with enough free space".to_owned(),
+        problem: format!("not saved: {problem}"),
+        help: "choose a file in a writable folder with enough free space".to_owned(),
     };
     if crate::faults::point("save") {
         return Err(failed("injected fault".to_owned()));
@@ -172,15 +172,15 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     let store = trainer.save().map_err(|e| failed(e.to_string()))?;
     let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
     let written = match to {
-        SaveTo::Own(path) if Identity::is_foreign(path) => files::write_fresh(path, &bytes),
-        SaveTo::Own(path) => {
+        SaveTo::Replace(path) if FileIdentity::is_foreign(path) => files::write_to_unused(path, &bytes),
+        SaveTo::Replace(path) => {
             let whole = |found: &[u8]| found == bytes && content::from_bytes(found).is_ok();
             files::write_verified(path, &bytes, whole).map(|()| path.clone())
         }
-        SaveTo::Fresh(path) => files::write_fresh(path, &bytes),
+        SaveTo::CreateNew(path) => files::write_to_unused(path, &bytes),
     };
     let path = written.map_err(|e| failed(e.to_string()))?;
-    Identity::remember(&path);
+    FileIdentity::record(&path);
     tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)
 }
@@ -200,21 +200,21 @@ pub struct Loaded {
 pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loaded, CheckpointError> {
     let load = |file: &Path| {
         // The contents are briefly held twice, as bytes and as numbers.
-        let bytes = files::read(file, memory::available() / 3).map_err(|e| format!("cannot be read: {e}"))?;
+        let bytes = files::read(file, memory::available_bytes() / 3).map_err(|e| format!("cannot be read: {e}"))?;
         from_bytes(&bytes, registry, threads).map_err(|e| e.to_string())
     };
-    let backup = files::backup_of(path);
-    Identity::remember(path);
+    let backup = files::backup_path(path);
+    FileIdentity::record(path);
     match load(path) {
         Ok(trainer) => Ok(Loaded { trainer, warning: None }),
-        Err(what) => match backup.is_file().then(|| load(&backup)) {
+        Err(problem) => match backup.is_file().then(|| load(&backup)) {
             Some(Ok(trainer)) => {
-                let (what, name) = (shortened(&what, SHOWN), plain(&path.to_string_lossy()));
-                let warning = format!("{name} {what}; loaded the previous save, {name}.bak");
+                let (problem, name) = (truncated(&problem, MAX_REASON_CHARS), sanitized(&path.to_string_lossy()));
+                let warning = format!("{name} {problem}; loaded the previous save, {name}.bak");
                 tracing::warn!("{warning}");
                 Ok(Loaded { trainer, warning: Some(warning) })
             }
-            _ => Err(unreadable(path, &what)),
+            _ => Err(unreadable(path, &problem)),
         },
     }
 }

@@ -13,7 +13,7 @@ use super::settings::Settings;
 use super::settings::reference::{SETTINGS, Setting};
 use crate::files;
 use crate::learn::OutOfRange;
-use crate::text::{Excerpt, plain, shortened};
+use crate::text::{Excerpt, sanitized, truncated};
 
 /// Overrides of a preset.
 #[derive(Clone, Debug, Default)]
@@ -26,43 +26,43 @@ pub struct Overrides<'a> {
 
 /// An invalid setting.
 #[derive(Debug, thiserror::Error)]
-#[error("{place}{what}")]
+#[error("{location}{problem}")]
 pub struct ConfigError {
-    place: String,
-    what: String,
+    location: String,
+    problem: String,
     /// What is expected instead.
-    pub right: String,
+    pub help: String,
     /// The offending part of the file.
     pub excerpt: Option<Excerpt>,
 }
 
 /// Maximum length of a value quoted in an error, in characters.
-const QUOTED: usize = 120;
+const MAX_QUOTED_CHARS: usize = 120;
 
 /// Maximum size of a settings file.
 const MAX_BYTES: u64 = 64 << 20;
 
 impl ConfigError {
-    fn new(what: String, right: String) -> Box<Self> {
-        Box::new(Self { place: String::new(), what, right, excerpt: None })
+    fn new(problem: String, help: String) -> Box<Self> {
+        Box::new(Self { location: String::new(), problem, help, excerpt: None })
     }
 
     /// Returns the problem and the expected value in one line.
-    pub fn in_a_line(&self) -> String {
-        format!("{}: {}", self.what, self.right)
+    pub fn one_line(&self) -> String {
+        format!("{}: {}", self.problem, self.help)
     }
 
-    /// Prefixes the error with `place`.
-    fn of(mut self: Box<Self>, place: String) -> Box<Self> {
-        self.place = place;
+    /// Prefixes the error with `location`.
+    fn at(mut self: Box<Self>, location: String) -> Box<Self> {
+        self.location = location;
         self
     }
 
     /// Adds the position in a file and an excerpt of it to the error.
-    fn within(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
-        let (excerpt, (line, column)) = Excerpt::of(file, text, offset..offset + length);
+    fn in_file(mut self: Box<Self>, file: &str, text: &str, (offset, length): (usize, usize)) -> Box<Self> {
+        let (excerpt, (line, column)) = Excerpt::from_span(file, text, offset..offset + length);
         self.excerpt = Some(excerpt);
-        self.of(format!("{}:{line}:{column}: ", plain(file)))
+        self.at(format!("{}:{line}:{column}: ", sanitized(file)))
     }
 }
 
@@ -77,14 +77,14 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
         apply_file(&mut values, path)?;
     }
     for assignment in overrides.set {
-        let shown = shortened(assignment, QUOTED);
+        let shown = truncated(assignment, MAX_QUOTED_CHARS);
         let (name, value) = assignment.split_once('=').ok_or_else(|| {
             ConfigError::new(
                 format!("--set {shown}: no value given"),
                 "use --set name=value, e.g. --set expectile=0.9".to_owned(),
             )
         })?;
-        apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.of(format!("--set {shown}: ")))?;
+        apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.at(format!("--set {shown}: ")))?;
     }
     let settings = parse(&values)?;
     check(&settings, &values)?;
@@ -143,7 +143,7 @@ fn as_map(settings: &Settings) -> Map<String, Value> {
 fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
     serde_json::from_value(Value::Object(values.clone())).map_err(|e| {
         ConfigError::new(
-            shortened(&e.to_string(), QUOTED),
+            truncated(&e.to_string(), MAX_QUOTED_CHARS),
             "see --print-config for values of the right type".to_owned(),
         )
     })
@@ -154,11 +154,11 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
     values.insert(setting.name.to_owned(), value.clone());
     let kind = |_| {
-        let right = format!("{name} must be {}", setting.range);
-        ConfigError::new(format!("{name} cannot be {}", shortened(&value.to_string(), QUOTED)), right)
+        let help = format!("{name} must be {}", setting.range);
+        ConfigError::new(format!("{name} cannot be {}", truncated(&value.to_string(), MAX_QUOTED_CHARS)), help)
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
-    match settings.check() {
+    match settings.validate() {
         Err(OutOfRange(wrong)) if wrong == setting.name => Err(out_of_range(setting, value)),
         _ => Ok(()),
     }
@@ -166,14 +166,14 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
 
 /// Checks all values together: some ranges involve several settings.
 fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<ConfigError>> {
-    settings.check().map_err(|OutOfRange(name)| match Setting::named(name) {
+    settings.validate().map_err(|OutOfRange(name)| match Setting::named(name) {
         Some(setting) => out_of_range(setting, &values[name]),
         None => ConfigError::new(format!("{name} is out of range"), "see --print-config".to_owned()),
     })
 }
 
 fn out_of_range(Setting { name, range, .. }: &Setting, value: &Value) -> Box<ConfigError> {
-    let value = shortened(&value.to_string(), QUOTED);
+    let value = truncated(&value.to_string(), MAX_QUOTED_CHARS);
     ConfigError::new(format!("{name} cannot be {value}"), format!("{name} must be {range}"))
 }
 
@@ -183,11 +183,11 @@ fn unknown(name: &str) -> Box<ConfigError> {
         .map(|setting| (strsim::jaro_winkler(setting.name, name), setting.name))
         .max_by(|a, b| a.0.total_cmp(&b.0))
         .filter(|(likeness, _)| *likeness > 0.7);
-    let right = match nearest {
+    let help = match nearest {
         Some((_, known)) => format!("did you mean {known}? --print-config prints all settings"),
         None => "--print-config prints all settings".to_owned(),
     };
-    ConfigError::new(format!("unknown setting {:?}", shortened(name, QUOTED)), right)
+    ConfigError::new(format!("unknown setting {:?}", truncated(name, MAX_QUOTED_CHARS)), help)
 }
 
 /// Names and values of a settings file, borrowed from its text so that errors can locate them.
@@ -200,30 +200,31 @@ struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
 fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
     let file = path.to_string_lossy();
     let text = files::read_text(path, MAX_BYTES).map_err(|e| {
-        let right = "give a JSON file in the format of --print-config".to_owned();
-        ConfigError::new(format!("cannot be read: {e}"), right).of(format!("{}: ", plain(&file)))
+        let help = "give a JSON file in the format of --print-config".to_owned();
+        ConfigError::new(format!("cannot be read: {e}"), help).at(format!("{}: ", sanitized(&file)))
     })?;
     apply_text(values, &file, &text)
 }
 
 fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
-        let right = "a settings file is a JSON object of names and values, in the format of --print-config".to_owned();
+        let help = "a settings file is a JSON object of names and values, in the format of --print-config".to_owned();
         let message = e.to_string();
-        let what = shortened(message.split(" at line ").next().unwrap_or(&message), QUOTED);
-        ConfigError::new(what, right).within(file, text, (offset_of(text, e.line(), e.column()), 0))
+        let problem = truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS);
+        ConfigError::new(problem, help).in_file(file, text, (offset_of(text, e.line(), e.column()), 0))
     })?;
     for (Key(name), raw) in &entries.0 {
-        let place = |part: &str| {
+        let location = |part: &str| {
             let offset = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
             if offset <= text.len() { (offset, part.len()) } else { (0, 0) }
         };
         let known = Setting::named(name).is_some();
-        let value = serde_json::from_str(raw.get())
-            .map_err(|e| ConfigError::new(shortened(&e.to_string(), QUOTED), "write a JSON value".to_owned()));
+        let value = serde_json::from_str(raw.get()).map_err(|e| {
+            ConfigError::new(truncated(&e.to_string(), MAX_QUOTED_CHARS), "write a JSON value".to_owned())
+        });
         value
             .and_then(|value| apply(values, name, &value))
-            .map_err(|e| e.within(file, text, place(if known { raw.get() } else { name })))?;
+            .map_err(|e| e.in_file(file, text, location(if known { raw.get() } else { name })))?;
     }
     Ok(())
 }

@@ -19,29 +19,29 @@ use super::run::{Counters, Limits, Tick};
 use super::trainer::Trainer;
 use crate::learn::{Policy, Scratch};
 pub use command::{Command, MakeWorld};
-pub use snapshot::{Followed, Networks, Phase, Snapshot, Step};
+pub use snapshot::{FollowedAgent, Networks, Phase, Snapshot, Step};
 
 /// Interval between snapshots while training.
-const SNAPSHOT_EVERY: Duration = Duration::from_millis(66);
+const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
 
 /// Minimum interval between copies of networks and candidates for a snapshot. Copying blocks training, so it is limited
-/// to one part in [`PARTS_FOR_TRAINING`] of the time.
-const NETWORKS_EVERY: Duration = Duration::from_millis(300);
+/// to one part in [`NETWORKS_PAUSE_FACTOR`] of the time.
+const MIN_NETWORKS_INTERVAL: Duration = Duration::from_millis(300);
 
 /// Minimum updates between evaluations, tasks at each distance, and the pause after an evaluation as a multiple of its
 /// duration: evaluations run concurrently with training, but on the same cores.
 const EVALUATE_EVERY_UPDATES: u64 = 1_000;
 const EVALUATION_TASKS: usize = 10;
-const REST_AFTER_EVALUATION: u32 = 15;
+const EVALUATION_PAUSE_FACTOR: u32 = 15;
 
-/// See [`NETWORKS_EVERY`].
-const PARTS_FOR_TRAINING: u32 = 60;
+/// See [`MIN_NETWORKS_INTERVAL`].
+const NETWORKS_PAUSE_FACTOR: u32 = 60;
 
 /// Polling interval for a running evaluation while training is paused.
-const LOOK_EVERY: Duration = Duration::from_millis(100);
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Timeout for stopping the trainer, after which it counts as hung. A tick of the largest networks takes a few seconds.
-const LONGEST_STOP: Duration = Duration::from_secs(30);
+const STOP_TIMEOUT: Duration = Duration::from_secs(30);
 
 /// Number of recent states per agent in a snapshot.
 const TRAIL_STATES: usize = 8;
@@ -60,7 +60,7 @@ impl Engine {
     /// The learner fails, or the thread cannot be started.
     pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
-        let first = Snapshot { limits, ..Snapshot::of(&trainer)? };
+        let first = Snapshot { limits, ..Snapshot::capture(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = Worker {
             trainer,
@@ -68,10 +68,10 @@ impl Engine {
             publish,
             current: first,
             evaluation: None,
-            rested: None,
+            next_evaluation_at: None,
             follow: None,
-            next_update: None,
-            fresh: None,
+            next_update_at: None,
+            new_file: None,
             autosaved: Vec::new(),
             scratch: Scratch::default(),
         };
@@ -94,7 +94,7 @@ impl Engine {
         drop(self.commands);
         let began = Instant::now();
         while !self.thread.is_finished() {
-            if began.elapsed() > LONGEST_STOP {
+            if began.elapsed() > STOP_TIMEOUT {
                 return None;
             }
             std::thread::sleep(Duration::from_millis(2));
@@ -108,31 +108,31 @@ struct Worker {
     inbox: Receiver<Command>,
     publish: watch::Sender<Arc<Snapshot>>,
     current: Snapshot,
-    evaluation: Option<Evaluating>,
+    evaluation: Option<RunningEvaluation>,
     /// Earliest start of the next evaluation.
-    rested: Option<Instant>,
+    next_evaluation_at: Option<Instant>,
     /// The followed agent.
     follow: Option<usize>,
     /// Earliest time of the next update, if speed is limited.
-    next_update: Option<Instant>,
+    next_update_at: Option<Instant>,
     /// Path requested by the latest fresh save, and the file it was written to.
-    fresh: Option<(PathBuf, PathBuf)>,
+    new_file: Option<(PathBuf, PathBuf)>,
     /// Autosaved files, oldest first.
     autosaved: Vec<PathBuf>,
     scratch: Scratch,
 }
 
 /// An evaluation running on its own thread.
-struct Evaluating {
+struct RunningEvaluation {
     updates: u64,
     began: Instant,
     result: JoinHandle<Evaluation>,
 }
 
 /// Timing of the updates for the front end.
-struct Pace {
+struct PublishTimer {
     published: Instant,
-    renew_networks_at: Instant,
+    refresh_networks_at: Instant,
     /// Training time and counters when rates were last computed.
     rates_from: (f64, Counters),
 }
@@ -143,15 +143,15 @@ impl Worker {
             match catch_unwind(AssertUnwindSafe(|| self.train())) {
                 Ok(Ok(())) => break,
                 Ok(Err(error)) => self.current.phase = Phase::Failed(error.to_string()),
-                Err(_) => self.mend("training"),
+                Err(_) => self.repair("training"),
             }
-            self.tell_recovery();
+            self.report_recovery();
             self.publish();
             // The run can still be saved or replaced by another one: commands are handled until the front end
             // disconnects.
             while matches!(self.current.phase, Phase::Failed(_)) {
                 match self.inbox.recv() {
-                    Ok(command) => self.carry_out(command),
+                    Ok(command) => self.execute(command),
                     Err(_) => return self.trainer,
                 }
             }
@@ -160,17 +160,17 @@ impl Worker {
     }
 
     /// Repairs the run after a panic so that it can be saved, and stops it.
-    fn mend(&mut self, what: &str) {
-        let mended = catch_unwind(AssertUnwindSafe(|| self.trainer.mend_after_panic()));
+    fn repair(&mut self, activity: &str) {
+        let mended = catch_unwind(AssertUnwindSafe(|| self.trainer.repair_after_panic()));
         let state = match mended {
             Ok(Ok(())) => "the run can be saved",
             _ => "saving may fail",
         };
-        self.current.phase = Phase::Failed(format!("an internal error ended {what}; {state}"));
+        self.current.phase = Phase::Failed(format!("an internal error ended {activity}; {state}"));
     }
 
     /// Reports a rollback to earlier networks, if there was one.
-    fn tell_recovery(&mut self) {
+    fn report_recovery(&mut self) {
         if let Some(recovery) = self.trainer.take_recovery() {
             // The rollback changed the settings.
             self.current.run = Arc::new(self.trainer.run().clone());
@@ -186,23 +186,23 @@ impl Worker {
     fn train(&mut self) -> Result<(), TrainError> {
         let now = Instant::now();
         let rates_from = (self.trainer.seconds(), self.trainer.counters());
-        let mut pace = Pace { published: now, renew_networks_at: now, rates_from };
-        while self.obey() {
+        let mut timer = PublishTimer { published: now, refresh_networks_at: now, rates_from };
+        while self.process_commands() {
             if self.trainer.limit_reached(&self.current.limits).is_some() {
                 self.current.phase = Phase::Done;
-                self.renew(true)?;
+                self.refresh_snapshot(true)?;
                 continue;
             }
             let episodes = self.trainer.counters().episodes;
             crate::faults::point("trainer");
             let tick = self.trainer.tick()?;
-            self.tell_recovery();
+            self.report_recovery();
             if tick == Tick::Update {
                 if let Some(speed) = self.current.speed {
-                    self.next_update = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
+                    self.next_update_at = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
                 }
                 if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
-                    self.begin_evaluation()?;
+                    self.start_evaluation()?;
                 }
             }
             let stepped = match &self.current.phase {
@@ -212,9 +212,9 @@ impl Worker {
             };
             if stepped {
                 self.current.phase = Phase::Paused;
-                self.renew(true)?;
-            } else if pace.published.elapsed() >= SNAPSHOT_EVERY {
-                self.tell_progress(&mut pace)?;
+                self.refresh_snapshot(true)?;
+            } else if timer.published.elapsed() >= SNAPSHOT_INTERVAL {
+                self.report_progress(&mut timer)?;
             }
         }
         Ok(())
@@ -222,19 +222,19 @@ impl Worker {
 
     /// Runs queued commands; blocks while training is paused or the speed limit holds it back. Returns `false` once the
     /// front end has disconnected.
-    fn obey(&mut self) -> bool {
+    fn process_commands(&mut self) -> bool {
         loop {
-            let waiting = !self.current.phase.trains();
-            let until_update = self.next_update.map(|at| at.saturating_duration_since(Instant::now()));
+            let waiting = !self.current.phase.is_training();
+            let until_update = self.next_update_at.map(|at| at.saturating_duration_since(Instant::now()));
             let until_update = until_update.filter(|wait| !wait.is_zero());
             let command = match (waiting, until_update) {
                 (false, None) => self.inbox.try_recv(),
-                (false, Some(wait)) => received(self.inbox.recv_timeout(wait)),
+                (false, Some(wait)) => as_try_recv(self.inbox.recv_timeout(wait)),
                 (true, _) if self.evaluation.is_none() => self.inbox.recv().map_err(|_| TryRecvError::Disconnected),
-                (true, _) => received(self.inbox.recv_timeout(LOOK_EVERY)),
+                (true, _) => as_try_recv(self.inbox.recv_timeout(POLL_INTERVAL)),
             };
             match command {
-                Ok(command) => self.carry_out(command),
+                Ok(command) => self.execute(command),
                 Err(TryRecvError::Disconnected) => return false,
                 Err(TryRecvError::Empty) => {
                     self.collect_evaluation();
@@ -246,48 +246,50 @@ impl Worker {
         }
     }
 
-    fn tell_progress(&mut self, pace: &mut Pace) -> Result<(), TrainError> {
-        pace.published = Instant::now();
-        let networks = pace.published >= pace.renew_networks_at;
+    fn report_progress(&mut self, timer: &mut PublishTimer) -> Result<(), TrainError> {
+        timer.published = Instant::now();
+        let networks = timer.published >= timer.refresh_networks_at;
         let (seconds, counters) = (self.trainer.seconds(), self.trainer.counters());
-        let (since, before) = pace.rates_from;
+        let (since, before) = timer.rates_from;
         if seconds < since || counters.updates < before.updates {
-            pace.rates_from = (seconds, counters);
+            timer.rates_from = (seconds, counters);
         } else if seconds - since > 1.0 {
             let per_second = |now: u64, then: u64| (now - then) as f64 / (seconds - since);
             self.current.rates =
                 (per_second(counters.updates, before.updates), per_second(counters.env_steps, before.env_steps));
-            pace.rates_from = (seconds, counters);
+            timer.rates_from = (seconds, counters);
         }
-        self.renew(networks)?;
+        self.refresh_snapshot(networks)?;
         if networks {
-            pace.renew_networks_at = Instant::now() + NETWORKS_EVERY.max(PARTS_FOR_TRAINING * pace.published.elapsed());
+            timer.refresh_networks_at =
+                Instant::now() + MIN_NETWORKS_INTERVAL.max(NETWORKS_PAUSE_FACTOR * timer.published.elapsed());
         }
         Ok(())
     }
 
     /// Starts an evaluation of the current networks unless one is running or finished only recently.
-    fn begin_evaluation(&mut self) -> Result<(), TrainError> {
-        if self.evaluation.is_some() || self.rested.is_some_and(|at| Instant::now() < at) {
+    fn start_evaluation(&mut self) -> Result<(), TrainError> {
+        if self.evaluation.is_some() || self.next_evaluation_at.is_some_and(|at| Instant::now() < at) {
             return Ok(());
         }
         let job = self.trainer.evaluation()?;
         let began = Instant::now();
         let result = std::thread::Builder::new().name("evaluation".to_owned()).spawn(move || {
             let tasks = job.tasks(EVALUATION_TASKS);
-            job.carry_out(&tasks)
+            job.run(&tasks)
         })?;
-        self.evaluation = Some(Evaluating { updates: self.trainer.counters().updates, began, result });
+        self.evaluation = Some(RunningEvaluation { updates: self.trainer.counters().updates, began, result });
         Ok(())
     }
 
     /// Collects the evaluation if it has finished.
     fn collect_evaluation(&mut self) {
-        let Some(Evaluating { updates, began, result }) = self.evaluation.take_if(|e| e.result.is_finished()) else {
+        let Some(RunningEvaluation { updates, began, result }) = self.evaluation.take_if(|e| e.result.is_finished())
+        else {
             return;
         };
         let now = Instant::now();
-        self.rested = Some(now + REST_AFTER_EVALUATION * (now - began));
+        self.next_evaluation_at = Some(now + EVALUATION_PAUSE_FACTOR * (now - began));
         match result.join() {
             Ok(evaluation) if evaluation.is_finite() => {
                 self.trainer.history_mut().add_evaluation(updates, evaluation);
@@ -300,7 +302,7 @@ impl Worker {
     }
 
     /// Updates and publishes the snapshot. `networks` says whether to include the networks, which are slow to copy.
-    fn renew(&mut self, networks: bool) -> Result<(), TrainError> {
+    fn refresh_snapshot(&mut self, networks: bool) -> Result<(), TrainError> {
         let trainer = &self.trainer;
         let current = &mut self.current;
         current.counters = trainer.counters();
@@ -314,7 +316,7 @@ impl Worker {
         current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());
         current.search = trainer.last_search().cloned();
         if networks {
-            current.networks = Networks::of(trainer)?;
+            current.networks = Networks::capture(trainer)?;
             current.scene = trainer.world().scene();
         }
         self.current.followed = self.followed()?.map(Arc::new);
@@ -323,14 +325,14 @@ impl Worker {
     }
 
     /// Returns the state of the followed agent.
-    fn followed(&mut self) -> Result<Option<Followed>, TrainError> {
+    fn followed(&mut self) -> Result<Option<FollowedAgent>, TrainError> {
         let (trainer, scratch) = (&self.trainer, &mut self.scratch);
         let rollout = trainer.rollout();
         let Some(agent) = self.follow.filter(|agent| *agent < rollout.agents().len()) else { return Ok(None) };
         let s = trainer.spec().state_dim();
         let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
         let own = &rollout.agents()[agent];
-        let (goal, waypoints) = rollout.pursuit(agent);
+        let (goal, waypoints) = rollout.goal_and_waypoints(agent);
         let mut distances = (0.0, 0.0);
         let mut measure = |policy: &dyn Policy| {
             distances = (policy.distance(&state, &own.goal, scratch), policy.distance(&state, goal, scratch));
@@ -339,7 +341,7 @@ impl Worker {
         // Before the first step of an episode, the replay buffer holds none of its states.
         let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
         let (aim, goal, planned) = (own.goal.clone(), goal.to_vec(), !waypoints.is_empty());
-        Ok(Some(Followed { agent, start, state, steps: own.steps, aim, goal, distances, planned }))
+        Ok(Some(FollowedAgent { agent, start, state, steps: own.steps, aim, goal, distances, planned }))
     }
 
     fn notify(&mut self, text: String) {
@@ -348,7 +350,7 @@ impl Worker {
 }
 
 /// Converts the result of a receive with a timeout to that of a non-blocking one.
-fn received(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
+fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
     command.map_err(|e| match e {
         RecvTimeoutError::Timeout => TryRecvError::Empty,
         RecvTimeoutError::Disconnected => TryRecvError::Disconnected,

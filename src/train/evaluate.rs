@@ -8,8 +8,8 @@ use serde::{Deserialize, Serialize};
 
 use super::run::Run;
 use super::score::{DistanceScore, Score, Success, spearman};
-use crate::bridge::{BridgeGraph, Candidates, Edge, LINKS, Walker};
-use crate::env::{Environment, NEAR_STEPS, Task, TaskSet, TruePairs, Truth};
+use crate::bridge::{BridgeGraph, Candidates, Edge, LINK_CANDIDATES, Walker};
+use crate::env::{Environment, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 use crate::learn::{Acting, Policy, Scratch};
 
 /// Results of one evaluation.
@@ -57,14 +57,14 @@ impl Evaluation {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MarkedTask {
     /// Result of the actor alone.
-    pub greedy: Journey,
+    pub greedy: TaskOutcome,
     /// Result with planning over bridge points, if the method plans.
-    pub planned: Option<Journey>,
+    pub planned: Option<TaskOutcome>,
 }
 
 /// Outcome of one task.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Journey {
+pub struct TaskOutcome {
     /// Whether the goal was reached in time.
     pub reached: bool,
     /// Steps taken.
@@ -133,7 +133,7 @@ impl EvaluationJob {
     }
 
     /// Evaluates on `tasks` against ground truth.
-    pub fn carry_out(self, tasks: &TaskSet) -> Evaluation {
+    pub fn run(self, tasks: &TaskSet) -> Evaluation {
         crate::faults::point("evaluation");
         let Self { run, world, policy, acting, candidates, coverage, mut rng, .. } = self;
         let (policy, mut scratch, rng) = (&*policy, Scratch::default(), &mut rng);
@@ -142,10 +142,10 @@ impl EvaluationJob {
         let hold_steps = (acting == Acting::AtRandom).then_some(run.settings.train.random_hold_steps);
         let greedy = Actor { policy, graph: None, hold_steps };
         let planned = graph.as_ref().map(|graph| Actor { graph: Some(graph), ..greedy });
-        let mut score = |actor: &Actor| Score::new(tasks, &walk(&*world, &tasks.tasks, actor, rng).taken);
+        let mut score = |actor: &Actor| Score::new(tasks, &run_tasks(&*world, &tasks.tasks, actor, rng).taken);
         let planned_score = planned.as_ref().map(&mut score);
         let greedy_score = score(&greedy);
-        let mut truth = world.truth();
+        let mut truth = world.ground_truth();
         Evaluation {
             distance_error: truth.as_mut().map(|truth| distance_error(&truth.pairs(rng), policy, graph.as_ref())),
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
@@ -160,17 +160,17 @@ impl EvaluationJob {
 /// Runs the world's default task.
 fn marked_task(
     world: &dyn Environment,
-    mut truth: Option<&mut (dyn Truth + '_)>,
+    mut truth: Option<&mut (dyn GroundTruth + '_)>,
     (greedy, planned): (&Actor, Option<&Actor>),
     rng: &mut ChaCha8Rng,
 ) -> Option<MarkedTask> {
     let task = world.default_task()?;
     let mut journey = |actor: &Actor| {
-        let walked = walk(world, std::slice::from_ref(&task), actor, rng);
+        let walked = run_tasks(world, std::slice::from_ref(&task), actor, rng);
         let end: Vec<f32> = world.spec().achieved(walked.env.states()).collect();
         let left = truth.as_mut().and_then(|truth| truth.steps(&end, &task.goal, u32::MAX)?[0]);
         let taken = walked.taken[0];
-        Journey {
+        TaskOutcome {
             reached: taken.is_some(),
             steps: taken.unwrap_or(task.budget()),
             left_steps: left.unwrap_or(u32::MAX),
@@ -190,7 +190,7 @@ struct Actor<'a> {
 }
 
 /// Outcomes of several tasks.
-struct Walked {
+struct TaskRuns {
     /// Steps per task; `None` if the goal was not reached in time.
     taken: Vec<Option<u32>>,
     /// The environment with the agents in their final states.
@@ -198,12 +198,12 @@ struct Walked {
 }
 
 /// Runs all tasks in lockstep, one agent per task.
-fn walk(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> Walked {
+fn run_tasks(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> TaskRuns {
     let mut env = world.fork(tasks.len());
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
     let mut scratch = Scratch::default();
     for (i, task) in tasks.iter().enumerate() {
-        env.place(i, &task.start);
+        env.set_full_state(i, &task.start);
     }
     let mut walkers: Vec<Walker> = match actor.graph {
         Some(graph) => {
@@ -254,7 +254,7 @@ fn walk(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha
         }
         env.step(&actions, rng);
     }
-    Walked { taken, env }
+    TaskRuns { taken, env }
 }
 
 /// Compares D, and D along `graph`, with ground truth.
@@ -263,7 +263,7 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
     for TruePairs { goal, states, .. } in groups {
         if let Some(graph) = graph {
             let route = graph.route(goal, policy, &mut scratch);
-            composed.extend(graph.composed(states, &route, LINKS, policy, &mut scratch));
+            composed.extend(graph.composed_distances(states, &route, LINK_CANDIDATES, policy, &mut scratch));
         }
     }
     let truth: Vec<f64> = groups.iter().flat_map(|group| &group.steps).map(|steps| f64::from(*steps)).collect();
@@ -292,20 +292,20 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
 }
 
 /// Returns the true distance in steps above which an edge of length D is false.
-fn longest_true(distance: f32) -> f32 {
+fn max_true_distance(distance: f32) -> f32 {
     2.0 * distance + 4.0
 }
 
 /// Counts candidates, edges and, by true distance, false edges.
-fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn Truth + '_)>) -> BridgeFacts {
+fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn GroundTruth + '_)>) -> BridgeFacts {
     let false_edges = truth.map(|truth| {
         let of_candidate = |edges: &[Edge]| {
             let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
-            let longest = edges.iter().map(|e| longest_true(e.distance)).fold(0.0, f32::max);
+            let longest = edges.iter().map(|e| max_true_distance(e.distance)).fold(0.0, f32::max);
             // No agent can stand where an edit has put a wall.
             let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32) else { return 0 };
             let is_false = |(steps, edge): (Option<u32>, &Edge)| {
-                steps.is_none_or(|steps| steps as f32 > longest_true(edge.distance))
+                steps.is_none_or(|steps| steps as f32 > max_true_distance(edge.distance))
             };
             steps.into_iter().zip(edges).filter(|pair| is_false(*pair)).count()
         };

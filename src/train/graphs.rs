@@ -9,7 +9,7 @@ use std::thread::JoinHandle;
 
 use rand_chacha::ChaCha8Rng;
 
-use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Distilled, GraphState};
+use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, DistilledDistances, GraphState};
 use crate::env::Spec;
 use crate::learn::{Policy, Scratch};
 use crate::store::{Store, StoreError};
@@ -18,7 +18,7 @@ use crate::store::{Store, StoreError};
 const DISTILLED_GOALS: usize = 32;
 
 /// A build takes effect after the interval between builds divided by this.
-const JOIN_AFTER: u64 = 4;
+const ACTIVATION_DIVISOR: u64 = 4;
 
 /// Inputs of a build.
 pub struct GraphJob {
@@ -32,26 +32,26 @@ pub struct GraphJob {
 
 /// A graph and its distilled distances.
 #[derive(Clone)]
-pub struct Built {
+pub struct BuiltGraph {
     /// Update at which the build began.
     pub at: u64,
     /// The graph.
     pub graph: Arc<BridgeGraph>,
     /// Sample of its distances to distil.
-    pub distilled: Arc<Distilled>,
+    pub distilled: Arc<DistilledDistances>,
 }
 
 /// The current graph and the next one.
 #[derive(Default)]
 pub struct Graphs {
-    current: Option<Built>,
+    current: Option<BuiltGraph>,
     /// The update at which the next graph takes effect, and that graph.
-    next: Option<(u64, Next)>,
+    next: Option<(u64, PendingGraph)>,
 }
 
-enum Next {
-    Building { at: u64, job: Arc<GraphJob>, result: JoinHandle<Built> },
-    Ready(Built),
+enum PendingGraph {
+    Building { at: u64, job: Arc<GraphJob>, result: JoinHandle<BuiltGraph> },
+    Ready(BuiltGraph),
 }
 
 /// A graph in a checkpoint, with the updates at which its build began and it takes effect.
@@ -82,23 +82,23 @@ impl StoredGraph {
             return Ok(None);
         }
         let [at, due] = store.u64(&when)? else {
-            return Err(StoreError::misfit(format!("its {when} does not have length 2")));
+            return Err(StoreError::inconsistent(format!("its {when} does not have length 2")));
         };
         Ok(Some(Self { at: *at, due: *due, state: GraphState::read(store, prefix)? }))
     }
 }
 
 impl GraphJob {
-    fn carry_out(&self, at: u64) -> Built {
+    fn run(&self, at: u64) -> BuiltGraph {
         crate::faults::point("graph");
         let graph =
             BridgeGraph::build(&self.spec, &self.settings, &self.candidates, &*self.policy, &mut Scratch::default());
-        Built::of(at, graph, self.rng.clone())
+        BuiltGraph::new(at, graph, self.rng.clone())
     }
 }
 
-impl Built {
-    fn of(at: u64, graph: BridgeGraph, mut rng: ChaCha8Rng) -> Self {
+impl BuiltGraph {
+    fn new(at: u64, graph: BridgeGraph, mut rng: ChaCha8Rng) -> Self {
         let distilled = graph.distil(DISTILLED_GOALS, &mut rng);
         Self { at, graph: Arc::new(graph), distilled: Arc::new(distilled) }
     }
@@ -106,7 +106,7 @@ impl Built {
 
 impl Graphs {
     /// Returns the current graph.
-    pub fn current(&self) -> Option<&Built> {
+    pub fn current(&self) -> Option<&BuiltGraph> {
         self.current.as_ref()
     }
 
@@ -114,31 +114,33 @@ impl Graphs {
     ///
     /// # Errors
     /// The thread cannot be started.
-    pub fn begin(&mut self, at: u64, every: u64, job: GraphJob) -> std::io::Result<()> {
+    pub fn start_build(&mut self, at: u64, every: u64, job: GraphJob) -> std::io::Result<()> {
         let job = Arc::new(job);
         let own = job.clone();
-        let result = std::thread::Builder::new().name("bridge graph".to_owned()).spawn(move || own.carry_out(at))?;
-        self.next = Some((at + (every / JOIN_AFTER).max(1), Next::Building { at, job, result }));
+        let result = std::thread::Builder::new().name("bridge graph".to_owned()).spawn(move || own.run(at))?;
+        self.next = Some((at + (every / ACTIVATION_DIVISOR).max(1), PendingGraph::Building { at, job, result }));
         Ok(())
     }
 
     /// Swaps in the next graph if it is due at update `now`; returns whether it was.
-    pub fn take_up(&mut self, now: u64) -> bool {
+    pub fn activate_due(&mut self, now: u64) -> bool {
         let Some((_, next)) = self.next.take_if(|(due, _)| *due <= now) else { return false };
         self.current = Some(match next {
-            Next::Ready(built) => built,
-            Next::Building { result, .. } => result.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)),
+            PendingGraph::Ready(built) => built,
+            PendingGraph::Building { result, .. } => {
+                result.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic))
+            }
         });
         true
     }
 
     /// Returns the current and the next graph, for a checkpoint.
     pub fn state(&self) -> [Option<StoredGraph>; 2] {
-        let stored = |due: u64, built: &Built| StoredGraph { at: built.at, due, state: built.graph.state() };
+        let stored = |due: u64, built: &BuiltGraph| StoredGraph { at: built.at, due, state: built.graph.state() };
         let next = self.next.as_ref().map(|(due, next)| match next {
-            Next::Ready(built) => stored(*due, built),
+            PendingGraph::Ready(built) => stored(*due, built),
             // Repeats the build, with the same result: saving can wait for it, training cannot.
-            Next::Building { at, job, .. } => stored(*due, &job.carry_out(*at)),
+            PendingGraph::Building { at, job, .. } => stored(*due, &job.run(*at)),
         });
         [self.current.as_ref().map(|built| stored(built.at, built)), next]
     }
@@ -156,7 +158,7 @@ impl Graphs {
         rng: impl Fn(u64) -> ChaCha8Rng,
     ) -> Result<(), StoreError> {
         let built = |stored: &StoredGraph| {
-            Ok::<_, StoreError>(Built::of(
+            Ok::<_, StoreError>(BuiltGraph::new(
                 stored.at,
                 BridgeGraph::from_state(spec, settings, &stored.state)?,
                 rng(stored.at),
@@ -165,7 +167,7 @@ impl Graphs {
         let [current, next] = state;
         self.current = current.as_ref().map(built).transpose()?;
         self.next = match next {
-            Some(stored) => Some((stored.due, Next::Ready(built(stored)?))),
+            Some(stored) => Some((stored.due, PendingGraph::Ready(built(stored)?))),
             None => None,
         };
         Ok(())

@@ -12,14 +12,14 @@ use crate::store::StoreError;
 const POINT_EVERY_UPDATES: u64 = 50;
 
 /// Maximum number of points; beyond it, every other point is dropped.
-const MOST_POINTS: usize = 2048;
+const MAX_POINTS: usize = 2048;
 
 /// Maximum number of evaluations, thinned in the same way.
-const MOST_EVALUATIONS: usize = 1000;
+const MAX_EVALUATIONS: usize = 1000;
 
 /// Maximum number of log entries (the oldest are dropped), and of characters per entry.
-pub const MOST_ENTRIES: usize = 1000;
-const MOST_CHARACTERS: usize = 500;
+pub const MAX_LOG_ENTRIES: usize = 1000;
+const MAX_CHARACTERS: usize = 500;
 
 /// Losses at one update.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -68,7 +68,7 @@ impl History {
         }
         let points = Arc::make_mut(&mut self.points);
         points.push(LossPoint { updates, losses: losses.map(|loss| loss as f32) });
-        if points.len() > MOST_POINTS {
+        if points.len() > MAX_POINTS {
             self.every *= 2;
             points.retain(|point| point.updates.is_multiple_of(self.every));
         }
@@ -78,7 +78,7 @@ impl History {
     pub fn add_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
         let evaluations = Arc::make_mut(&mut self.evaluations);
         evaluations.push((updates, evaluation));
-        if evaluations.len() > MOST_EVALUATIONS {
+        if evaluations.len() > MAX_EVALUATIONS {
             // Always keeps the latest one.
             let last = evaluations.len() - 1;
             let mut i = 0;
@@ -109,23 +109,23 @@ impl History {
     /// # Errors
     /// A value is out of range.
     pub fn check(&self) -> Result<(), StoreError> {
-        let short = |entry: &LogEntry| entry.seconds.is_finite() && entry.text.chars().count() <= MOST_CHARACTERS;
+        let short = |entry: &LogEntry| entry.seconds.is_finite() && entry.text.chars().count() <= MAX_CHARACTERS;
         let sound = self.every > 0
-            && self.points.len() <= MOST_POINTS
+            && self.points.len() <= MAX_POINTS
             && self.points.iter().all(|point| point.losses.iter().all(|loss| loss.is_finite()))
             && self.points.is_sorted_by_key(|point| point.updates)
-            && self.evaluations.len() <= MOST_EVALUATIONS
+            && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
-            && self.log.len() <= MOST_ENTRIES
+            && self.log.len() <= MAX_LOG_ENTRIES
             && self.log.iter().all(short);
-        if sound { Ok(()) } else { Err(StoreError::misfit("its history is out of range")) }
+        if sound { Ok(()) } else { Err(StoreError::inconsistent("its history is out of range")) }
     }
 }
 
 impl LogEntry {
     /// Creates an entry, truncating the text to the maximum length.
     pub fn new(seconds: f64, updates: u64, text: &str) -> Self {
-        Self { seconds, updates, text: crate::text::shortened(text, MOST_CHARACTERS) }
+        Self { seconds, updates, text: crate::text::truncated(text, MAX_CHARACTERS) }
     }
 }
 
@@ -151,10 +151,10 @@ mod tests {
     #[test]
     fn curves_are_thinned_evenly_and_keep_their_ends() {
         let mut history = History::default();
-        let last = 40 * MOST_POINTS as u64 * POINT_EVERY_UPDATES;
+        let last = 40 * MAX_POINTS as u64 * POINT_EVERY_UPDATES;
         (1..=last).for_each(|updates| history.add_losses(updates, [1.0; 3]));
         let points = history.points();
-        assert!((MOST_POINTS / 2..=MOST_POINTS).contains(&points.len()), "{}", points.len());
+        assert!((MAX_POINTS / 2..=MAX_POINTS).contains(&points.len()), "{}", points.len());
         assert!(points.windows(2).all(|pair| pair[1].updates - pair[0].updates == history.every));
         assert!(last - points[points.len() - 1].updates < history.every);
         history.check().expect("a sound history");

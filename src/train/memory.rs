@@ -10,7 +10,7 @@ use crate::env::Environment;
 /// Copies of the network parameters in a run: value, average and two moments; the last good copy of these four; packed
 /// weights; gradients of the batch shards; frozen copies for graphs, evaluations and the screen. Saving adds four more
 /// copies of the first four: as numbers, as bytes, as a file, and read back. (Measured with 1024 hidden units: 30.)
-const COPIES_OF_PARAMETERS: u64 = 36;
+const PARAMETER_COPIES: u64 = 36;
 
 /// Memory per bridge candidate: observed paths from it, edges and distilled distances, including all copies.
 const BYTES_PER_CANDIDATE: u64 = 20_000;
@@ -22,11 +22,11 @@ const BASE_BYTES: u64 = 60 << 20;
 const RESERVED_BYTES: u64 = 600 << 20;
 
 /// Fraction of the free memory that a run may use.
-const SHARE: f64 = 0.9;
+const MAX_MEMORY_SHARE: f64 = 0.9;
 
 /// Estimates the bytes that a run in `world` needs, including saving; `parameters` is the learner's number of trainable
 /// parameters.
-pub fn needed(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
+pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     let (learn, bridge) = (&run.settings.learn, &run.settings.bridge);
     let f32s = |count: u64| 4 * count;
     let spec = world.spec();
@@ -37,12 +37,12 @@ pub fn needed(run: &Run, world: &dyn Environment, parameters: u64) -> u64 {
     // One live copy, and two more while saving.
     let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
     let candidates = bridge.max_candidates() as u64 * BYTES_PER_CANDIDATE;
-    BASE_BYTES + f32s(parameters * COPIES_OF_PARAMETERS) + f32s(batch) + replay + candidates + world.memory_bytes()
+    BASE_BYTES + f32s(parameters * PARAMETER_COPIES) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
 
 /// Estimates the bytes this process can still allocate: the minimum of what machine, container and process limits
 /// leave.
-pub fn available() -> u64 {
+pub fn available_bytes() -> u64 {
     let mut system = System::new();
     system.refresh_memory();
     let mut least = system.available_memory();
@@ -73,8 +73,12 @@ fn address_space(system: &mut System) -> u64 {
 /// The run needs more memory than is available, or its learner is not registered.
 pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<(), TrainError> {
     let parameters = (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);
-    let (needed, available) = (needed(run, world, parameters), available());
-    if needed as f64 <= SHARE * available as f64 { Ok(()) } else { Err(TrainError::Memory { needed, available }) }
+    let (needed, available) = (required_bytes(run, world, parameters), available_bytes());
+    if needed as f64 <= MAX_MEMORY_SHARE * available as f64 {
+        Ok(())
+    } else {
+        Err(TrainError::Memory { needed, available })
+    }
 }
 
 #[cfg(test)]
@@ -96,7 +100,7 @@ mod tests {
         let bytes = |change: fn(&mut Settings)| {
             let run = run(change);
             let parameters = (registry.learner("gdg").expect("built in").parameters)(world.spec(), &run.settings.learn);
-            needed(&run, &world, parameters)
+            required_bytes(&run, &world, parameters)
         };
         let default = bytes(|_| {});
         assert!((50_000_000..400_000_000).contains(&default), "{default}");

@@ -67,7 +67,7 @@ impl Registry {
         let name = store.text("world").unwrap_or("maze");
         match self.worlds.iter().find(|kind| kind.name == name) {
             Some(kind) => (kind.load)(store),
-            None => Err(StoreError::misfit(format!("uses the world {name:?}, which this program does not have"))),
+            None => Err(StoreError::inconsistent(format!("uses the world {name:?}, which this program does not have"))),
         }
     }
 }

@@ -75,7 +75,7 @@ pub struct Rollout {
 
 /// Result of one round of steps.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct Round {
+pub struct RoundResult {
     /// Episodes that ended.
     pub episodes: u64,
     /// Goals reached.
@@ -134,10 +134,10 @@ impl Rollout {
     }
 
     /// Returns agent `i`'s final goal and the waypoints ahead of it, if it has a plan.
-    pub fn pursuit(&self, i: usize) -> (&[f32], Vec<usize>) {
+    pub fn goal_and_waypoints(&self, i: usize) -> (&[f32], Vec<usize>) {
         let agent = &self.agents[i];
         match (&self.plans[i], &agent.after_bridge) {
-            (Some(plan), _) => (&plan.goal, plan.walker.ahead()),
+            (Some(plan), _) => (&plan.goal, plan.walker.waypoints_ahead()),
             (None, Some(goal)) => (goal, Vec::new()),
             (None, None) => (&agent.goal, Vec::new()),
         }
@@ -150,40 +150,40 @@ impl Rollout {
 
     /// Steps every agent once and stores the transitions in replay buffer and candidates. Returns `None` without
     /// stepping if the actor's actions are not finite.
-    pub fn step(&mut self, around: &mut StepContext) -> Option<Round> {
+    pub fn step(&mut self, context: &mut StepContext) -> Option<RoundResult> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
-        self.follow_plans(around);
-        self.choose_actions(around.acting, around.settings, around.policy);
+        self.follow_plans(context);
+        self.choose_actions(context.acting, context.settings, context.policy);
         if !self.actions.iter().all(|a| a.is_finite()) {
             return None;
         }
         for (i, agent) in self.agents.iter().enumerate() {
             let state = &self.env.states()[i * s..(i + 1) * s];
-            around.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
-            around.candidates.visit(i, state);
+            context.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
+            context.candidates.visit(i, state);
         }
         self.env.step(&self.actions, &mut self.rng);
-        let mut round = Round::default();
+        let mut round = RoundResult::default();
         for i in 0..self.agents.len() {
             let state = &self.env.states()[i * s..(i + 1) * s];
             let agent = &mut self.agents[i];
             agent.steps += 1;
             let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
-            if agent.steps >= around.settings.train.episode_steps {
-                around.replay.end_episode(i, state);
-                around.candidates.visit(i, state);
-                around.candidates.end_episode(i);
+            if agent.steps >= context.settings.train.episode_steps {
+                context.replay.end_episode(i, state);
+                context.candidates.visit(i, state);
+                context.candidates.end_episode(i);
                 round.episodes += 1;
-                self.begin_episode(i, around);
+                self.start_episode(i, context);
             } else if self.env.spec().reached(state, pursued) {
                 if let Some(goal) = agent.after_bridge.take() {
                     agent.goal = goal;
                     self.plans[i] = None;
-                } else if around.settings.train.new_goal_when_reached {
+                } else if context.settings.train.new_goal_when_reached {
                     round.reached += 1;
                     self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
                     if self.plans[i].take().is_some() {
-                        self.plan(i, around);
+                        self.plan(i, context);
                     }
                 }
             }
@@ -192,7 +192,7 @@ impl Rollout {
     }
 
     /// Drops all plans; their agents pursue the plans' goals directly.
-    pub fn drop_plans(&mut self) {
+    pub fn discard_plans(&mut self) {
         for (agent, plan) in self.agents.iter_mut().zip(&mut self.plans) {
             if let Some(plan) = plan.take() {
                 agent.goal = plan.goal;
@@ -202,19 +202,19 @@ impl Rollout {
 
     /// Starts an episode with a new start and goal. With given probabilities, a frontier candidate or a bridge point
     /// (Algorithm 1's epsilon) is the first goal, and the agent follows a plan through the bridge graph.
-    fn begin_episode(&mut self, i: usize, around: &StepContext) {
+    fn start_episode(&mut self, i: usize, context: &StepContext) {
         self.env.restart(i, &mut self.rng);
-        self.begin_afresh(i);
-        if !around.bridges {
+        self.restart_episode(i);
+        if !context.bridges {
             return;
         }
-        let bridge = &around.settings.bridge;
+        let bridge = &context.settings.bridge;
         let mut chance = |probability: f32| probability > 0.0 && self.rng.random::<f32>() < probability;
         let (frontier, search, planned) =
             (chance(bridge.frontier_epsilon), chance(bridge.bridge_epsilon), chance(bridge.planned_episodes));
-        let first = match around.graph {
+        let first = match context.graph {
             Some(graph) if frontier => graph.frontier(&mut self.rng).map(|c| graph.point(c).to_vec()),
-            _ if search => self.search_bridge(i, around),
+            _ if search => self.search_bridge(i, context),
             _ => None,
         };
         let to_frontier = first.is_some() && frontier;
@@ -223,19 +223,19 @@ impl Rollout {
             agent.after_bridge = Some(std::mem::replace(&mut agent.goal, point));
         }
         if planned || to_frontier {
-            self.plan(i, around);
+            self.plan(i, context);
         }
     }
 
     /// Runs the published search for a bridge point between agent `i` and its goal.
-    fn search_bridge(&mut self, i: usize, around: &StepContext) -> Option<Vec<f32>> {
+    fn search_bridge(&mut self, i: usize, context: &StepContext) -> Option<Vec<f32>> {
         let s = self.env.spec().state_dim();
-        let (candidates, goal) = (&*around.candidates, &self.agents[i].goal);
+        let (candidates, goal) = (&*context.candidates, &self.agents[i].goal);
         let outcome = search(
             (&self.env.states()[i * s..(i + 1) * s], goal),
             (candidates.states(), candidates.points()),
-            around.settings.bridge.search_budget,
-            around.policy,
+            context.settings.bridge.search_budget,
+            context.policy,
             &mut self.rng,
             &mut self.scratch,
         );
@@ -245,21 +245,21 @@ impl Rollout {
     }
 
     /// Plans agent `i`'s path to its goal through the graph, if there is one.
-    fn plan(&mut self, i: usize, around: &StepContext) {
-        let Some(graph) = around.graph else { return };
+    fn plan(&mut self, i: usize, context: &StepContext) {
+        let Some(graph) = context.graph else { return };
         let goal = self.agents[i].goal.clone();
-        let walker = Walker::new(graph.route(&goal, around.policy, &mut self.scratch));
+        let walker = Walker::new(graph.route(&goal, context.policy, &mut self.scratch));
         self.plans[i] = Some(Plan { walker, goal, disturbed: false });
     }
 
     /// Moves all agents at their current states to another environment of the same kind, ending their episodes and
     /// starting new ones.
-    pub fn enter(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
+    pub fn enter_environment(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
         self.end_episodes(replay);
         let before = std::mem::replace(&mut self.env, env);
         for i in 0..self.agents.len() {
-            self.env.place(i, &before.whole(i));
-            self.begin_afresh(i);
+            self.env.set_full_state(i, &before.full_state(i));
+            self.restart_episode(i);
         }
     }
 
@@ -274,7 +274,7 @@ impl Rollout {
     }
 
     /// Starts an episode from agent `i`'s current state to a random goal.
-    fn begin_afresh(&mut self, i: usize) {
+    fn restart_episode(&mut self, i: usize) {
         let agent = &mut self.agents[i];
         (agent.steps, agent.held, agent.after_bridge) = (0, None, None);
         self.plans[i] = None;
@@ -282,31 +282,31 @@ impl Rollout {
     }
 
     /// Replaces all existing plans after a change of graph.
-    pub fn plan_anew(&mut self, around: &StepContext) {
+    pub fn replan(&mut self, context: &StepContext) {
         for i in 0..self.plans.len() {
             if let Some(plan) = self.plans[i].take() {
                 self.agents[i].goal = plan.goal;
-                self.plan(i, around);
+                self.plan(i, context);
             }
         }
     }
 
     /// Updates the waypoints of agents with a plan and records the outcomes of their hops.
-    fn follow_plans(&mut self, around: &mut StepContext) {
-        let Some(graph) = around.graph else { return };
+    fn follow_plans(&mut self, context: &mut StepContext) {
+        let Some(graph) = context.graph else { return };
         let s = self.env.spec().state_dim();
         for (i, plan) in self.plans.iter_mut().enumerate() {
             let Some(plan) = plan else { continue };
             let (state, before) = (&self.env.states()[i * s..(i + 1) * s], plan.walker.target());
-            let aim = plan.walker.step(state, graph, around.policy, &mut self.scratch);
-            self.agents[i].goal.copy_from_slice(aim);
-            if let Some(Hop { from, to, arrived }) = plan.walker.ended_hop()
+            let target = plan.walker.step(state, graph, context.policy, &mut self.scratch);
+            self.agents[i].goal.copy_from_slice(target);
+            if let Some(Hop { from, to, arrived }) = plan.walker.finished_hop()
                 && (arrived || !plan.disturbed)
             {
                 let id = |candidate| graph.candidates().id(candidate);
-                around.candidates.record_walk((id(from), id(to)), arrived);
+                context.candidates.record_walk((id(from), id(to)), arrived);
             }
-            if plan.walker.ended_hop().is_some() || plan.walker.target() != before {
+            if plan.walker.finished_hop().is_some() || plan.walker.target() != before {
                 plan.disturbed = false;
             }
             plan.disturbed |= self.agents[i].held.is_some();
@@ -363,7 +363,7 @@ impl Rollout {
         RolloutState {
             agents: self.agents.clone(),
             plans: plans.collect(),
-            states: (0..self.agents.len()).flat_map(|i| self.env.whole(i)).collect(),
+            states: (0..self.agents.len()).flat_map(|i| self.env.full_state(i)).collect(),
             rng: self.rng.clone(),
         }
     }
@@ -384,7 +384,7 @@ impl Rollout {
     /// # Errors
     /// The state does not match the number of agents or the environment.
     pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), StoreError> {
-        let (whole, g) = (self.env.whole(0).len(), self.env.spec().goal_dim());
+        let (size, g) = (self.env.full_state(0).len(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;
         let sound = |numbers: &[f32], length: usize| numbers.len() == length && numbers.iter().all(|v| v.is_finite());
         let agents = state.agents.iter().all(|agent| {
@@ -393,19 +393,19 @@ impl Rollout {
                 && agent.held.as_ref().is_none_or(|(action, steps)| sound(action, a) && *steps > 0)
         });
         let plans = state.plans.iter().flatten().all(|plan| sound(&plan.goal, g));
-        let states = state.states.len() == self.agents.len() * whole && state.states.iter().all(|v| v.is_finite());
+        let states = state.states.len() == self.agents.len() * size && state.states.iter().all(|v| v.is_finite());
         if state.agents.len() != self.agents.len() || !states || !agents || !plans {
-            return Err(StoreError::misfit("the stored agents do not fit these settings"));
+            return Err(StoreError::inconsistent("the stored agents do not fit these settings"));
         }
-        for (i, own) in state.states.chunks_exact(whole).enumerate() {
-            self.env.place(i, own);
+        for (i, own) in state.states.chunks_exact(size).enumerate() {
+            self.env.set_full_state(i, own);
         }
         if state.plans.len() != self.agents.len() {
-            return Err(StoreError::misfit("the stored plans do not fit the agents"));
+            return Err(StoreError::inconsistent("the stored plans do not fit the agents"));
         }
         let plans = state.plans.into_iter().map(|plan| {
             let Some(PlanState { walker, goal, disturbed }) = plan else { return Ok(None) };
-            let graph = graph.ok_or_else(|| StoreError::misfit("a stored plan has no bridge graph"))?;
+            let graph = graph.ok_or_else(|| StoreError::inconsistent("a stored plan has no bridge graph"))?;
             Ok(Some(Plan { walker: Walker::from_state(graph, walker)?, goal, disturbed }))
         });
         self.plans = plans.collect::<Result<_, StoreError>>()?;

@@ -23,7 +23,7 @@ pub struct Run {
 impl Run {
     /// Returns the bridge settings, adjusted to the method's planner.
     pub fn bridge(&self) -> BridgeSettings {
-        self.settings.bridge.of(self.method.planner)
+        self.settings.bridge.for_planner(self.method.planner)
     }
 }
 
@@ -39,9 +39,11 @@ pub struct Counters {
     /// Goals reached while exploring.
     pub goals_reached: u64,
     /// Environment steps whose updates are due but not done.
-    pub(super) owed: u64,
+    #[serde(rename = "owed")]
+    pub(super) owed_steps: u64,
     /// Environment steps whose updates become due when an episode ends.
-    pub(super) waiting: u64,
+    #[serde(rename = "waiting")]
+    pub(super) deferred_steps: u64,
     /// The last update whose targets follow behaviour alone.
     pub(super) relearns_until: u64,
     /// Running means of the losses.
@@ -53,16 +55,17 @@ pub struct Counters {
 
 impl Counters {
     /// Exclusive upper bound of plausible counts.
-    const MOST: u64 = 1 << 53;
+    const MAX_COUNT: u64 = 1 << 53;
 
     /// Checks counters read from a file.
     ///
     /// # Errors
     /// A number is out of range.
     pub(super) fn check(&self) -> Result<(), StoreError> {
-        let counts = [self.updates, self.env_steps, self.episodes, self.goals_reached, self.owed, self.waiting];
-        let sound = counts.iter().all(|n| *n < Self::MOST) && self.losses.iter().all(|loss| loss.is_finite());
-        if sound { Ok(()) } else { Err(StoreError::misfit("the stored counters are out of range")) }
+        let counts =
+            [self.updates, self.env_steps, self.episodes, self.goals_reached, self.owed_steps, self.deferred_steps];
+        let sound = counts.iter().all(|n| *n < Self::MAX_COUNT) && self.losses.iter().all(|loss| loss.is_finite());
+        if sound { Ok(()) } else { Err(StoreError::inconsistent("the stored counters are out of range")) }
     }
 }
 

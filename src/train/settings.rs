@@ -123,7 +123,7 @@ impl TrainSettings {
     ///
     /// # Errors
     /// The name of the first setting out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
+    pub fn validate(&self) -> Result<(), OutOfRange> {
         let noise = |v: f32| (0.0..=100.0).contains(&v);
         let checks = [
             ("agents", (1..=4096).contains(&self.agents)),
@@ -143,10 +143,10 @@ impl Settings {
     ///
     /// # Errors
     /// The name of the first setting out of range.
-    pub fn check(&self) -> Result<(), OutOfRange> {
-        self.learn.check()?;
-        self.bridge.check()?;
-        self.train.check()?;
+    pub fn validate(&self) -> Result<(), OutOfRange> {
+        self.learn.validate()?;
+        self.bridge.validate()?;
+        self.train.validate()?;
         let longest = self.learn.buffer_size / self.train.agents;
         if longest <= self.train.episode_steps as usize {
             return Err(OutOfRange("buffer_size"));

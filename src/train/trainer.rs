@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
-use super::graphs::{Built, GraphJob, Graphs, StoredGraph};
+use super::graphs::{BuiltGraph, GraphJob, Graphs, StoredGraph};
 use super::history::History;
 use super::memory;
 use super::registry::Registry;
@@ -26,7 +26,7 @@ use crate::learn::{
     Acting, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Replay, ReplayState, Stage, TrainingData,
 };
 use crate::store::{Store, StoreError};
-pub use change::{Kept, WorldChange};
+pub use change::{KeptState, WorldChange};
 use recovery::LastGood;
 pub use recovery::Recovery;
 
@@ -35,7 +35,7 @@ const CANDIDATES: &str = "bridge";
 const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
 /// Losses are reported as running means over about this many updates.
-const LOSS_MEMORY_UPDATES: f64 = 500.0;
+const LOSS_AVERAGE_UPDATES: f64 = 500.0;
 
 /// Random streams of a run, one per purpose, so that they do not affect each other.
 #[derive(Clone, Copy)]
@@ -91,19 +91,19 @@ fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
 type Result<T> = std::result::Result<T, TrainError>;
 
 /// Creates a fresh learner for `run` in a world with `spec`.
-fn learner_of(run: &Run, spec: &Spec, registry: &Registry, threads: usize) -> Result<Box<dyn Learner>> {
+fn new_learner(run: &Run, spec: &Spec, registry: &Registry, threads: usize) -> Result<Box<dyn Learner>> {
     let kind = registry.learner(&run.method.learner)?;
     Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
 }
 
 /// Forks and configures `world` for the agents of `run`.
-fn world_of(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
+fn fork_world(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
     let mut world = world.fork(run.settings.train.agents);
     world.configure(&run.settings.train.env());
     world
 }
 
-fn replay_of(run: &Run, spec: &Spec) -> Replay {
+fn new_replay(run: &Run, spec: &Spec) -> Replay {
     let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
     Replay::new(sizes.into(), run.settings.train.agents, run.settings.learn.buffer_size)
 }
@@ -114,11 +114,11 @@ impl Trainer {
     /// # Errors
     /// The method's learner is not registered or cannot be created.
     pub fn new(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
-        let (world, spec) = (world_of(&run, world), world.spec());
-        let learner = learner_of(&run, spec, registry, threads)?;
+        let (world, spec) = (fork_world(&run, world), world.spec());
+        let learner = new_learner(&run, spec, registry, threads)?;
         Ok(Self {
             rollout: Rollout::new(world, stream(run.seed, Stream::Explore)),
-            replay: replay_of(&run, spec),
+            replay: new_replay(&run, spec),
             batch_rng: stream(run.seed, Stream::Batch),
             candidates: Candidates::new(spec, run.settings.train.agents, &run.settings.bridge),
             graphs: Graphs::default(),
@@ -127,7 +127,7 @@ impl Trainer {
             profile: Profile::default(),
             threads,
             history: History::default(),
-            last_good: LastGood::of(0, [0.0; 3], &*learner)?,
+            last_good: LastGood::capture(0, [0.0; 3], &*learner)?,
             recovery: None,
             in_update: false,
             learner,
@@ -229,7 +229,8 @@ impl Trainer {
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
         // Without a warm-up, an update can be due before any agent's second state is known.
-        let due = self.counters.owed >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions();
+        let due =
+            self.counters.owed_steps >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions();
         let tick = if due { self.update()? } else { self.step()? };
         if tick == Tick::Step {
             self.profile.lap(Stage::Explore, began);
@@ -240,7 +241,7 @@ impl Trainer {
 
     fn step(&mut self) -> Result<Tick> {
         let Some(round) = self.with_step_context(Rollout::step)? else {
-            self.go_back()?;
+            self.roll_back()?;
             return Ok(Tick::Step);
         };
         self.rollout.env_mut().count_visits();
@@ -252,9 +253,9 @@ impl Trainer {
         if counters.env_steps <= self.run.settings.train.learning_starts {
             return Ok(Tick::Step);
         }
-        counters.waiting += steps;
+        counters.deferred_steps += steps;
         if self.run.settings.train.update_when == UpdateWhen::Step || round.episodes > 0 {
-            counters.owed += std::mem::take(&mut counters.waiting);
+            counters.owed_steps += std::mem::take(&mut counters.deferred_steps);
         }
         Ok(Tick::Step)
     }
@@ -266,23 +267,23 @@ impl Trainer {
         let (bridges, acting, settings) = (run.method.bridges(), learner.acting(), &run.settings);
         let (mut act, mut done) = (Some(act), None);
         learner.with_policy(false, &mut |policy| {
-            let mut around = StepContext { bridges, acting, settings, policy, graph, replay, candidates };
-            done = act.take().map(|act| act(rollout, &mut around));
+            let mut context = StepContext { bridges, acting, settings, policy, graph, replay, candidates };
+            done = act.take().map(|act| act(rollout, &mut context));
         })?;
         Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
     }
 
     fn update(&mut self) -> Result<Tick> {
-        self.counters.owed -= self.run.settings.train.env_steps_per_update;
+        self.counters.owed_steps -= self.run.settings.train.env_steps_per_update;
         self.counters.updates += 1;
         if self.learner.acting() == Acting::AtRandom {
             return Ok(Tick::Update);
         }
         let began = Instant::now();
-        self.renew_graph()?;
+        self.refresh_graph()?;
         self.profile.lap(Stage::Graph, began);
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
-        let known = graphs.current().map(|Built { graph, distilled, .. }| KnownDistances {
+        let known = graphs.current().map(|BuiltGraph { graph, distilled, .. }| KnownDistances {
             states: graph.candidates().states(),
             goals: graph.candidates().points(),
             pairs: &distilled.pairs,
@@ -291,7 +292,7 @@ impl Trainer {
         self.in_update = true;
         let losses = learner.update(TrainingData { replay, known, relearning, rng: batch_rng }, profile)?;
         self.in_update = false;
-        let keep = (1.0 - 1.0 / LOSS_MEMORY_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
+        let keep = (1.0 - 1.0 / LOSS_AVERAGE_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
         for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
             *mean += (1.0 - keep) * (f64::from(loss) - *mean);
         }
@@ -301,15 +302,15 @@ impl Trainer {
     }
 
     /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
-    fn renew_graph(&mut self) -> Result<()> {
+    fn refresh_graph(&mut self) -> Result<()> {
         let Settings { learn, bridge, .. } = &self.run.settings;
         let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon > 0.0;
         if !wanted || !self.run.method.bridges() {
             return Ok(());
         }
         let (now, every) = (self.counters.updates, bridge.graph_every_updates);
-        if self.graphs.take_up(now) {
-            self.with_step_context(|rollout, around| rollout.plan_anew(around))?;
+        if self.graphs.activate_due(now) {
+            self.with_step_context(|rollout, context| rollout.replan(context))?;
         }
         if now.is_multiple_of(every) {
             let job = GraphJob {
@@ -319,7 +320,7 @@ impl Trainer {
                 candidates: self.candidates.frozen(),
                 rng: self.graph_rng(now),
             };
-            self.graphs.begin(now, every, job)?;
+            self.graphs.start_build(now, every, job)?;
         }
         Ok(())
     }
@@ -374,7 +375,7 @@ impl Trainer {
     /// # Errors
     /// The learner fails.
     pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
-        Ok(self.evaluation()?.carry_out(tasks))
+        Ok(self.evaluation()?.run(tasks))
     }
 
     /// Returns the history: loss curves, evaluations and event log.
@@ -421,10 +422,10 @@ impl Trainer {
     pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
         let run: Run = store.json("run")?;
         let range = |OutOfRange(name)| {
-            let right = Setting::named(name).map_or("in range", |setting| setting.range);
-            StoreError::misfit(format!("its setting {name} must be {right}"))
+            let range = Setting::named(name).map_or("in range", |setting| setting.range);
+            StoreError::inconsistent(format!("its setting {name} must be {range}"))
         };
-        run.settings.check().map_err(range)?;
+        run.settings.validate().map_err(range)?;
         let world = registry.load_world(store)?;
         let state: TrainerState = store.json("trainer")?;
         memory::check(&run, &*world, registry)?;
@@ -454,7 +455,7 @@ impl Trainer {
         history.check()?;
         state.counters.check()?;
         if !(0.0..1e12).contains(&state.seconds) {
-            return Err(StoreError::misfit("the stored training time is out of range").into());
+            return Err(StoreError::inconsistent("the stored training time is out of range").into());
         }
         let mut restored = Graphs::default();
         restored.restore(self.spec(), &self.run.bridge(), graphs, |at| self.graph_rng(at))?;
@@ -464,10 +465,10 @@ impl Trainer {
         self.seconds = state.seconds;
         self.batch_rng = state.batch_rng;
         self.history = history;
-        self.last_good = LastGood::of(self.counters.updates, self.counters.losses, &*self.learner)?;
+        self.last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)?;
         if !self.last_good.is_finite() {
-            let what = "its networks contain non-finite values: the run had diverged";
-            return Err(StoreError::misfit(what).into());
+            let problem = "its networks contain non-finite values: the run had diverged";
+            return Err(StoreError::inconsistent(problem).into());
         }
         Ok(())
     }

@@ -38,7 +38,7 @@ pub enum Action {
     /// Put the walking agent at a random place.
     NewStart,
     /// Change what the walking agent does when it arrives.
-    Tour,
+    OnArrival,
     /// Follow the next exploring agent.
     Follow,
     /// Colour the map by the next (`true`) or the previous field.
@@ -202,7 +202,8 @@ pub const SECTIONS: &[Section] = &[
                 .watching(),
             bind(Action::StartHere, "start-here", &["shift-s"], "", "put @ at the cursor or goal").watching(),
             bind(Action::GoalHere, "goal-here", &["enter"], "", "put the goal at the cursor").watching(),
-            bind(Action::Tour, "tour", &["t"], "", "when @ arrives: restart, visit other goals, or stay").watching(),
+            bind(Action::OnArrival, "tour", &["t"], "", "when @ arrives: restart, visit other goals, or stay")
+                .watching(),
             bind(Action::Follow, "follow", &["f"], "", "follow the next exploring agent").watching(),
         ],
     },

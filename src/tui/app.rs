@@ -4,8 +4,8 @@ mod act;
 mod answer;
 mod files;
 mod mouse;
-mod news;
 mod saving;
+mod updates;
 
 use std::sync::Arc;
 use std::time::Instant;
@@ -19,8 +19,8 @@ use tokio::sync::watch;
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::keymap::Keymap;
-use super::output::What;
-use super::places::Places;
+use super::layout::ScreenLayout;
+use super::output::ExportKind;
 use super::raster::Viewport;
 use super::screen::Screen;
 use crate::env::PointMaze;
@@ -38,7 +38,7 @@ pub struct App {
     /// The state a frame is drawn from.
     pub screen: Screen,
     /// The number of the latest goal request.
-    goals_asked: u64,
+    goal_requests: u64,
     /// The mouse position the map is being dragged from.
     dragged_from: Option<Position>,
     /// Minutes between automatic checkpoints; 0 for none.
@@ -52,7 +52,7 @@ pub struct App {
     /// Whether to suspend the program until the shell resumes it.
     suspending: bool,
     /// The pending export.
-    export: Option<What>,
+    export: Option<ExportKind>,
 }
 
 impl App {
@@ -61,7 +61,7 @@ impl App {
         let snapshot = engine.snapshots().borrow().clone();
         let view = viewer.views().borrow().clone();
         let mut app = Self {
-            goals_asked: 0,
+            goal_requests: 0,
             dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
@@ -75,26 +75,26 @@ impl App {
             engine,
             viewer,
         };
-        app.begin();
+        app.start_run();
         app
     }
 
     /// Resets the screen for a new run.
-    fn begin(&mut self) {
+    fn start_run(&mut self) {
         let snapshot = self.screen.snapshot.clone();
         let (run, map) = (&snapshot.run, snapshot.scene.maze().map);
         self.screen.map = map.clone();
-        self.saving.begin(&self.screen.snapshot);
-        self.screen.log.begin(&self.screen.snapshot.log);
-        self.screen.editor.forget();
+        self.saving.start_run(&self.screen.snapshot);
+        self.screen.log.start_run(&self.screen.snapshot.log);
+        self.screen.editor.clear_history();
         (self.screen.viewport, self.screen.following) = (Viewport::default(), None);
         self.inspect(None);
         if self.screen.field == Field::Composed && !run.method.plans() {
             self.screen.field = Field::default();
-            self.viewer.ask(Request::Field(self.screen.field));
+            self.viewer.request(Request::Field(self.screen.field));
         }
         let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
-        self.screen.log.note(&text, self.screen.snapshot.counters.updates);
+        self.screen.log.record(&text, self.screen.snapshot.counters.updates);
         let first = self.screen.map.goals().first().copied();
         let goal = first.unwrap_or_else(|| self.random_cell());
         self.set_goal(goal);
@@ -117,17 +117,17 @@ impl App {
 
     /// Returns whether the program is to be suspended.
     #[cfg(test)]
-    pub fn suspends(&self) -> bool {
+    pub fn is_suspending(&self) -> bool {
         self.suspending
     }
 
     /// Returns whether the program is to be suspended, and clears the request.
-    pub fn takes_suspension(&mut self) -> bool {
+    pub fn take_suspend_request(&mut self) -> bool {
         std::mem::take(&mut self.suspending)
     }
 
     /// Returns the pending export, if any, and clears it.
-    pub fn takes_export(&mut self) -> Option<What> {
+    pub fn take_export(&mut self) -> Option<ExportKind> {
         self.export.take()
     }
 
@@ -170,7 +170,7 @@ impl App {
             Some(Dialog::Help(_)) => self.on_key_in_help(key),
             Some(_) if key.code == KeyCode::Esc => {
                 self.screen.dialogs.pop();
-                self.stay();
+                self.cancel_quit();
             }
             Some(_) if key.code == KeyCode::Enter => self.answer(),
             Some(Dialog::Pick(picker)) => picker.on_key(key),
@@ -187,15 +187,15 @@ impl App {
     pub fn set_goal(&mut self, cell: Cell) {
         if let Some(cell) = self.screen.map.nearest_free(cell) {
             self.screen.goal = cell;
-            self.goals_asked += 1;
-            self.viewer.ask(Request::Goal(cell, self.goals_asked));
+            self.goal_requests += 1;
+            self.viewer.request(Request::Goal(cell, self.goal_requests));
         }
     }
 
     /// Starts inspecting a cell, or stops with `None`.
     fn inspect(&mut self, cell: Option<Cell>) {
         self.screen.inspecting = cell;
-        self.viewer.ask(Request::Inspect(cell.or(self.screen.hovered)));
+        self.viewer.request(Request::Inspect(cell.or(self.screen.hovered)));
     }
 
     /// Switches to `map`, if given.
@@ -216,27 +216,27 @@ impl App {
     }
 
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute the field for the map's pixels.
-    pub fn drawn(&mut self, places: Places) {
-        let before = std::mem::replace(&mut self.screen.places, places);
-        let places = &mut self.screen.places;
-        if let (Some(Dialog::Help(first)), Some(line)) = (self.screen.dialogs.last_mut(), places.help_line) {
+    pub fn drawn(&mut self, layout: ScreenLayout) {
+        let before = std::mem::replace(&mut self.screen.layout, layout);
+        let layout = &mut self.screen.layout;
+        if let (Some(Dialog::Help(first)), Some(line)) = (self.screen.dialogs.last_mut(), layout.help_line) {
             *first = line;
         }
-        match &places.map {
+        match &layout.map {
             Some(frame) if before.map.as_ref() != Some(frame) => {
-                self.viewer.ask(Request::Frame(frame.raster, Arc::new(frame.arrows())));
+                self.viewer.request(Request::Frame(frame.raster, Arc::new(frame.arrows())));
             }
             Some(_) => {}
             // The map is hidden behind a maximised pane.
-            None => places.map = before.map,
+            None => layout.map = before.map,
         }
     }
 }
 
 /// Makes the maze on `map` that takes the place of the run's: with its settings and scenario.
 fn maze_on(map: Arc<Grid>) -> MakeWorld {
-    Box::new(|world| match PointMaze::of(world) {
-        Some(maze) => Box::new(maze.on_map(map)),
+    Box::new(|world| match PointMaze::downcast_ref(world) {
+        Some(maze) => Box::new(maze.with_map(map)),
         None => Box::new(PointMaze::new(map, 0)),
     })
 }

@@ -5,7 +5,7 @@ use ratatui::layout::Position;
 use ratatui::style::{Color, Style};
 
 use super::raster::{MapFrame, Marker};
-use super::theme::{Depth, Rgb, Theme, blend};
+use super::theme::{ColourDepth, Rgb, Theme, blend};
 
 /// The map as pixels, before it becomes characters.
 #[derive(Clone, Debug)]
@@ -20,15 +20,15 @@ pub struct Canvas {
 }
 
 /// The most pixels in a character.
-const MOST_PIXELS: usize = 8;
+const MAX_PIXELS: usize = 8;
 
 /// What a wall looks like without colours.
 pub const WALL_MARK: char = '#';
 
 impl Canvas {
-    /// Creates an empty canvas for `place`.
-    pub fn new(place: &MapFrame) -> Self {
-        let (columns, rows) = place.raster.pixels;
+    /// Creates an empty canvas for `map_frame`.
+    pub fn new(map_frame: &MapFrame) -> Self {
+        let (columns, rows) = map_frame.raster.pixels;
         Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows], changed: Vec::new() }
     }
 
@@ -54,27 +54,27 @@ impl Canvas {
     }
 
     /// Returns the pixel of a position on the map.
-    pub fn at(&self, place: &MapFrame, at: [f32; 2]) -> Option<usize> {
-        place.raster.pixel_of(at).map(|(column, row)| row * self.columns + column)
+    pub fn at(&self, map_frame: &MapFrame, at: [f32; 2]) -> Option<usize> {
+        map_frame.raster.pixel_of(at).map(|(column, row)| row * self.columns + column)
     }
 
     /// Draws a dot.
-    pub fn dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
-        if let Some(i) = self.at(place, at) {
+    pub fn dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
+        if let Some(i) = self.at(map_frame, at) {
             self.set(i, Some(rgb), mark);
         }
     }
 
     /// Draws a dot unless its pixel shows wall.
-    pub fn ground_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
-        if let Some(i) = self.at(place, at).filter(|i| !self.is_wall(*i)) {
+    pub fn ground_dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, mark: char) {
+        if let Some(i) = self.at(map_frame, at).filter(|i| !self.is_wall(*i)) {
             self.set(i, Some(rgb), mark);
         }
     }
 
     /// Blends a dot into the ground with opacity `share`, unless its pixel shows wall.
-    pub fn faint_dot(&mut self, place: &MapFrame, at: [f32; 2], rgb: Rgb, share: f32) {
-        if let Some(i) = self.at(place, at).filter(|i| !self.is_wall(*i)) {
+    pub fn faint_dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, share: f32) {
+        if let Some(i) = self.at(map_frame, at).filter(|i| !self.is_wall(*i)) {
             self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
             if self.marks[i] == ' ' {
                 self.marks[i] = '.';
@@ -86,13 +86,13 @@ impl Canvas {
     /// Draws straight lines with opacity `share`, blended only once where several cross.
     pub fn lines(
         &mut self,
-        place: &MapFrame,
+        map_frame: &MapFrame,
         ends: impl Iterator<Item = [[f32; 2]; 2]>,
         (rgb, share, mark): (Rgb, f32, char),
     ) {
         let mut covered = vec![false; self.pixels.len()];
         for ends in ends {
-            self.cover(place, ends, &mut covered);
+            self.cover(map_frame, ends, &mut covered);
         }
         for i in (0..covered.len()).filter(|i| covered[*i]) {
             self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
@@ -102,65 +102,65 @@ impl Canvas {
     }
 
     /// Marks the pixels of a straight line in `covered`.
-    fn cover(&self, place: &MapFrame, [from, to]: [[f32; 2]; 2], covered: &mut [bool]) {
-        let pixels_a_cell = place.scale() * place.marker.pixels().0.max(place.marker.pixels().1 / 2) as f32;
+    fn cover(&self, map_frame: &MapFrame, [from, to]: [[f32; 2]; 2], covered: &mut [bool]) {
+        let pixels_a_cell = map_frame.scale() * map_frame.marker.pixels().0.max(map_frame.marker.pixels().1 / 2) as f32;
         let cells = (to[0] - from[0]).abs().max((to[1] - from[1]).abs());
         let samples = (cells * pixels_a_cell).ceil().max(1.0) as usize;
         for n in 0..=samples {
             let t = n as f32 / samples as f32;
             let at = [from[0] + t * (to[0] - from[0]), from[1] + t * (to[1] - from[1])];
-            if let Some(i) = self.at(place, at) {
+            if let Some(i) = self.at(map_frame, at) {
                 covered[i] = true;
             }
         }
     }
 
     /// Writes all pixels as characters.
-    pub fn paint(&mut self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
+    pub fn paint(&mut self, buffer: &mut Buffer, map_frame: &MapFrame, theme: &Theme) {
         self.changed.clear();
-        for row in 0..place.area.height {
-            for column in 0..place.area.width {
-                self.paint_character(buffer, (column, row), place, theme);
+        for row in 0..map_frame.area.height {
+            for column in 0..map_frame.area.width {
+                self.paint_character(buffer, (column, row), map_frame, theme);
             }
         }
     }
 
     /// Writes the characters whose pixels have changed since the last full paint.
-    pub fn paint_changes(&mut self, buffer: &mut Buffer, place: &MapFrame, theme: &Theme) {
-        let (across, down) = place.marker.pixels();
+    pub fn paint_changes(&mut self, buffer: &mut Buffer, map_frame: &MapFrame, theme: &Theme) {
+        let (across, down) = map_frame.marker.pixels();
         let character = |i: usize| ((i % self.columns / across) as u16, (i / self.columns / down) as u16);
         let mut characters: Vec<(u16, u16)> = self.changed.drain(..).map(character).collect();
         characters.sort_unstable();
         characters.dedup();
         for at in characters {
-            self.paint_character(buffer, at, place, theme);
+            self.paint_character(buffer, at, map_frame, theme);
         }
     }
 
-    /// Writes one character, by its column and row within `place`.
-    fn paint_character(&self, buffer: &mut Buffer, (column, row): (u16, u16), place: &MapFrame, theme: &Theme) {
-        let (across, down) = place.marker.pixels();
+    /// Writes one character, by its column and row within `map_frame`.
+    fn paint_character(&self, buffer: &mut Buffer, (column, row): (u16, u16), map_frame: &MapFrame, theme: &Theme) {
+        let (across, down) = map_frame.marker.pixels();
         let first = down * usize::from(row) * self.columns + across * usize::from(column);
         let own = |n: usize| first + n / across * self.columns + n % across;
         let count = across * down;
-        let at = Position::new(place.area.x + column, place.area.y + row);
+        let at = Position::new(map_frame.area.x + column, map_frame.area.y + row);
         let Some(cell) = buffer.cell_mut(at) else { return };
-        if theme.depth == Depth::Mono {
+        if theme.depth == ColourDepth::Mono {
             // Show the most informative mark.
             let marks = (0..count).map(|n| self.marks[own(n)]);
-            cell.set_char(marks.max_by_key(|mark| telling(*mark)).unwrap_or(' '));
+            cell.set_char(marks.max_by_key(|mark| mark_rank(*mark)).unwrap_or(' '));
             return;
         }
-        let mut colours = [None; MOST_PIXELS];
+        let mut colours = [None; MAX_PIXELS];
         (0..count).for_each(|n| colours[n] = self.pixels[own(n)]);
         let (mask, front, back) = two_colours(&colours[..count]);
         let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
-        cell.set_char(glyph(place.marker, mask)).set_style(Style::new().fg(colour(front)).bg(colour(back)));
+        cell.set_char(glyph(map_frame.marker, mask)).set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
 }
 
 /// Ranks a mark by how informative it is: nothing, contours, wall, anything else.
-fn telling(mark: char) -> u8 {
+fn mark_rank(mark: char) -> u8 {
     match mark {
         ' ' => 0,
         '\u{b7}' | '.' => 1,

@@ -13,7 +13,7 @@ use super::keymap::Keymap;
 use super::raster::Marker;
 use super::theme::ThemeName;
 use crate::files;
-use crate::text::{Excerpt, plain, plain_lines, shortened};
+use crate::text::{Excerpt, sanitized, sanitized_lines, truncated};
 
 /// The contents of the configuration file.
 #[derive(Clone, Debug, Deserialize)]
@@ -37,16 +37,16 @@ impl Default for UiConfig {
 
 /// The largest file that is read, in bytes, and the most characters of it that an error quotes.
 const MAX_BYTES: u64 = 1 << 20;
-const QUOTED: usize = 300;
+const MAX_QUOTED_CHARS: usize = 300;
 
 /// A configuration that cannot be used.
 #[derive(Debug, thiserror::Error)]
-#[error("{place}{what}")]
+#[error("{location}{problem}")]
 pub struct UiConfigError {
-    place: String,
-    what: String,
+    location: String,
+    problem: String,
     /// What is expected instead.
-    pub right: String,
+    pub help: String,
     /// The offending part of the file.
     pub excerpt: Option<Excerpt>,
 }
@@ -79,8 +79,8 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
     let name = path.to_string_lossy();
     let text = files::read_text(&path, MAX_BYTES).map_err(|e| {
-        let right = "give a TOML file in the format of --print-config-template";
-        error(&name, "", None, &format!("cannot be read: {e}"), right)
+        let help = "give a TOML file in the format of --print-config-template";
+        error(&name, "", None, &format!("cannot be read: {e}"), help)
     })?;
     parse(&name, &text)
 }
@@ -93,27 +93,33 @@ pub fn parse(name: &str, text: &str) -> Result<(UiConfig, Keymap), Box<UiConfigE
     let hint = "--print-config-template prints all options";
     let config: UiConfig = toml::from_str(text).map_err(|e| error(name, text, e.span(), e.message(), hint))?;
     if !(0.0..=1e6).contains(&config.autosave_minutes) {
-        let what = format!("autosave_minutes cannot be {}", config.autosave_minutes);
+        let problem = format!("autosave_minutes cannot be {}", config.autosave_minutes);
         let at = text.find("autosave_minutes").map(|at| at..at + "autosave_minutes".len());
-        return Err(error(name, text, at, &what, "autosave_minutes must be a number of minutes; 0 turns autosave off"));
+        return Err(error(
+            name,
+            text,
+            at,
+            &problem,
+            "autosave_minutes must be a number of minutes; 0 turns autosave off",
+        ));
     }
     let keys = config.keys.iter().map(|(action, keys)| (action.clone(), keys.get_ref().clone())).collect();
     let keymap = Keymap::new(&keys).map_err(|e| {
         let span = config.keys.get(&e.binding).map(toml::Spanned::span);
-        error(name, text, span, &e.to_string(), &e.right)
+        error(name, text, span, &e.to_string(), &e.help)
     })?;
     Ok((config, keymap))
 }
 
-fn error(name: &str, text: &str, span: Option<Range<usize>>, what: &str, right: &str) -> Box<UiConfigError> {
-    let found = span.map(|span| Excerpt::of(name, text, span));
-    let place = match &found {
-        Some((_, (line, column))) => format!("{}:{line}:{column}: ", plain(name)),
-        None => format!("{}: ", plain(name)),
+fn error(name: &str, text: &str, span: Option<Range<usize>>, problem: &str, help: &str) -> Box<UiConfigError> {
+    let found = span.map(|span| Excerpt::from_span(name, text, span));
+    let location = match &found {
+        Some((_, (line, column))) => format!("{}:{line}:{column}: ", sanitized(name)),
+        None => format!("{}: ", sanitized(name)),
     };
-    let (what, right) = (shortened(what, QUOTED), plain_lines(right));
+    let (problem, help) = (truncated(problem, MAX_QUOTED_CHARS), sanitized_lines(help));
     let excerpt = found.map(|(excerpt, _)| excerpt);
-    Box::new(UiConfigError { place, what, right, excerpt })
+    Box::new(UiConfigError { location, problem, help, excerpt })
 }
 
 /// Returns a file with all settings at their defaults.
@@ -161,14 +167,14 @@ mod tests {
 
     #[test]
     fn errors_are_reported_with_line_and_column() {
-        for (text, place) in [
+        for (text, location) in [
             ("theme = \"drak\"\n", "f:1:9: "),
             ("\nautosave_minutes = -1\n", "f:2:1: "),
             ("[keys]\npause = [\"space\"]\nqiut = [\"x\"]\n", "f:3:8: "),
             ("theme = \n", "f:1:"),
         ] {
             let error = parse("f", text).expect_err("a mistake");
-            assert!(error.to_string().starts_with(place), "{error} is not at {place}");
+            assert!(error.to_string().starts_with(location), "{error} is not at {location}");
         }
     }
 }

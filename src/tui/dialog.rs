@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::action::Action;
-use super::output::What;
+use super::output::ExportKind;
 use super::theme::ThemeName;
 use crate::map::Grid;
 use crate::train::{Method, Preset};
@@ -47,13 +47,13 @@ pub enum Choice {
     /// Opens a built-in map.
     OpenBuiltin(&'static str),
     /// Starts a new run on a map.
-    BeginOn(Arc<Grid>),
+    StartOn(Arc<Grid>),
     /// Continues with the same networks on another map of the current size.
-    GoOnWith(Arc<Grid>),
+    ContinueOn(Arc<Grid>),
     /// Loads a checkpoint.
     Load(PathBuf),
     /// Writes an export to a file.
-    Export(What),
+    Export(ExportKind),
     /// Quits, saving first or not.
     Quit {
         /// Whether to save.

@@ -76,7 +76,7 @@ impl Editor {
     }
 
     /// Selects a tool and discards any unfinished stroke.
-    pub fn take(&mut self, tool: Tool) {
+    pub fn select_tool(&mut self, tool: Tool) {
         (self.tool, self.stroke) = (tool, None);
     }
 
@@ -86,7 +86,7 @@ impl Editor {
     }
 
     /// Forgets all edits, because the map was replaced.
-    pub fn forget(&mut self) {
+    pub fn clear_history(&mut self) {
         *self = Self { tool: self.tool, ..Self::default() };
     }
 
@@ -150,7 +150,7 @@ impl Editor {
     /// Moves the cursor by a cell; an unfinished line follows it.
     pub fn move_cursor(&mut self, (dx, dy): (isize, isize), map: &Grid) {
         let Some(at) = self.cursor else { return };
-        let to = beside(at, (dx, dy), map);
+        let to = offset_cell(at, (dx, dy), map);
         self.cursor = Some(to);
         if let Some(stroke) = &mut self.stroke {
             stroke.to = to;
@@ -161,15 +161,15 @@ impl Editor {
         let (from, to) = (stroke.from, stroke.to);
         let new = match self.tool {
             Tool::Fill => map.with_cells(area(map, to).into_iter().map(|cell| (cell, !map.is_free(to)))),
-            Tool::Start => Some(map.with_marks(moved(map.starts(), from, to), map.goals().to_vec())),
-            Tool::Goal => Some(map.with_marks(map.starts().to_vec(), moved(map.goals(), from, to))),
+            Tool::Start => Some(map.with_marks(with_mark_moved(map.starts(), from, to), map.goals().to_vec())),
+            Tool::Goal => Some(map.with_marks(map.starts().to_vec(), with_mark_moved(map.goals(), from, to))),
             _ => map.with_cells(self.cells_of(stroke).into_iter().map(|cell| (cell, stroke.free))),
         };
-        self.remember(map, new?)
+        self.record(map, new?)
     }
 
     /// Returns the new map if it differs, and records the old one for undo.
-    pub fn remember(&mut self, map: &Arc<Grid>, new: Grid) -> Option<Arc<Grid>> {
+    pub fn record(&mut self, map: &Arc<Grid>, new: Grid) -> Option<Arc<Grid>> {
         if new == **map {
             return None;
         }
@@ -194,13 +194,13 @@ impl Editor {
 }
 
 /// Returns the cell `dx` columns and `dy` rows from `at`, clamped to the map.
-pub fn beside(at: Cell, (dx, dy): (isize, isize), map: &Grid) -> Cell {
+pub fn offset_cell(at: Cell, (dx, dy): (isize, isize), map: &Grid) -> Cell {
     let to = Cell::new(at.x.saturating_add_signed(dx), at.y.saturating_add_signed(dy));
     Cell::new(to.x.min(map.width() - 1), to.y.min(map.height() - 1))
 }
 
 /// Returns the marks after a press at `from` and a release at `to`: one is moved, removed or added.
-fn moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
+fn with_mark_moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
     let mut marks = marks.to_vec();
     match marks.iter().position(|m| *m == from) {
         Some(i) if from == to => {

@@ -11,15 +11,15 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 use ratatui::{Frame, Terminal};
 
-use super::output::What;
+use super::output::ExportKind;
 use super::render;
 use super::screen::Screen;
 use super::theme::{Rgb, Theme, ThemeName};
-use crate::files::{self, write_whole};
+use crate::files::{self, write_atomically};
 pub use picture::png_of;
 
 /// Folder for exports.
-const FOLDER: &str = "exports";
+const EXPORT_FOLDER: &str = "exports";
 
 /// Why an export fails.
 #[derive(Debug, thiserror::Error)]
@@ -42,11 +42,11 @@ pub enum ExportError {
 }
 
 /// Writes an export to a new file; returns the notice for the user.
-pub fn write(what: What, screen: &Screen) -> String {
+pub fn write(kind: ExportKind, screen: &Screen) -> String {
     let (map, updates) = (screen.map().name(), screen.snapshot.counters.updates);
-    let name = format!("{map}-{updates}-{}", what.stem());
-    let path = unused(Path::new(FOLDER), &name, what.file_type());
-    let written = contents(what, screen).and_then(|bytes| Ok(write_whole(&path, &bytes)?));
+    let name = format!("{map}-{updates}-{}", kind.stem());
+    let path = unused_export_path(Path::new(EXPORT_FOLDER), &name, kind.file_type());
+    let written = contents(kind, screen).and_then(|bytes| Ok(write_atomically(&path, &bytes)?));
     match written {
         Ok(()) => format!("wrote {}", path.display()),
         Err(error) => format!("{} cannot be written: {error}", path.display()),
@@ -54,31 +54,31 @@ pub fn write(what: What, screen: &Screen) -> String {
 }
 
 /// Returns a file that does not exist yet: a paused run may be exported several times.
-fn unused(folder: &Path, name: &str, file_type: &str) -> PathBuf {
-    files::unused(&folder.join(format!("{name}.{file_type}")))
+fn unused_export_path(folder: &Path, name: &str, file_type: &str) -> PathBuf {
+    files::unused_path(&folder.join(format!("{name}.{file_type}")))
 }
 
 /// Returns the file's contents.
 ///
 /// # Errors
 /// What cannot be drawn or encoded.
-pub fn contents(what: What, screen: &Screen) -> Result<Vec<u8>, ExportError> {
-    match what {
-        What::CurvesSvg => curves::svg(screen),
-        What::CurvesCsv => curves::csv(screen),
-        What::MapPng | What::MapSvg | What::ScreenPng | What::ScreenSvg => {
+pub fn contents(kind: ExportKind, screen: &Screen) -> Result<Vec<u8>, ExportError> {
+    match kind {
+        ExportKind::CurvesSvg => curves::svg(screen),
+        ExportKind::CurvesCsv => curves::csv(screen),
+        ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
             let (drawn, map_pane) = draw(screen)?;
-            let area = match what {
-                What::MapPng | What::MapSvg => map_pane.intersection(drawn.area),
+            let area = match kind {
+                ExportKind::MapPng | ExportKind::MapSvg => map_pane.intersection(drawn.area),
                 _ => drawn.area,
             };
             if area.is_empty() {
                 return Err(ExportError::Empty);
             }
-            let paper = Paper::of(&screen.theme);
-            match what {
-                What::MapPng | What::ScreenPng => Ok(png_of(&drawn, area, paper)?),
-                _ => Ok(vector::svg_of(&drawn, area, paper).into_bytes()),
+            let page = PageColours::for_theme(&screen.theme);
+            match kind {
+                ExportKind::MapPng | ExportKind::ScreenPng => Ok(png_of(&drawn, area, page)?),
+                _ => Ok(vector::svg_of(&drawn, area, page).into_bytes()),
             }
         }
     }
@@ -86,7 +86,7 @@ pub fn contents(what: What, screen: &Screen) -> Result<Vec<u8>, ExportError> {
 
 /// Draws the screen without dialogs; returns it with the area of the map pane.
 fn draw(screen: &Screen) -> std::io::Result<(Buffer, Rect)> {
-    let Rect { width, height, .. } = screen.places.screen;
+    let Rect { width, height, .. } = screen.layout.screen;
     let mut terminal = Terminal::new(TestBackend::new(width.max(1), height.max(1))).map_err(std::io::Error::other)?;
     let mut map_pane = Rect::default();
     let panes =
@@ -97,16 +97,16 @@ fn draw(screen: &Screen) -> std::io::Result<(Buffer, Rect)> {
 
 /// The colours that replace a terminal's default text and background.
 #[derive(Clone, Copy, Debug)]
-pub struct Paper {
+pub struct PageColours {
     /// Text.
     pub ink: Rgb,
     /// Background.
     pub ground: Rgb,
 }
 
-impl Paper {
+impl PageColours {
     /// Returns the colours that go with a theme.
-    pub fn of(theme: &Theme) -> Self {
+    pub fn for_theme(theme: &Theme) -> Self {
         match theme.name {
             ThemeName::Light => Self { ink: (30, 30, 34), ground: (252, 252, 252) },
             _ => Self::default(),
@@ -114,7 +114,7 @@ impl Paper {
     }
 }
 
-impl Default for Paper {
+impl Default for PageColours {
     fn default() -> Self {
         Self { ink: (222, 222, 226), ground: (16, 16, 20) }
     }
@@ -129,7 +129,7 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let mut names = Vec::new();
         for _ in 0..3 {
-            let path = unused(folder.path(), "rooms-5-map", "png");
+            let path = unused_export_path(folder.path(), "rooms-5-map", "png");
             std::fs::write(&path, b"").expect("written");
             names.push(path.file_name().expect("a name").to_owned());
         }

@@ -15,14 +15,14 @@ pub struct Keymap {
 
 /// A binding that cannot be used.
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
-#[error("{binding}: {what}")]
+#[error("{binding}: {problem}")]
 pub struct KeymapError {
     /// The binding's name.
     pub binding: String,
     /// What is wrong.
-    pub what: String,
+    pub problem: String,
     /// What is expected instead.
-    pub right: String,
+    pub help: String,
 }
 
 impl Keymap {
@@ -35,10 +35,10 @@ impl Keymap {
         if let Some(name) = changes.keys().find(|name| !known(name)) {
             let nearest = bindings()
                 .max_by(|a, b| strsim::jaro_winkler(a.name, name).total_cmp(&strsim::jaro_winkler(b.name, name)));
-            let right = nearest.map_or(String::new(), |b| format!("did you mean {}?", b.name));
-            let right = format!("{right} --print-config-template lists all names");
-            let what = "unknown action".to_owned();
-            return Err(KeymapError { binding: name.clone(), what, right: right.trim().to_owned() });
+            let help = nearest.map_or(String::new(), |b| format!("did you mean {}?", b.name));
+            let help = format!("{help} --print-config-template lists all names");
+            let problem = "unknown action".to_owned();
+            return Err(KeymapError { binding: name.clone(), problem, help: help.trim().to_owned() });
         }
         let mut keymap = Self { keys: Vec::new() };
         // Changed bindings come last, so that they are the ones blamed for a conflict.
@@ -46,10 +46,10 @@ impl Keymap {
         for binding in own.into_iter().chain(changed) {
             let own = || binding.keys.iter().map(|k| (*k).to_owned()).collect();
             for key in changes.get(binding.name).cloned().unwrap_or_else(own) {
-                let fail = |what: String, right: &str| KeymapError {
+                let fail = |problem: String, help: &str| KeymapError {
                     binding: binding.name.to_owned(),
-                    what,
-                    right: right.to_owned(),
+                    problem,
+                    help: help.to_owned(),
                 };
                 let parsed = crokey::parse(&key).map_err(|_| {
                     fail(
@@ -57,10 +57,10 @@ impl Keymap {
                         "keys are written as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"",
                     )
                 })?;
-                let pressed = normal(parsed);
+                let pressed = normalised(parsed);
                 if let Some(other) = keymap.binding(pressed, binding.when) {
-                    let what = format!("{key:?} is already bound to {}", other.name);
-                    return Err(fail(what, "bind one of them to another key"));
+                    let problem = format!("{key:?} is already bound to {}", other.name);
+                    return Err(fail(problem, "bind one of them to another key"));
                 }
                 keymap.keys.push((pressed, binding));
             }
@@ -77,18 +77,19 @@ impl Keymap {
     /// Returns the action of `key`, with the editor open or closed.
     pub fn action(&self, key: KeyEvent, editing: bool) -> Option<Action> {
         let when = if editing { When::Editing } else { When::Watching };
-        self.binding(normal(KeyCombination::from(key)), when).map(|b| b.action)
+        self.binding(normalised(KeyCombination::from(key)), when).map(|b| b.action)
     }
 
     /// Returns the first key of `action` for display, or the command palette's key if it has none.
     pub fn key_of(&self, action: Action) -> String {
-        let first = |action| bindings().filter(|b| b.action == action).find_map(|b| self.shown(b).into_iter().next());
+        let first =
+            |action| bindings().filter(|b| b.action == action).find_map(|b| self.display_keys(b).into_iter().next());
         let unbound = || first(Action::Palette).map_or("-".to_owned(), |key| format!("{key} ..."));
         first(action).unwrap_or_else(unbound)
     }
 
     /// Returns the keys of `binding` for display.
-    pub fn shown(&self, binding: &Binding) -> Vec<String> {
+    pub fn display_keys(&self, binding: &Binding) -> Vec<String> {
         let format = KeyCombinationFormat::default().with_implicit_shift();
         let own = self.keys.iter().filter(|(_, b)| b.name == binding.name);
         own.map(|(key, _)| short_name(&format.to_string(*key))).collect()
@@ -97,7 +98,7 @@ impl Keymap {
 
 /// Normalises shift, which only some terminals report along with the shifted character: set for uppercase letters,
 /// cleared for other characters.
-fn normal(key: KeyCombination) -> KeyCombination {
+fn normalised(key: KeyCombination) -> KeyCombination {
     let OneToThree::One(code) = key.codes else { return key };
     let (code, modifiers) = match code {
         KeyCode::Char(c) if c.is_uppercase() => (code, key.modifiers | KeyModifiers::SHIFT),
@@ -170,8 +171,8 @@ mod tests {
         assert_eq!(changed.action(press(KeyCode::F(5), KeyModifiers::NONE), false), Some(Action::TogglePause));
         assert_eq!(changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), false), None);
         let wrong = |name: &str, key: &str| keymap(&[(name, &[key])]).expect_err("a mistake");
-        assert!(wrong("puase", "a").right.contains("pause"));
-        assert!(wrong("pause", "superkey").what.contains("superkey"));
-        assert!(wrong("pause", "q").what.contains("quit"));
+        assert!(wrong("puase", "a").help.contains("pause"));
+        assert!(wrong("pause", "superkey").problem.contains("superkey"));
+        assert!(wrong("pause", "q").problem.contains("quit"));
     }
 }

@@ -13,13 +13,13 @@ use tokio::sync::watch;
 use super::app::{App, Files};
 use super::config::UiConfig;
 use super::keymap::Keymap;
-use super::theme::{Depth, Theme, ThemeName};
-use super::{ANSWER, Pace, render};
+use super::theme::{ColourDepth, Theme, ThemeName};
+use super::{FrameTimer, INPUT_FRAME_INTERVAL, render};
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
 use crate::view::{View, Viewer};
 
 /// A run with the interface open on an invisible screen.
-pub struct Watched {
+pub struct MeasuredInterface {
     app: App,
     cache: render::Cache,
     terminal: Terminal<CrosstermBackend<Sink>>,
@@ -28,14 +28,14 @@ pub struct Watched {
 }
 
 /// Measurements of a watched run.
-pub struct Watching {
+pub struct InterfaceMeasurement {
     /// Updates per second.
     pub updates_per_second: f64,
     /// Time taken by each frame, in microseconds.
     pub frames_us: Vec<f64>,
 }
 
-impl Watched {
+impl MeasuredInterface {
     /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters; training is paused.
     ///
     /// # Errors
@@ -45,46 +45,46 @@ impl Watched {
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
-        app.screen.theme = Theme::new(ThemeName::Dark, Depth::True);
+        app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
-        let mut watched =
+        let mut measured =
             Self { snapshots: app.snapshots(), views: app.views(), app, cache: render::Cache::default(), terminal };
-        watched.command(Command::Pause, &Phase::Paused);
-        Ok(watched)
+        measured.command(Command::Pause, &Phase::Paused);
+        Ok(measured)
     }
 
     /// Trains for `time`, drawing as the interface does.
     ///
     /// # Errors
     /// Errors of the screen.
-    pub fn watch(&mut self, time: Duration) -> std::io::Result<Watching> {
+    pub fn measure(&mut self, time: Duration) -> std::io::Result<InterfaceMeasurement> {
         let mut frames_us = Vec::new();
-        let mut pace = Pace::default();
+        let mut timer = FrameTimer::default();
         self.command(Command::Resume, &Phase::Running);
         let (began, before) = (Instant::now(), self.app.screen.snapshot.counters.updates);
         while began.elapsed() < time {
-            std::thread::sleep(ANSWER);
+            std::thread::sleep(INPUT_FRAME_INTERVAL);
             if self.snapshots.has_changed().unwrap_or(false) {
                 self.app.on_snapshot(self.snapshots.borrow_and_update().clone());
-                pace.changed = true;
+                timer.changed = true;
             }
             if self.views.has_changed().unwrap_or(false) {
                 self.app.on_view(self.views.borrow_and_update().clone());
-                pace.changed = true;
+                timer.changed = true;
             }
-            if pace.is_due() {
+            if timer.is_due() {
                 let drawing = Instant::now();
-                let mut places = None;
+                let mut layout = None;
                 let Self { app, cache, terminal, .. } = self;
-                terminal.draw(|frame| places = Some(render::draw(frame, &app.screen, cache)))?;
-                places.into_iter().for_each(|places| app.drawn(places));
+                terminal.draw(|frame| layout = Some(render::draw(frame, &app.screen, cache)))?;
+                layout.into_iter().for_each(|layout| app.drawn(layout));
                 frames_us.push(drawing.elapsed().as_secs_f64() * 1e6);
             }
         }
         self.command(Command::Pause, &Phase::Paused);
         let updates = self.app.screen.snapshot.counters.updates - before;
-        Ok(Watching { updates_per_second: updates as f64 / began.elapsed().as_secs_f64(), frames_us })
+        Ok(InterfaceMeasurement { updates_per_second: updates as f64 / began.elapsed().as_secs_f64(), frames_us })
     }
 
     /// Sends a command and waits until training is in phase `then`.

@@ -2,7 +2,7 @@
 
 /// A kind of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum What {
+pub enum ExportKind {
     /// The map pane as a bitmap.
     MapPng,
     /// The map pane as a vector drawing.
@@ -17,7 +17,7 @@ pub enum What {
     CurvesCsv,
 }
 
-impl What {
+impl ExportKind {
     /// All kinds.
     pub const ALL: [Self; 6] =
         [Self::MapPng, Self::MapSvg, Self::ScreenPng, Self::ScreenSvg, Self::CurvesSvg, Self::CurvesCsv];

@@ -7,7 +7,7 @@ use crate::map::{Cell, Grid};
 use crate::view::Raster;
 
 /// Characters between two arrows, across and down.
-const ARROWS_APART: (usize, usize) = (4, 2);
+const ARROW_SPACING: (usize, usize) = (4, 2);
 
 /// The characters the map is drawn with.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -143,10 +143,10 @@ impl MapFrame {
 
     /// Returns the positions on the map at which the actor's directions are shown.
     pub fn arrows(&self) -> Vec<[f32; 2]> {
-        let (across, down) = ARROWS_APART;
+        let (across, down) = ARROW_SPACING;
         let rows = (self.area.y..self.area.bottom()).step_by(down);
-        let places = rows.flat_map(|y| (self.area.x..self.area.right()).step_by(across).map(move |x| (x, y)));
-        places.map(|(x, y)| self.middle_of(Position::new(x, y))).collect()
+        let characters = rows.flat_map(|y| (self.area.x..self.area.right()).step_by(across).map(move |x| (x, y)));
+        characters.map(|(x, y)| self.middle_of(Position::new(x, y))).collect()
     }
 
     /// Returns all cells shown by the character at a screen position: at least one, or none outside the map.
@@ -154,9 +154,9 @@ impl MapFrame {
         let Some(middle) = self.cell_at(at, map) else { return Vec::new() };
         let [left, top, width, height] = self.raster.window;
         // Cells whose centres lie within the character.
-        let span = |i: u16, n: u16, from: f32, size: f32, most: usize, middle: usize| {
+        let span = |i: u16, n: u16, from: f32, size: f32, max: usize, middle: usize| {
             let at = |i: u16| (from + f32::from(i) / f32::from(n) * size + 0.5).max(0.0) as usize;
-            let (first, end) = (at(i), at(i + 1).min(most));
+            let (first, end) = (at(i), at(i + 1).min(max));
             if first < end { first..end } else { middle..middle + 1 }
         };
         let xs = span(at.x - self.area.x, self.area.width, left, width, map.width(), middle.x);

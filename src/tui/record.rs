@@ -26,15 +26,15 @@ impl Recorder {
     ///
     /// # Errors
     /// The file exists already or cannot be written.
-    pub fn begin(path: &Path, overwrite: bool) -> Result<Self, Report> {
+    pub fn start(path: &Path, overwrite: bool) -> Result<Self, Report> {
         let file = create(path, overwrite)?;
         let size = crossterm::terminal::size().unwrap_or((80, 24));
-        let what = || format!("{}: the recording cannot be written", path.display());
-        Self::on(file, size).into_diagnostic().wrap_err_with(what)
+        let message = || format!("{}: the recording cannot be written", path.display());
+        Self::from_file(file, size).into_diagnostic().wrap_err_with(message)
     }
 
-    fn on(file: File, size: (u16, u16)) -> std::io::Result<Self> {
-        let (width, height) = at_most_the_largest(size);
+    fn from_file(file: File, size: (u16, u16)) -> std::io::Result<Self> {
+        let (width, height) = clamp_size(size);
         let term = std::env::var("TERM").unwrap_or_default();
         let head =
             json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui", "env": { "TERM": term } });
@@ -65,7 +65,7 @@ impl Recorder {
     /// # Errors
     /// Errors of the file system.
     pub fn resize(&mut self, size: (u16, u16)) -> std::io::Result<()> {
-        let (width, height) = at_most_the_largest(size);
+        let (width, height) = clamp_size(size);
         self.event("r", &format!("{width}x{height}"))
     }
 
@@ -83,7 +83,7 @@ impl Recorder {
 }
 
 /// Limits a size to what players can handle, whatever the terminal claims.
-fn at_most_the_largest((width, height): (u16, u16)) -> (u16, u16) {
+fn clamp_size((width, height): (u16, u16)) -> (u16, u16) {
     (width.min(LARGEST_SCREEN.0), height.min(LARGEST_SCREEN.1))
 }
 
@@ -95,7 +95,7 @@ mod tests {
     fn a_recording_is_never_larger_than_the_largest_screen() {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
-        let mut recorder = Recorder::on(File::create(&path).expect("a file"), (65535, 65535)).expect("written");
+        let mut recorder = Recorder::from_file(File::create(&path).expect("a file"), (65535, 65535)).expect("written");
         recorder.resize((200, 60)).and_then(|()| recorder.resize((65535, 65535))).expect("written");
         let text = std::fs::read_to_string(&path).expect("a recording");
         let lines: Vec<serde_json::Value> =
@@ -109,10 +109,10 @@ mod tests {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
         std::fs::write(&path, b"mine").expect("a file");
-        let error = Recorder::begin(&path, false).err().expect("it is there");
+        let error = Recorder::start(&path, false).err().expect("it is there");
         assert!(error.to_string().contains("run.cast: the file already exists"), "{error}");
         assert_eq!(std::fs::read(&path).expect("kept"), b"mine");
-        assert!(Recorder::begin(&path, true).is_ok());
+        assert!(Recorder::start(&path, true).is_ok());
         assert!(std::fs::read_to_string(&path).expect("a recording").starts_with("{\"version\":2"));
     }
 }

@@ -7,14 +7,14 @@ use super::dialog::Dialog;
 use super::editor::Editor;
 use super::keymap::Keymap;
 use super::layers::Overlays;
+use super::layout::ScreenLayout;
 use super::log::Log;
 use super::panes::Pane;
-use super::places::Places;
 use super::raster::{Marker, Viewport};
-use super::theme::{Depth, Theme};
+use super::theme::{ColourDepth, Theme};
 use crate::map::{Cell, Grid};
 use crate::train::{Phase, Run, Snapshot, Success};
-use crate::view::{Field, Tour, View};
+use crate::view::{Field, OnArrival, View};
 
 /// Everything that the screen shows.
 pub struct Screen {
@@ -55,7 +55,7 @@ pub struct Screen {
     /// Whether curves are drawn on logarithmic scales.
     pub log_scale: bool,
     /// What the walking agent does at the goal.
-    pub tour: Tour,
+    pub on_arrival: OnArrival,
     /// The open dialogs, topmost last.
     pub dialogs: Vec<Dialog>,
     /// Whether the trainer has been asked to pause.
@@ -65,7 +65,7 @@ pub struct Screen {
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
     /// Where things were last drawn.
-    pub places: Places,
+    pub layout: ScreenLayout,
 }
 
 impl Screen {
@@ -73,7 +73,7 @@ impl Screen {
     pub fn new((config, keymap): (&UiConfig, Keymap), snapshot: Arc<Snapshot>, view: Arc<View>) -> Self {
         Self {
             keymap,
-            theme: Theme::new(config.theme, Depth::detect()),
+            theme: Theme::new(config.theme, ColourDepth::detect()),
             map: snapshot.scene.maze().map,
             editor: Editor::default(),
             snapshot,
@@ -90,12 +90,12 @@ impl Screen {
             maximised: false,
             scrolled: 0,
             log_scale: false,
-            tour: Tour::default(),
+            on_arrival: OnArrival::default(),
             dialogs: Vec::new(),
             pausing: false,
             frozen: false,
             following: None,
-            places: Places::default(),
+            layout: ScreenLayout::default(),
         }
     }
 

@@ -19,7 +19,7 @@ use ratatui::{Frame, TerminalOptions, Viewport};
 
 use super::record::{LARGEST_SCREEN, Recorder};
 use guard::Guard;
-pub use guard::watch;
+pub use guard::run_guard;
 
 /// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
 pub struct Terminal {
@@ -81,7 +81,7 @@ impl Terminal {
         let recorder = recorder.map(|recorder| Rc::new(RefCell::new(recorder)));
         let (closed, guard) = (Rc::new(Cell::new(false)), Guard::start());
         let enter = || {
-            take_over()?;
+            set_up_modes()?;
             screen(recorder.clone(), closed.clone())
         };
         match enter() {
@@ -124,7 +124,7 @@ impl Terminal {
         restore();
         #[cfg(unix)]
         signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
-        take_over()?;
+        set_up_modes()?;
         // A new instance knows nothing of the old screen, so it redraws everything without querying the terminal.
         self.closed.set(true);
         self.closed = Rc::default();
@@ -152,7 +152,7 @@ fn screen(
     ratatui::Terminal::with_options(backend, TerminalOptions { viewport: Viewport::Fixed(Rect::default()) })
 }
 
-fn take_over() -> std::io::Result<()> {
+fn set_up_modes() -> std::io::Result<()> {
     enable_raw_mode()?;
     execute!(stdout(), EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)
 }

@@ -22,7 +22,7 @@ use super::dialog::Dialog;
 use super::keymap::Keymap;
 use super::render;
 use super::screen::Screen;
-use super::theme::{Depth, Theme, ThemeName};
+use super::theme::{ColourDepth, Theme, ThemeName};
 use crate::env::PointMaze;
 use crate::map::{Cell, Grid, parse_map};
 use crate::train::{Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer};
@@ -41,7 +41,7 @@ fn app_with(map: Grid, method: Method, limits: Limits) -> App {
 }
 
 fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
-    let files = Files { save: save.map(SaveTo::Fresh), resumed: None };
+    let files = Files { save: save.map(SaveTo::CreateNew), resumed: None };
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;
@@ -53,7 +53,7 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), files);
-    app.screen.theme = Theme::new(ThemeName::Dark, Depth::True);
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     app
 }
 
@@ -84,18 +84,18 @@ fn type_text(app: &mut App, text: &str) {
 
 /// Returns the character that shows the centre of `cell`.
 fn character_of(app: &App, cell: Cell) -> Position {
-    let frame = app.screen.places.map.clone().expect("the map is drawn");
+    let frame = app.screen.layout.map.clone().expect("the map is drawn");
     frame.character_of(cell.centre()).expect("the cell is shown")
 }
 
 fn draw(app: &mut App, width: u16, height: u16) -> Terminal<TestBackend> {
     let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
-    let mut places = None;
+    let mut layout = None;
     let draw = |frame: &mut ratatui::Frame| {
-        places = Some(render::draw(frame, &app.screen, &mut render::Cache::default()));
+        layout = Some(render::draw(frame, &app.screen, &mut render::Cache::default()));
     };
     terminal.draw(draw).expect("a frame");
-    app.drawn(places.expect("places"));
+    app.drawn(layout.expect("places"));
     terminal
 }
 
@@ -133,7 +133,7 @@ fn a_screen_is_drawn_from_its_state_alone() {
     let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
     let world = PointMaze::new(Arc::new(rooms()), 0);
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
-    let snapshot = Arc::new(Snapshot::of(&trainer).expect("a snapshot"));
+    let snapshot = Arc::new(Snapshot::capture(&trainer).expect("a snapshot"));
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
     let screen = Screen::new((&UiConfig::default(), keymap), snapshot, Arc::default());
     let drawn = || {
@@ -344,7 +344,7 @@ fn space_pauses_and_resumes() {
 #[test]
 fn without_colours_walls_are_still_distinct_from_floor() {
     let mut app = app();
-    app.screen.theme = Theme::new(ThemeName::Dark, Depth::Mono);
+    app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::Mono);
     let terminal = draw(&mut app, 80, 24);
     let plain = |colour: Color| colour == Color::Reset;
     assert!(terminal.backend().buffer().content.iter().all(|c| plain(c.fg) && plain(c.bg)));
@@ -404,7 +404,7 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
     let first = app.screen.goal;
-    wait_until(&mut app, |app| app.screen.view.walk.journeys.0 >= 1 && app.screen.goal != first);
+    wait_until(&mut app, |app| app.screen.view.walk.finished_walks.0 >= 1 && app.screen.goal != first);
 }
 
 #[test]
@@ -462,7 +462,7 @@ fn a_failed_save_before_quitting_asks_for_another_file() {
     );
     assert!(!app.is_done(), "it stays");
     press(&mut app, KeyCode::Esc);
-    wait_until(&mut app, |app| app.screen.snapshot.phase.trains());
+    wait_until(&mut app, |app| app.screen.snapshot.phase.is_training());
     app.act(Action::Quit);
     wait_until(
         &mut app,

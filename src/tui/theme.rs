@@ -12,7 +12,7 @@ pub type Rgb = (u8, u8, u8);
 
 /// How many colours the terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Depth {
+pub enum ColourDepth {
     /// 24 bits.
     True,
     /// The 256 colours of xterm.
@@ -56,7 +56,7 @@ pub struct Theme {
     /// The theme's name.
     pub name: ThemeName,
     /// The colours that the terminal shows.
-    pub depth: Depth,
+    pub depth: ColourDepth,
     /// Walls.
     pub wall: Rgb,
     /// Free cells without a known value.
@@ -83,7 +83,7 @@ pub struct Theme {
     error: Gradient,
 }
 
-impl Depth {
+impl ColourDepth {
     /// Detects the terminal's colours from the environment.
     pub fn detect() -> Self {
         let variable = |name: &str| std::env::var(name).unwrap_or_default();
@@ -99,11 +99,11 @@ impl Depth {
 
 impl Theme {
     /// Returns the theme `name` for a terminal of `depth`. Without colours, every theme is [`ThemeName::Mono`].
-    pub fn new(name: ThemeName, depth: Depth) -> Self {
-        let name = if depth == Depth::Mono { ThemeName::Mono } else { name };
+    pub fn new(name: ThemeName, depth: ColourDepth) -> Self {
+        let name = if depth == ColourDepth::Mono { ThemeName::Mono } else { name };
         let dark = Self {
             name,
-            depth: if name == ThemeName::Mono { Depth::Mono } else { depth },
+            depth: if name == ThemeName::Mono { ColourDepth::Mono } else { depth },
             wall: (58, 58, 66),
             unknown: (24, 24, 28),
             agent: (255, 255, 255),
@@ -143,25 +143,25 @@ impl Theme {
     /// Returns the nearest colour that the terminal has.
     pub fn colour(&self, (r, g, b): Rgb) -> Color {
         match self.depth {
-            Depth::True => Color::Rgb(r, g, b),
-            Depth::Indexed => Color::Indexed(rgb_to_xterm(RgbColor(r, g, b)).0),
-            Depth::Mono => Color::Reset,
+            ColourDepth::True => Color::Rgb(r, g, b),
+            ColourDepth::Indexed => Color::Indexed(rgb_to_xterm(RgbColor(r, g, b)).0),
+            ColourDepth::Mono => Color::Reset,
         }
     }
 
     /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
-    pub fn of_distance(&self, share: f32) -> Rgb {
+    pub fn distance_colour(&self, share: f32) -> Rgb {
         // The darkest end is left out, as walls and the background use it.
-        eval(self.distance, 0.95 - 0.85 * share.clamp(0.0, 1.0))
+        sample(self.distance, 0.95 - 0.85 * share.clamp(0.0, 1.0))
     }
 
     /// Returns the colour of a relative error from -1 (too short) to 1 (too long).
-    pub fn of_error(&self, error: f32) -> Rgb {
-        eval(self.error, 0.5 + 0.5 * error.clamp(-1.0, 1.0))
+    pub fn error_colour(&self, error: f32) -> Rgb {
+        sample(self.error, 0.5 + 0.5 * error.clamp(-1.0, 1.0))
     }
 }
 
-fn eval(gradient: Gradient, at: f32) -> Rgb {
+fn sample(gradient: Gradient, at: f32) -> Rgb {
     let colour = gradient.eval_continuous(f64::from(at));
     (colour.r, colour.g, colour.b)
 }
@@ -201,16 +201,16 @@ mod tests {
     #[test]
     fn no_theme_uses_colours_on_a_terminal_without_them() {
         for name in ThemeName::ALL {
-            assert_eq!(Theme::new(name, Depth::Mono).colour((1, 2, 3)), Color::Reset);
+            assert_eq!(Theme::new(name, ColourDepth::Mono).colour((1, 2, 3)), Color::Reset);
         }
-        assert_eq!(Theme::new(ThemeName::Mono, Depth::True).colour((1, 2, 3)), Color::Reset);
+        assert_eq!(Theme::new(ThemeName::Mono, ColourDepth::True).colour((1, 2, 3)), Color::Reset);
     }
 
     #[test]
     fn near_is_lighter_than_far_in_every_theme() {
         for name in ThemeName::ALL {
-            let theme = Theme::new(name, Depth::True);
-            let lights: Vec<f32> = (0..=10).map(|i| lightness(theme.of_distance(i as f32 / 10.0))).collect();
+            let theme = Theme::new(name, ColourDepth::True);
+            let lights: Vec<f32> = (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
             assert!(lights.windows(2).all(|pair| pair[0] > pair[1]), "{}: {lights:?}", name.name());
         }
     }

@@ -10,7 +10,7 @@ use crate::map::UNREACHABLE;
 use crate::train::{Method, Snapshot};
 
 /// Candidates considered at each pixel for D along the bridge graph.
-const LINKS_OF_A_PIXEL: usize = 6;
+const LINK_CANDIDATES_PER_PIXEL: usize = 6;
 
 /// The quantity shown by the map's colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,7 +51,7 @@ impl Field {
 
     /// Returns the next (or previous) field available for `method`.
     #[must_use]
-    pub fn turn(self, forward: bool, method: &Method) -> Self {
+    pub fn cycle(self, forward: bool, method: &Method) -> Self {
         let count = Self::ALL.len();
         let mut at = self as usize;
         loop {
@@ -69,7 +69,7 @@ impl Field {
 }
 
 impl Worker {
-    pub(super) fn renew_field(&mut self, snapshot: &Snapshot) {
+    pub(super) fn refresh_field(&mut self, snapshot: &Snapshot) {
         let began = Instant::now();
         if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone()) {
             let shown = self.shown.clone();
@@ -89,7 +89,7 @@ impl Worker {
                 self.view.directions = Arc::new(at.into_iter().zip(actions.iter().copied()).collect());
             }
         }
-        self.field.done(began);
+        self.field_timer.done(began);
         self.changed = true;
     }
 
@@ -119,7 +119,7 @@ impl Worker {
             }
             (Field::Composed, Some(graph)) => {
                 let route = graph.route(&goal, policy, &mut self.scratch);
-                graph.composed(states, &route, LINKS_OF_A_PIXEL, policy, &mut self.scratch)
+                graph.composed_distances(states, &route, LINK_CANDIDATES_PER_PIXEL, policy, &mut self.scratch)
             }
             (kind, _) => {
                 let mut distances = vec![0.0; free.len()];
@@ -139,7 +139,7 @@ impl Worker {
     /// Returns the true steps to the goal; NaN where it is unreachable.
     fn true_distances(&mut self, positions: &[[f32; 2]], goal: [f32; 2]) -> Vec<f32> {
         let map = self.world.map();
-        let steps = self.search.from(cell_of(goal));
+        let steps = self.search.steps_from(cell_of(goal));
         let of = |at: &[f32; 2]| match steps[map.index(cell_of(*at))] {
             UNREACHABLE => f32::NAN,
             steps => steps as f32,
@@ -156,12 +156,12 @@ mod tests {
     fn next_and_previous_cycle_through_the_fields() {
         for method in &["gdg", "gdg-bridge"].map(|name| name.parse::<Method>().expect("a method")) {
             let there = (0..7).scan(Field::Learned, |field, _| {
-                *field = field.turn(true, method);
+                *field = field.cycle(true, method);
                 Some(*field)
             });
             let there: Vec<Field> = there.collect();
             assert_eq!(there.contains(&Field::Composed), method.plans());
-            assert_eq!(Field::Learned.turn(true, method).turn(false, method), Field::Learned);
+            assert_eq!(Field::Learned.cycle(true, method).cycle(false, method), Field::Learned);
         }
     }
 }

@@ -40,9 +40,9 @@ impl Raster {
             return Ground::Free([x, y]);
         }
         // A pixel covers the cells whose centres lie in it, and at least the one that contains its own centre.
-        let span = |from: f32, middle: f32, to: f32, most: usize| {
+        let span = |from: f32, middle: f32, to: f32, max: usize| {
             let first = (from + 0.5) as usize;
-            let end = ((to + 0.5) as usize).min(most);
+            let end = ((to + 0.5) as usize).min(max);
             if first < end { first..end } else { middle as usize..middle as usize + 1 }
         };
         let xs = span(x0, x, x1, map.width());

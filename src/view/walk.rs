@@ -13,11 +13,11 @@ const REST_STEPS: u32 = 15;
 const TRAIL_STEPS: usize = 14;
 
 /// Minimum step budget of a walk, as in evaluation.
-const MOST_STEPS: u32 = 500;
+const MIN_STEP_BUDGET: u32 = 500;
 
 /// What the walking agent does after arriving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Tour {
+pub enum OnArrival {
     /// Starts again from a random position.
     #[default]
     Again,
@@ -27,7 +27,7 @@ pub enum Tour {
     Stay,
 }
 
-impl Tour {
+impl OnArrival {
     /// Returns the next choice.
     #[must_use]
     pub fn next(self) -> Self {
@@ -64,48 +64,48 @@ pub struct Walk {
     /// Whether it has arrived.
     pub arrived: bool,
     /// Walks that reached the goal, and all finished walks.
-    pub journeys: (u32, u32),
+    pub finished_walks: (u32, u32),
 }
 
 impl Worker {
     /// Restarts the walking agent at a cell or at a random position.
     pub(super) fn restart(&mut self, cell: Option<Cell>) {
         match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
-            Some(cell) => self.world.place(0, &cell.centre().map(f64::from)),
+            Some(cell) => self.world.set_full_state(0, &cell.centre().map(f64::from)),
             None => self.world.restart(0, &mut self.rng),
         }
         self.view.trail.clear();
-        self.begin_journey();
+        self.start_walk();
     }
 
     /// Starts a walk from the agent's position to the goal.
-    pub(super) fn begin_journey(&mut self) {
+    pub(super) fn start_walk(&mut self) {
         let at = self.position();
         self.resting = 0;
-        let journeys = self.view.walk.journeys;
-        self.view.walk = Walk { start: at, journeys, distances: (f32::NAN, f32::NAN), ..Walk::default() };
+        let finished_walks = self.view.walk.finished_walks;
+        self.view.walk = Walk { start: at, finished_walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
         self.walker = None;
         self.view.path.clear();
         self.view.walk.shortest = self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
         self.changed = true;
     }
 
-    /// Rests at the goal, then continues as `tour` says.
-    fn rest(&mut self) {
+    /// Rests at the goal, then continues as `on_arrival` says.
+    fn rest_at_goal(&mut self) {
         self.resting += 1;
         if self.resting <= REST_STEPS {
             return;
         }
-        match self.tour {
-            Tour::Again => self.restart(None),
-            Tour::Visit => {
+        match self.on_arrival {
+            OnArrival::Again => self.restart(None),
+            OnArrival::Visit => {
                 let mut goal = [0.0; 2];
                 self.world.sample_goal(0, &mut self.rng, &mut goal);
                 self.view.goal.0 = Some(cell_of(goal));
-                self.begin_journey();
-                self.field.ask();
+                self.start_walk();
+                self.field_timer.make_due();
             }
-            Tour::Stay => {}
+            OnArrival::Stay => {}
         }
     }
 
@@ -113,7 +113,7 @@ impl Worker {
     pub(super) fn walk(&mut self) {
         let Some(goal) = self.view.goal.0 else { return };
         if self.view.walk.arrived {
-            return self.rest();
+            return self.rest_at_goal();
         }
         self.changed = true;
         let (goal, at) = (goal.centre(), self.position());
@@ -123,21 +123,21 @@ impl Worker {
         if self.world.spec().reached(&at, &goal) {
             self.view.walk.arrived = true;
             self.view.walk.waypoint = None;
-            self.view.walk.journeys = (self.view.walk.journeys.0 + 1, self.view.walk.journeys.1 + 1);
+            self.view.walk.finished_walks = (self.view.walk.finished_walks.0 + 1, self.view.walk.finished_walks.1 + 1);
             self.view.path.clear();
             return;
         }
         // The same step budget as in evaluation.
-        if self.view.walk.steps >= self.view.walk.shortest.map_or(MOST_STEPS, |s| (3 * s).max(MOST_STEPS)) {
-            self.view.walk.journeys.1 += 1;
+        if self.view.walk.steps >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET)) {
+            self.view.walk.finished_walks.1 += 1;
             self.restart(None);
             return;
         }
-        let aim = self.aim(at, goal, policy);
-        self.view.walk.distances.1 = policy.distance(&at, &aim, &mut self.scratch);
-        self.view.walk.waypoint = (aim != goal).then_some(aim);
+        let target = self.next_target(at, goal, policy);
+        self.view.walk.distances.1 = policy.distance(&at, &target, &mut self.scratch);
+        self.view.walk.waypoint = (target != goal).then_some(target);
         let mut action = [0.0; 2];
-        policy.actions(&at, &aim, &mut action, &mut self.scratch);
+        policy.actions(&at, &target, &mut action, &mut self.scratch);
         self.world.step(&action, &mut self.rng);
         self.view.walk.steps += 1;
         self.view.trail.push(at);
@@ -147,22 +147,22 @@ impl Worker {
     }
 
     /// Returns the agent's next target and updates the displayed path.
-    fn aim(&mut self, at: [f32; 2], goal: [f32; 2], policy: &dyn Policy) -> [f32; 2] {
+    fn next_target(&mut self, at: [f32; 2], goal: [f32; 2], policy: &dyn Policy) -> [f32; 2] {
         let Some(graph) = &self.graph else {
             self.view.path = vec![goal];
             return goal;
         };
         let scratch = &mut self.scratch;
         let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, policy, scratch)));
-        let aim = walker.step(&at, graph, policy, scratch);
-        let aim = [aim[0], aim[1]];
+        let target = walker.step(&at, graph, policy, scratch);
+        let target = [target[0], target[1]];
         self.view.path = match walker.target() {
             Some(Target::Candidate(_)) => {
-                walker.ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
+                walker.waypoints_ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
             }
             _ => Vec::new(),
         };
         self.view.path.push(goal);
-        aim
+        target
     }
 }

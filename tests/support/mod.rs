@@ -30,7 +30,7 @@ pub struct Session {
 }
 
 /// Returns a non-zero size.
-pub fn some(n: u16) -> NonZero<u16> {
+pub fn non_zero(n: u16) -> NonZero<u16> {
     NonZero::new(n).unwrap()
 }
 
@@ -61,7 +61,7 @@ impl Session {
         }
         variables.iter().for_each(|(name, value)| command.env(name, value));
         let child = pty.slave.spawn_command(command).unwrap();
-        let screen = Arc::new(Mutex::new(vt100::Parser::new(some(24), some(80), 0)));
+        let screen = Arc::new(Mutex::new(vt100::Parser::new(non_zero(24), non_zero(80), 0)));
         let raw = Arc::new(Mutex::new(Vec::new()));
         let mut reader = pty.master.try_clone_reader().unwrap();
         let (parser, bytes) = (screen.clone(), raw.clone());
@@ -83,26 +83,26 @@ impl Session {
         let _ = self.keys.write_all(keys.as_bytes()).and_then(|()| self.keys.flush());
     }
 
-    pub fn shows(&self) -> String {
+    pub fn screen_text(&self) -> String {
         self.screen.lock().unwrap().screen().contents()
     }
 
     pub fn wait_for(&self, text: &str) {
         let began = Instant::now();
-        while !self.shows().contains(text) {
-            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not appear:\n{}", self.shows());
+        while !self.screen_text().contains(text) {
+            assert!(began.elapsed() < Duration::from_mins(1), "{text:?} did not appear:\n{}", self.screen_text());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
 
     pub fn wait_until_gone(&self, text: &str) {
-        self.wait(|session| !session.shows().contains(text));
+        self.wait(|session| !session.screen_text().contains(text));
     }
 
     pub fn wait(&self, is: impl Fn(&Self) -> bool) {
         let began = Instant::now();
         while !is(self) {
-            assert!(began.elapsed() < Duration::from_mins(1), "timed out:\n{}", self.shows());
+            assert!(began.elapsed() < Duration::from_mins(1), "timed out:\n{}", self.screen_text());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
@@ -110,14 +110,14 @@ impl Session {
     /// Waits for a question that is asked only if much would be lost, or for the program to exit.
     pub fn wait_for_end_or(&mut self, text: &str) {
         let began = Instant::now();
-        while !self.shows().contains(text) && self.child.try_wait().unwrap().is_none() {
-            assert!(began.elapsed() < Duration::from_mins(1), "neither appeared:\n{}", self.shows());
+        while !self.screen_text().contains(text) && self.child.try_wait().unwrap().is_none() {
+            assert!(began.elapsed() < Duration::from_mins(1), "neither appeared:\n{}", self.screen_text());
             std::thread::sleep(Duration::from_millis(10));
         }
     }
 
     /// Closes the terminal like a window, and returns the program, which is still running.
-    pub fn hang_up(self) -> Box<dyn Child + Send + Sync> {
+    pub fn close_terminal(self) -> Box<dyn Child + Send + Sync> {
         self.hangs_up.store(true, Ordering::Relaxed);
         // The next frame ends the reader.
         self.reader.join().unwrap();
@@ -137,7 +137,7 @@ impl Session {
                 return status.exit_code();
             }
             if began.elapsed() > Duration::from_mins(1) {
-                let shown = self.shows();
+                let shown = self.screen_text();
                 self.child.kill().unwrap();
                 panic!("the program did not exit:\n{shown}");
             }
@@ -146,7 +146,7 @@ impl Session {
     }
 
     /// Checks that the terminal was restored: every mode that was enabled was disabled afterwards.
-    pub fn assert_given_back(&self) {
+    pub fn assert_terminal_restored(&self) {
         // The last output may still be in transit.
         std::thread::sleep(Duration::from_millis(200));
         let raw = self.raw.lock().unwrap();
@@ -164,7 +164,7 @@ impl Session {
     /// Waits for the program to exit, checks that it restored the terminal, and returns its exit status.
     pub fn end(mut self) -> u32 {
         let status = self.status();
-        self.assert_given_back();
+        self.assert_terminal_restored();
         status
     }
 }
@@ -177,7 +177,7 @@ pub fn kill(process: u32, name: &str) {
 
 /// Returns a command for the program in `folder` without the interface, isolated from the user's own configuration.
 pub fn headless(folder: &Path, args: &[&str]) -> Command {
-    let mut command = plain(folder);
+    let mut command = isolated_command(folder);
     command.arg("--no-ui").args(args);
     if !args.contains(&"--resume") {
         command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
@@ -187,7 +187,7 @@ pub fn headless(folder: &Path, args: &[&str]) -> Command {
 }
 
 /// Returns a command for the program with its working folder and home in `folder`.
-pub fn plain(folder: &Path) -> Command {
+pub fn isolated_command(folder: &Path) -> Command {
     let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
     command.current_dir(folder).env("NO_COLOR", "1");
     for name in ["HOME", "XDG_CONFIG_HOME", "XDG_STATE_HOME", "XDG_DATA_HOME"] {
@@ -219,7 +219,7 @@ pub fn checkpoints(folder: &Path) -> Vec<PathBuf> {
 }
 
 /// Changes the texts and tensors of a checkpoint and corrects its checksum.
-pub fn resealed(
+pub fn with_updated_checksum(
     bytes: &[u8],
     change: impl FnOnce(&mut BTreeMap<String, String>, &mut BTreeMap<String, (Dtype, Vec<u8>)>),
 ) -> Vec<u8> {

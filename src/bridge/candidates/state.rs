@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Candidates, UNOBSERVED, WalkRecord, Ways};
+use super::{Candidates, KnownPaths, UNOBSERVED, WalkRecord};
 use crate::store::{Store, StoreError};
 
 /// Upper bound on the candidate ids that a run may assign.
@@ -51,7 +51,7 @@ impl CandidatesState {
         let dense = format!("{prefix}.observed");
         let (ends, to, steps) = if store.has(&dense) {
             // Older formats hold a dense table of all pairs.
-            sparse(store.u16(&dense)?, ids.len().saturating_sub(1))
+            to_sparse(store.u16(&dense)?, ids.len().saturating_sub(1))
         } else {
             (
                 store.u32(&format!("{prefix}.observed.ends"))?.to_vec(),
@@ -73,7 +73,7 @@ impl CandidatesState {
 }
 
 /// Converts a dense table of all pairs of `n` candidates to `ends`, `to` and `steps`.
-fn sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
+fn to_sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
     let (mut ends, mut to, mut steps) = (Vec::new(), Vec::new(), Vec::new());
     for (from, row) in table.chunks_exact(n.max(1)).enumerate() {
         for (other, observed) in row.iter().enumerate().filter(|(other, steps)| *other != from && **steps != UNOBSERVED)
@@ -93,12 +93,12 @@ impl Candidates {
         state.states.clone_from(&self.states);
         state.ids.clone_from(&self.ids);
         state.ids.push(self.next_id);
-        for (id, ways) in self.ids.iter().zip(&self.ways) {
-            state.to.extend(ways.observed.iter().map(|(to, _)| *to));
-            state.steps.extend(ways.observed.iter().map(|(_, steps)| *steps));
+        for (id, paths) in self.ids.iter().zip(&self.paths) {
+            state.to.extend(paths.observed.iter().map(|(to, _)| *to));
+            state.steps.extend(paths.observed.iter().map(|(_, steps)| *steps));
             state.ends.push(state.to.len() as u32);
             let numbers = |(to, p): (&u32, &WalkRecord)| [*id, *to, u32::from(p.arrived), u32::from(p.failed)];
-            state.practice.extend(ways.practice.iter().flat_map(numbers));
+            state.practice.extend(paths.practice.iter().flat_map(numbers));
         }
         for (clock, own) in self.clocks.iter().zip(&self.visits) {
             state.visits.extend([*clock, own.len() as u32]);
@@ -112,34 +112,34 @@ impl Candidates {
     /// # Errors
     /// Returns an error if `state` was saved with other sizes or holds numbers out of range.
     pub fn restore(&mut self, state: &CandidatesState) -> Result<(), StoreError> {
-        let misfit = || StoreError::misfit("the stored bridge candidates do not fit these settings");
+        let inconsistent = || StoreError::inconsistent("the stored bridge candidates do not fit these settings");
         let n = state.states.len() / self.spec.state_dim();
-        if n > self.most || !state.states.len().is_multiple_of(self.spec.state_dim()) {
-            return Err(misfit());
+        if n > self.max_count || !state.states.len().is_multiple_of(self.spec.state_dim()) {
+            return Err(inconsistent());
         }
         let sound = state.spacing > 0.0 && state.spacing.is_finite() && state.states.iter().all(|v| v.is_finite());
         if !sound {
-            return Err(StoreError::misfit("the stored bridge candidates contain values out of range"));
+            return Err(StoreError::inconsistent("the stored bridge candidates contain values out of range"));
         }
-        let (next_id, ids) = state.ids.split_last().ok_or_else(misfit)?;
+        let (next_id, ids) = state.ids.split_last().ok_or_else(inconsistent)?;
         let sorted = ids.is_sorted_by(|a, b| a < b) && ids.last().is_none_or(|last| last < next_id);
         if ids.len() != n || !sorted || *next_id > MAX_ID {
-            return Err(misfit());
+            return Err(inconsistent());
         }
-        let mut ways = rows(state, n).ok_or_else(misfit)?;
-        let (practice, []) = state.practice.as_chunks::<4>() else { return Err(misfit()) };
+        let mut paths = parse_paths(state, n).ok_or_else(inconsistent)?;
+        let (practice, []) = state.practice.as_chunks::<4>() else { return Err(inconsistent()) };
         for [from, to, arrived, failed] in practice {
-            let row = ids.binary_search(from).map_err(|_| misfit())?;
+            let row = ids.binary_search(from).map_err(|_| inconsistent())?;
             let practice = WalkRecord { arrived: *arrived as u16, failed: *failed as u16 };
-            ways[row].practice.insert(*to, practice);
+            paths[row].practice.insert(*to, practice);
         }
-        self.restore_visits(&state.visits, n).ok_or_else(misfit)?;
+        self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
         self.spacing = state.spacing;
         self.states.clone_from(&state.states);
         self.points = state.states.chunks_exact(self.spec.state_dim()).flat_map(|s| self.spec.achieved(s)).collect();
         self.ids = ids.to_vec();
         self.next_id = *next_id;
-        self.ways = ways.into_iter().map(Arc::new).collect();
+        self.paths = paths.into_iter().map(Arc::new).collect();
         Ok(())
     }
 
@@ -167,7 +167,7 @@ impl Candidates {
 
 /// Returns the observed paths from each of `n` candidates, or `None` unless each list leads to other candidates in
 /// ascending order.
-fn rows(state: &CandidatesState, n: usize) -> Option<Vec<Ways>> {
+fn parse_paths(state: &CandidatesState, n: usize) -> Option<Vec<KnownPaths>> {
     let whole = state.ends.len() == n && state.ends.is_sorted() && state.to.len() == state.steps.len();
     if !whole || state.ends.last().map_or(0, |end| *end as usize) != state.to.len() {
         return None;
@@ -178,7 +178,7 @@ fn rows(state: &CandidatesState, n: usize) -> Option<Vec<Ways>> {
         let observed: Vec<(u32, u16)> = own.map(|i| (state.to[i], state.steps[i])).collect();
         let others = observed.iter().all(|(to, _)| (*to as usize) < n && *to as usize != from);
         let sound = others && observed.is_sorted_by(|a, b| a.0 < b.0);
-        sound.then(|| Ways { observed, ..Ways::default() })
+        sound.then(|| KnownPaths { observed, ..KnownPaths::default() })
     };
     state.ends.iter().enumerate().map(row).collect()
 }

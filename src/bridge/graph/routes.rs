@@ -12,14 +12,14 @@ use crate::learn::{Policy, Scratch};
 const COST_UNITS_PER_STEP: f32 = 1024.0;
 
 /// Number of candidates around a state or goal that are considered for first and last links.
-pub const LINKS: usize = 48;
+pub const LINK_CANDIDATES: usize = 48;
 
 /// States per batch when composing distances.
 const DISTANCE_BATCH: usize = 64;
 
 /// Graph distances as training targets.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Distilled {
+pub struct DistilledDistances {
     /// Candidate, goal candidate and graph distance in steps.
     pub pairs: Vec<(u32, u32, f32)>,
 }
@@ -40,7 +40,7 @@ pub struct Route {
 }
 
 /// A walk's options for its next hop.
-pub(in crate::bridge) struct Options {
+pub(in crate::bridge) struct HopOptions {
     /// Nearby candidates.
     pub candidates: Vec<FirstHop>,
     /// D to the goal itself.
@@ -59,7 +59,7 @@ pub(in crate::bridge) struct FirstHop {
 }
 
 /// Search node of the goal, where the search starts; all other nodes are candidates.
-const GOAL: u32 = u32::MAX;
+const GOAL_NODE: u32 = u32::MAX;
 
 impl BridgeGraph {
     /// Finds the shortest paths to `goal`: last links from the candidates around it, then a backward search through the
@@ -67,51 +67,56 @@ impl BridgeGraph {
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
         // Preselect candidates by straight-line distance; D then gives their actual distance.
-        let mut around: Vec<(usize, f32)> = (0..self.candidates.len())
+        let mut nearby: Vec<(usize, f32)> = (0..self.candidates.len())
             .map(|i| (i, self.spec.goal_distance(&self.candidates.states()[i * s..(i + 1) * s], goal)))
             .collect();
-        around.sort_by(|a, b| a.1.total_cmp(&b.1));
-        around.truncate(LINKS);
-        let states: Vec<f32> = around.iter().flat_map(|(i, _)| self.candidate(*i).iter().copied()).collect();
-        let mut distances = vec![0.0; around.len()];
+        nearby.sort_by(|a, b| a.1.total_cmp(&b.1));
+        nearby.truncate(LINK_CANDIDATES);
+        let states: Vec<f32> = nearby.iter().flat_map(|(i, _)| self.candidate(*i).iter().copied()).collect();
+        let mut distances = vec![0.0; nearby.len()];
         policy.distances(&states, &goal.repeat(states.len() / s), &mut distances, scratch);
         debug_assert_eq!(goal.len(), g);
-        let nearest = around.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|((i, _), _)| *i);
-        let links: Vec<(u32, u32)> = around
+        let nearest = nearby.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|((i, _), _)| *i);
+        let links: Vec<(u32, u32)> = nearby
             .iter()
             .zip(&distances)
             .filter_map(|((i, _), d)| {
-                Some((*i as u32, parts(self.link(Some(*i), nearest, *d)? + self.settings.hop_steps)))
+                Some((*i as u32, cost_units(self.link(Some(*i), nearest, *d)? + self.settings.hop_steps)))
             })
             .collect();
-        self.route_by(goal, nearest, links)
+        self.route_from_links(goal, nearest, links)
     }
 
     /// Finds the shortest paths to candidate `i` as the goal.
     pub(super) fn route_to_candidate(&self, i: usize) -> Route {
-        self.route_by(self.point(i), Some(i), vec![(i as u32, 0)])
+        self.route_from_links(self.point(i), Some(i), vec![(i as u32, 0)])
     }
 
     /// Finds the shortest paths to a goal with known last links.
-    pub(in crate::bridge) fn route_by(&self, goal: &[f32], nearest: Option<usize>, links: Vec<(u32, u32)>) -> Route {
+    pub(in crate::bridge) fn route_from_links(
+        &self,
+        goal: &[f32],
+        nearest: Option<usize>,
+        links: Vec<(u32, u32)>,
+    ) -> Route {
         let predecessors = |node: &u32| {
-            let from_goal = if *node == GOAL { &links[..] } else { &[] };
+            let from_goal = if *node == GOAL_NODE { &links[..] } else { &[] };
             let incoming = match *node {
-                GOAL => &[],
+                GOAL_NODE => &[],
                 j => &self.incoming[self.first[j as usize] as usize..self.first[j as usize + 1] as usize],
             };
             let edges = incoming.iter().map(|e| {
                 let edge = &self.edges[*e as usize];
-                (edge.from as u32, parts(edge.cost))
+                (edge.from as u32, cost_units(edge.cost))
             });
             from_goal.iter().copied().chain(edges).collect::<Vec<_>>()
         };
         let mut steps = vec![f32::INFINITY; self.candidates.len()];
         let mut next: Vec<u32> = (0..steps.len() as u32).collect();
-        for (node, (towards, cost)) in dijkstra_all(&GOAL, predecessors) {
-            if node != GOAL {
+        for (node, (towards, cost)) in dijkstra_all(&GOAL_NODE, predecessors) {
+            if node != GOAL_NODE {
                 steps[node as usize] = cost as f32 / COST_UNITS_PER_STEP;
-                next[node as usize] = if towards == GOAL { node } else { towards };
+                next[node as usize] = if towards == GOAL_NODE { node } else { towards };
             }
         }
         Route { goal: goal.to_vec(), steps, next, nearest, links }
@@ -120,7 +125,7 @@ impl BridgeGraph {
     /// Returns D(s, g) along the bridge graph for each of `states` `(rows, state_dim)`: the shortest path that starts
     /// with a verified link to one of the nearest `links` candidates; or D itself if that is shorter and below the
     /// cut-off, or if there is no such path.
-    pub fn composed(
+    pub fn composed_distances(
         &self,
         states: &[f32],
         route: &Route,
@@ -151,34 +156,34 @@ impl BridgeGraph {
         links: usize,
         policy: &dyn Policy,
         scratch: &mut Scratch,
-    ) -> Vec<Options> {
-        let around: Vec<Vec<usize>> =
+    ) -> Vec<HopOptions> {
+        let nearby: Vec<Vec<usize>> =
             states.iter().map(|state| nearest(&self.spec, &self.candidates, state, links)).collect();
         let (mut from, mut to) = (Vec::new(), Vec::new());
-        for (state, around) in states.iter().zip(&around) {
-            from.extend(state.repeat(around.len() + 1));
-            to.extend(around.iter().flat_map(|i| self.point(*i)));
+        for (state, nearby) in states.iter().zip(&nearby) {
+            from.extend(state.repeat(nearby.len() + 1));
+            to.extend(nearby.iter().flat_map(|i| self.point(*i)));
             to.extend(&route.goal);
         }
         let mut distances = vec![0.0; to.len() / route.goal.len()];
         policy.distances(&from, &to, &mut distances, scratch);
         let mut rest = &distances[..];
-        let options = around.into_iter().map(|around| {
-            let (own, others) = rest.split_at(around.len() + 1);
+        let options = nearby.into_iter().map(|nearby| {
+            let (own, others) = rest.split_at(nearby.len() + 1);
             rest = others;
-            let to_goal = own[around.len()];
-            let here = around.iter().zip(own).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
-            let candidates = around.iter().zip(own).map(|(candidate, distance)| {
+            let to_goal = own[nearby.len()];
+            let here = nearby.iter().zip(own).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
+            let candidates = nearby.iter().zip(own).map(|(candidate, distance)| {
                 let cost = self.link(here, Some(*candidate), *distance);
                 FirstHop { candidate: *candidate, distance: *distance, cost }
             });
-            Options { candidates: candidates.collect(), to_goal, direct: self.link(here, route.nearest, to_goal) }
+            HopOptions { candidates: candidates.collect(), to_goal, direct: self.link(here, route.nearest, to_goal) }
         });
         options.collect()
     }
 
     /// Draws `goals` candidates and collects the graph distances to each from all candidates that reach it.
-    pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> Distilled {
+    pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
         let mut pairs = Vec::new();
         for _ in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
@@ -187,10 +192,10 @@ impl BridgeGraph {
             // These paths start exactly at a candidate, so their first hop has no overhead.
             pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
         }
-        Distilled { pairs }
+        DistilledDistances { pairs }
     }
 }
 
-fn parts(cost: f32) -> u32 {
+fn cost_units(cost: f32) -> u32 {
     (cost * COST_UNITS_PER_STEP) as u32
 }

@@ -3,12 +3,12 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::whole_of;
+use super::full_state_at;
 use crate::env::{Task, TaskSet};
 use crate::map::{Cell, Grid, ScenarioTask, StepSearch, UNREACHABLE};
 
 /// Number of distances at which a map is evaluated.
-const DISTANCES: usize = 6;
+const DISTANCE_GROUPS: usize = 6;
 
 /// The farthest of these distances, as a share of the map's diameter.
 const MAX_DISTANCE_SHARE: f64 = 0.9;
@@ -18,7 +18,12 @@ const MAX_TRIES: usize = 400;
 
 /// Returns the task from the centre of one cell to the centre of another.
 fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
-    Task { start: whole_of(start.centre()).to_vec(), goal: goal.centre().to_vec(), shortest: Some(shortest), group }
+    Task {
+        start: full_state_at(start.centre()).to_vec(),
+        goal: goal.centre().to_vec(),
+        shortest: Some(shortest),
+        group,
+    }
 }
 
 /// Draws `per_distance` random tasks at each of six distances, each to within one step, the farthest at 0.9 of the
@@ -28,8 +33,8 @@ pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut Ch
     let components = search.components(map);
     let cells: Vec<Cell> = components.largest_cells(map).collect();
     let mut set = TaskSet::default();
-    for i in 1..=DISTANCES {
-        let distance = (MAX_DISTANCE_SHARE * f64::from(diameter) * i as f64 / DISTANCES as f64).round() as u32;
+    for i in 1..=DISTANCE_GROUPS {
+        let distance = (MAX_DISTANCE_SHARE * f64::from(diameter) * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
         if distance == 0 || set.distances.contains(&f64::from(distance)) {
             continue;
         }
@@ -46,16 +51,16 @@ pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut Ch
 
 /// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path length. Skips
 /// unsolvable tasks.
-pub fn of_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
+pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
     let mut search = StepSearch::new(map);
-    let count = (DISTANCES * per_group).clamp(1, scenario.len());
+    let count = (DISTANCE_GROUPS * per_group).clamp(1, scenario.len());
     let chosen = (0..count).map(|i| scenario[i * scenario.len() / count]);
     let mut found: Vec<(u32, Cell, Cell)> = chosen
-        .map(|t| (search.from(t.start)[map.index(t.goal)], t.start, t.goal))
+        .map(|t| (search.steps_from(t.start)[map.index(t.goal)], t.start, t.goal))
         .filter(|(shortest, ..)| *shortest != UNREACHABLE)
         .collect();
     found.sort_by_key(|(shortest, ..)| *shortest);
-    let groups = DISTANCES.min(found.len());
+    let groups = DISTANCE_GROUPS.min(found.len());
     let mut set = TaskSet::default();
     for group in 0..groups {
         let own = &found[group * found.len() / groups..(group + 1) * found.len() / groups];
@@ -68,7 +73,7 @@ pub fn of_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> T
 /// Returns the task from the map's first start to its first goal, if it has both and a path between them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
-    let steps = StepSearch::new(map).from(goal)[map.index(start)];
+    let steps = StepSearch::new(map).steps_from(goal)[map.index(start)];
     (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
 }
 
@@ -82,7 +87,7 @@ fn draw(
 ) -> Option<(Cell, Cell, u32)> {
     for _ in 0..MAX_TRIES {
         let start = cells[rng.random_range(0..cells.len())];
-        let steps = search.from(start);
+        let steps = search.steps_from(start);
         let fitting: Vec<usize> = (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();
         if !fitting.is_empty() {
             let goal = fitting[rng.random_range(0..fitting.len())];

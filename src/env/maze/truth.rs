@@ -3,21 +3,21 @@
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use crate::env::{NEAR_STEPS, TruePairs, Truth};
+use crate::env::{GroundTruth, NEAR_STEPS, TruePairs};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 
 /// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
 
 /// True step distances on a map.
-pub struct StepTruth<'a> {
+pub struct MazeGroundTruth<'a> {
     map: &'a Grid,
     /// The cells that pairs are drawn from.
     cells: &'a [Cell],
     search: StepSearch,
 }
 
-impl<'a> StepTruth<'a> {
+impl<'a> MazeGroundTruth<'a> {
     /// Creates the true distances of `map`; pairs are drawn from `cells`.
     pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
         Self { map, cells, search: StepSearch::new(map) }
@@ -29,13 +29,13 @@ fn cell_of(at: &[f32]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }
 
-impl Truth for StepTruth<'_> {
+impl GroundTruth for MazeGroundTruth<'_> {
     fn steps(&mut self, from: &[f32], goals: &[f32], longest: u32) -> Option<Vec<Option<u32>>> {
         let from = cell_of(from);
         if !self.map.is_free(from) {
             return None;
         }
-        let steps = self.search.within(from, longest);
+        let steps = self.search.steps_within(from, longest);
         let of = |goal: &[f32]| Some(steps[self.map.index(cell_of(goal))]).filter(|steps| *steps != UNREACHABLE);
         Some(goals.chunks_exact(2).map(of).collect())
     }
@@ -45,7 +45,7 @@ impl Truth for StepTruth<'_> {
         let (goals, starts, near_starts) = ERROR_PAIRS;
         let of_goal = |_| {
             let goal = cells[rng.random_range(0..cells.len())];
-            let steps = search.from(goal);
+            let steps = search.steps_from(goal);
             let around: Vec<usize> = (0..steps.len()).filter(|i| (1..=NEAR_STEPS).contains(&steps[*i])).collect();
             let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
             let mut push = |i: usize, near: bool| {

@@ -19,7 +19,7 @@ pub struct Batch {
     /// Goals g of the pairs, `(batch, goal_dim)`.
     pub goals: Vec<f32>,
     /// The states from which targets bootstrap, `(batch, state_dim)`.
-    pub ahead: Vec<f32>,
+    pub bootstrap_states: Vec<f32>,
     /// Steps from s to the state ahead, or to the goal, `(batch)`.
     pub steps: Vec<f32>,
     /// 1 where the target adds D'(ahead, g), 0 where the goal was reached, `(batch)`.
@@ -48,9 +48,9 @@ impl Batch {
     }
 
     /// Replaces pair `i` with one of known distance (distillation).
-    pub fn set_known(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
+    pub fn set_known_distance(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
         self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
-        self.ahead[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
+        self.bootstrap_states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);
         self.steps[i] = steps;
         self.bootstrap[i] = 0.0;
@@ -58,7 +58,9 @@ impl Batch {
     }
 
     fn clear(&mut self) {
-        for numbers in [&mut self.states, &mut self.goals, &mut self.ahead, &mut self.from, &mut self.actions] {
+        for numbers in
+            [&mut self.states, &mut self.goals, &mut self.bootstrap_states, &mut self.from, &mut self.actions]
+        {
             numbers.clear();
         }
         for numbers in [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound] {
@@ -93,7 +95,7 @@ impl BatchSampler {
             let goal = &batch.goals[batch.goals.len() - self.spec.goal_dim()..];
             let (steps, reached) = self.look_ahead(replay, moment, n_step.min(left), goal);
             batch.states.extend(state);
-            batch.ahead.extend(replay.state(later(moment, steps)));
+            batch.bootstrap_states.extend(replay.state(later(moment, steps)));
             batch.steps.push(steps as f32);
             batch.bootstrap.push(if reached { 0.0 } else { 1.0 });
             batch.bound.push(if self.settings.hindsight_bound { bound } else { f32::INFINITY });

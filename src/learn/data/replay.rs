@@ -11,7 +11,7 @@ use crate::store::{Store, StoreError};
 /// last state takes one more slot, without an action.
 #[derive(Clone, Debug)]
 pub struct Replay {
-    sizes: Sizes,
+    sizes: ReplaySizes,
     agents: usize,
     /// Slots per agent.
     capacity: usize,
@@ -28,7 +28,7 @@ pub struct Replay {
 
 /// Sizes of a state, a goal and an action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Sizes {
+pub struct ReplaySizes {
     /// Size of a state.
     pub state: usize,
     /// Size of a goal.
@@ -37,7 +37,7 @@ pub struct Sizes {
     pub action: usize,
 }
 
-impl From<(usize, usize, usize)> for Sizes {
+impl From<(usize, usize, usize)> for ReplaySizes {
     fn from((state, goal, action): (usize, usize, usize)) -> Self {
         Self { state, goal, action }
     }
@@ -98,7 +98,7 @@ impl ReplayState {
 
 impl Replay {
     /// Creates a replay with room for about `capacity` transitions of `agents` agents.
-    pub fn new(sizes: Sizes, agents: usize, capacity: usize) -> Self {
+    pub fn new(sizes: ReplaySizes, agents: usize, capacity: usize) -> Self {
         let capacity = capacity.div_ceil(agents).max(2);
         let slots = agents * capacity;
         Self {
@@ -117,7 +117,7 @@ impl Replay {
     /// Stores that `agent` took `action` in `state` while pursuing `goal`.
     pub fn push(&mut self, agent: usize, state: &[f32], action: &[f32], goal: &[f32]) {
         let at = self.slot_index(Moment { agent, slot: self.written[agent] });
-        let Sizes { state: s, goal: g, action: a } = self.sizes;
+        let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
         self.states[at * s..(at + 1) * s].copy_from_slice(state);
         self.actions[at * a..(at + 1) * a].copy_from_slice(action);
         self.goals[at * g..(at + 1) * g].copy_from_slice(goal);
@@ -308,7 +308,7 @@ impl Replay {
     }
 
     /// Returns whether all episodes end within the slots written.
-    fn ends_are_sound(&self, state: &ReplayState) -> bool {
+    fn has_valid_ends(&self, state: &ReplayState) -> bool {
         let mut left = state.left.iter();
         state.written.iter().zip(&state.episode).all(|(written, episode)| {
             let oldest = written.saturating_sub(self.capacity as u64);
@@ -328,7 +328,7 @@ impl Replay {
     pub fn restore(&mut self, state: &ReplayState) -> Result<(), StoreError> {
         let kept = |written: &u64| (*written).min(self.capacity as u64) as usize;
         let slots: usize = state.written.iter().map(kept).sum();
-        let Sizes { state: s, goal: g, action: a } = self.sizes;
+        let ReplaySizes { state: s, goal: g, action: a } = self.sizes;
         let fits = state.written.len() == self.agents
             && state.episode.len() == self.agents
             && state.states.len() == slots * s
@@ -336,11 +336,11 @@ impl Replay {
             && state.goals.len() == slots * g
             && state.left.len() == slots;
         if !fits {
-            return Err(StoreError::misfit("the stored replay does not fit these settings"));
+            return Err(StoreError::inconsistent("the stored replay does not fit these settings"));
         }
         let finite = |numbers: &[f32]| numbers.iter().all(|v| v.is_finite());
-        if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.ends_are_sound(state) {
-            return Err(StoreError::misfit("the stored replay contains values out of range"));
+        if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.has_valid_ends(state) {
+            return Err(StoreError::inconsistent("the stored replay contains values out of range"));
         }
         self.written.clone_from(&state.written);
         self.episode.clone_from(&state.episode);

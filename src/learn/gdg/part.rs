@@ -40,10 +40,10 @@ impl Part {
     /// bound. D' and mu' use running averages.
     pub fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
         shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
-        shapes.plain_pairs(rows.ahead, rows.goals, &mut self.plain_ahead);
+        shapes.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
         self.targets.resize(rows.steps.len(), 0.0);
-        let ahead = Pairs { plain: &self.plain_ahead, states: rows.ahead, goals: rows.goals };
-        shapes.farthest(critics, ahead, &mut self.targets, &mut self.buffers.critic);
+        let ahead = Pairs { plain: &self.plain_ahead, states: rows.bootstrap_states, goals: rows.goals };
+        shapes.max_distances(critics, ahead, &mut self.targets, &mut self.buffers.critic);
         self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
         if rows.greedy_targets {
             self.after_actor.resize(rows.steps.len(), 0.0);
@@ -75,7 +75,7 @@ impl Part {
 pub struct Rows<'a> {
     pub states: &'a [f32],
     pub goals: &'a [f32],
-    ahead: &'a [f32],
+    bootstrap_states: &'a [f32],
     steps: &'a [f32],
     bootstrap: &'a [f32],
     bound: &'a [f32],
@@ -98,7 +98,7 @@ impl<'a> Rows<'a> {
         Self {
             states: cut(&batch.states, s),
             goals: cut(&batch.goals, g),
-            ahead: cut(&batch.ahead, s),
+            bootstrap_states: cut(&batch.bootstrap_states, s),
             steps: cut(&batch.steps, 1),
             bootstrap: cut(&batch.bootstrap, 1),
             bound: cut(&batch.bound, 1),

@@ -15,14 +15,14 @@ pub fn fused_mlp(mlp: &Mlp, x: &Tensor, parameters: &Tensor) -> Result<Tensor> {
     if x.dims().len() != 2 || x.dim(1)? != mlp.inputs || parameters.dims() != [mlp.parameters()] {
         bail!("{:?} inputs and {:?} parameters for {mlp:?}", x.dims(), parameters.dims());
     }
-    let op = FusedMlp { mlp: *mlp, kept: Mutex::default() };
+    let op = FusedMlp { mlp: *mlp, saved: Mutex::default() };
     x.contiguous()?.apply_op2(&parameters.contiguous()?, op)
 }
 
 struct FusedMlp {
     mlp: Mlp,
     /// What the backward pass needs from the forward pass.
-    kept: Mutex<(Activations, Packed)>,
+    saved: Mutex<(Activations, Packed)>,
 }
 
 fn numbers<'a>(storage: &'a CpuStorage, layout: &Layout) -> Result<&'a [f32]> {
@@ -41,7 +41,7 @@ impl CustomOp2 for FusedMlp {
         let (x, parameters) = (numbers(x, lx)?, numbers(w, lw)?);
         let rows = x.len() / self.mlp.inputs;
         let mut y = vec![0.0; rows * self.mlp.outputs];
-        let (activations, packed) = &mut *self.kept.lock();
+        let (activations, packed) = &mut *self.saved.lock();
         self.mlp.pack(parameters, true, packed);
         self.mlp.forward((parameters, packed), x, &mut y, activations);
         Ok((CpuStorage::F32(y), Shape::from((rows, self.mlp.outputs))))
@@ -54,7 +54,7 @@ impl CustomOp2 for FusedMlp {
             let of = |t: &Tensor| t.flatten_all()?.to_vec1::<f32>();
             let (x, (w, layout), dy) = (of(x)?, w.storage_and_layout(), of(&dy)?);
             let parameters = &slice(&w)?[layout.start_offset()..];
-            let (activations, packed) = &mut *self.kept.lock();
+            let (activations, packed) = &mut *self.saved.lock();
             let wanted = GradientRequest { parameters: Some(&mut dw), inputs: Some((0, &mut dx)) };
             self.mlp.backward((parameters, packed), &x, &dy, activations, wanted);
         }

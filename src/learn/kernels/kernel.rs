@@ -9,7 +9,7 @@ use pulp::Arch;
 
 /// Side of the blocks that [`transpose`] handles in registers.
 #[cfg(target_arch = "x86_64")]
-const SIDE: usize = 8;
+const BLOCK_SIDE: usize = 8;
 
 /// Computes `out[c][r] = x[r][c]` for `x` of `(rows, cols)` and `out` with rows of `stride` numbers.
 ///
@@ -18,9 +18,9 @@ const SIDE: usize = 8;
 pub fn transpose(x: &[f32], (rows, cols): (usize, usize), out: &mut [f32], stride: usize) {
     let (x, out) = (&x[..rows * cols], &mut out[..cols * stride]);
     assert!(rows <= stride, "{rows} numbers in rows of {stride}");
-    let turned = transpose_in_registers(x, (rows, cols), out, stride);
+    let transposed = transpose_in_registers(x, (rows, cols), out, stride);
     for r in 0..rows {
-        let from = if r < turned.0 { turned.1 } else { 0 };
+        let from = if r < transposed.0 { transposed.1 } else { 0 };
         (from..cols).for_each(|c| out[c * stride + r] = x[r * cols + c]);
     }
 }
@@ -31,10 +31,10 @@ fn transpose_in_registers(x: &[f32], (rows, cols): (usize, usize), out: &mut [f3
     if !std::is_x86_feature_detected!("avx") {
         return (0, 0);
     }
-    let turned = (rows / SIDE * SIDE, cols / SIDE * SIDE);
+    let transposed = (rows / BLOCK_SIDE * BLOCK_SIDE, cols / BLOCK_SIDE * BLOCK_SIDE);
     // SAFETY: the processor supports AVX, for which the function is compiled.
-    unsafe { transpose_blocks(x, cols, turned, out, stride) };
-    turned
+    unsafe { transpose_blocks(x, cols, transposed, out, stride) };
+    transposed
 }
 
 /// Does nothing: for other processors, the compiler vectorises the plain loop well enough.
@@ -43,19 +43,19 @@ fn transpose_in_registers(_: &[f32], _: (usize, usize), _: &mut [f32], _: usize)
     (0, 0)
 }
 
-/// Does the part of [`transpose`] within the first `turned` rows and columns, block by block.
+/// Does the part of [`transpose`] within the first `transposed` rows and columns, block by block.
 #[cfg(target_arch = "x86_64")]
 #[target_feature(enable = "avx")]
-fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f32], stride: usize) {
+fn transpose_blocks(x: &[f32], cols: usize, transposed: (usize, usize), out: &mut [f32], stride: usize) {
     use std::arch::x86_64::{_mm256_loadu_ps, _mm256_setzero_ps, _mm256_storeu_ps};
     use std::arch::x86_64::{_mm256_permute2f128_ps, _mm256_shuffle_ps, _mm256_unpackhi_ps, _mm256_unpacklo_ps};
-    for r in (0..turned.0).step_by(SIDE) {
-        for c in (0..turned.1).step_by(SIDE) {
+    for r in (0..transposed.0).step_by(BLOCK_SIDE) {
+        for c in (0..transposed.1).step_by(BLOCK_SIDE) {
             // Plain loops: closures would become calls here, as they cannot be given the target feature.
             let (mut x8, mut twos, mut fours) =
                 ([_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8], [_mm256_setzero_ps(); 8]);
-            for i in 0..SIDE {
-                let row = &x[(r + i) * cols + c..][..SIDE];
+            for i in 0..BLOCK_SIDE {
+                let row = &x[(r + i) * cols + c..][..BLOCK_SIDE];
                 // SAFETY: `row` holds eight numbers.
                 x8[i] = unsafe { _mm256_loadu_ps(row.as_ptr()) };
             }
@@ -74,8 +74,8 @@ fn transpose_blocks(x: &[f32], cols: usize, turned: (usize, usize), out: &mut [f
                 x8[j] = _mm256_permute2f128_ps::<0x20>(fours[j], fours[j + 4]);
                 x8[j + 4] = _mm256_permute2f128_ps::<0x31>(fours[j], fours[j + 4]);
             }
-            for j in 0..SIDE {
-                let column = &mut out[(c + j) * stride + r..][..SIDE];
+            for j in 0..BLOCK_SIDE {
+                let column = &mut out[(c + j) * stride + r..][..BLOCK_SIDE];
                 // SAFETY: `column` has room for eight numbers.
                 unsafe { _mm256_storeu_ps(column.as_mut_ptr(), x8[j]) };
             }
@@ -194,29 +194,29 @@ const MOMENT_FLOOR: f32 = 1e-20;
 pub fn adam(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
     Arch::new().dispatch(|| {
         for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(gradient) {
-            adam_one(w, m, v, *g, rate);
+            adam_scalar(w, m, v, *g, rate);
         }
     });
 }
 
 /// Does the same as [`adam`] for a handful of numbers, where the run-time dispatch would cost more than the step.
 #[inline(always)]
-pub fn adam_few(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
+pub fn adam_small(w: &mut [f32], m: &mut [f32], v: &mut [f32], gradient: &[f32], rate: AdamRate) {
     let ((w4, w), (m4, m)) = (w.as_chunks_mut::<4>(), m.as_chunks_mut::<4>());
     let ((v4, v), (g4, g)) = (v.as_chunks_mut::<4>(), gradient.as_chunks::<4>());
     for (((w, m), v), g) in w4.iter_mut().zip(m4).zip(v4).zip(g4) {
         // Load everything before storing anything: only then does this become one vector.
         let (mut w1, mut m1, mut v1) = (*w, *m, *v);
-        (0..4).for_each(|c| adam_one(&mut w1[c], &mut m1[c], &mut v1[c], g[c], rate));
+        (0..4).for_each(|c| adam_scalar(&mut w1[c], &mut m1[c], &mut v1[c], g[c], rate));
         (*w, *m, *v) = (w1, m1, v1);
     }
     for (((w, m), v), g) in w.iter_mut().zip(m).zip(v).zip(g) {
-        adam_one(w, m, v, *g, rate);
+        adam_scalar(w, m, v, *g, rate);
     }
 }
 
 #[inline(always)]
-fn adam_one(w: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: AdamRate) {
+fn adam_scalar(w: &mut f32, m: &mut f32, v: &mut f32, g: f32, rate: AdamRate) {
     let m1 = BETA.0 * *m + (1.0 - BETA.0) * g;
     let v1 = BETA.1 * *v + (1.0 - BETA.1) * (g * g);
     *m = if m1.abs() < MOMENT_FLOOR { 0.0 } else { m1 };
@@ -273,11 +273,11 @@ mod tests {
         (0..length).map(|i| ((i * 31 + seed * 13) % 23) as f32 * 0.125 - 1.375).collect()
     }
 
-    fn assert_close(found: &[f32], right: impl Iterator<Item = f64>, what: &str) {
-        let right: Vec<f64> = right.collect();
-        assert_eq!(found.len(), right.len(), "{what}");
-        let off = found.iter().zip(&right).map(|(f, r)| (f64::from(*f) - r).abs()).fold(0.0, f64::max);
-        assert!(off < 1e-4, "{what}: off by {off}");
+    fn assert_close(found: &[f32], expected: impl Iterator<Item = f64>, label: &str) {
+        let expected: Vec<f64> = expected.collect();
+        assert_eq!(found.len(), expected.len(), "{label}");
+        let off = found.iter().zip(&expected).map(|(f, r)| (f64::from(*f) - r).abs()).fold(0.0, f64::max);
+        assert!(off < 1e-4, "{label}: off by {off}");
     }
 
     #[test]
@@ -289,8 +289,8 @@ mod tests {
                 let mut out = vec![-1.0; stride * cols];
                 transpose(&x, (rows, cols), &mut out, stride);
                 // The padding between rows must stay untouched.
-                let right = |c, r| if r < rows { x[r * cols + c] } else { -1.0 };
-                let all = (0..cols).all(|c| (0..stride).all(|r| out[c * stride + r] == right(c, r)));
+                let expected = |c, r| if r < rows { x[r * cols + c] } else { -1.0 };
+                let all = (0..cols).all(|c| (0..stride).all(|r| out[c * stride + r] == expected(c, r)));
                 assert!(all, "{rows} x {cols} to rows of {stride}");
             }
         }
@@ -342,15 +342,15 @@ mod tests {
             adam(&mut w1, &mut m1, &mut v1, &g, rate);
             let (b1, b2) = (f64::from(BETA.0), f64::from(BETA.1));
             let of = |numbers: &[f32], i: usize| f64::from(numbers[i]);
-            let m_right = |i| b1 * of(&m, i) + (1.0 - b1) * of(&g, i);
-            let v_right = |i| b2 * of(&v, i) + (1.0 - b2) * of(&g, i).powi(2);
-            assert_close(&m1, (0..n).map(m_right), "first moments");
-            assert_close(&v1, (0..n).map(v_right), "second moments");
-            let step = |i| f64::from(rate.rate) * m_right(i) / (v_right(i).sqrt() + f64::from(rate.epsilon));
+            let m_expected = |i| b1 * of(&m, i) + (1.0 - b1) * of(&g, i);
+            let v_expected = |i| b2 * of(&v, i) + (1.0 - b2) * of(&g, i).powi(2);
+            assert_close(&m1, (0..n).map(m_expected), "first moments");
+            assert_close(&v1, (0..n).map(v_expected), "second moments");
+            let step = |i| f64::from(rate.rate) * m_expected(i) / (v_expected(i).sqrt() + f64::from(rate.epsilon));
             assert_close(&w1, (0..n).map(|i| of(&w, i) - step(i)), "weights");
 
             let (mut w2, mut m2, mut v2) = (w, m, v);
-            adam_few(&mut w2, &mut m2, &mut v2, &g, rate);
+            adam_small(&mut w2, &mut m2, &mut v2, &g, rate);
             assert_eq!((w1, m1, v1), (w2, m2, v2), "{n} without a dispatch");
         }
     }
@@ -378,18 +378,18 @@ mod tests {
                 let mut y = vec![f32::NAN; rows * outputs];
                 thin_forward(&x, &w, &bias, &mut y);
                 let dot = |r, o| (0..inputs).map(|h| x_at(r, h) * w_at(o, h)).sum::<f64>();
-                let right = |i: usize| f64::from(bias[i % outputs]) + dot(i / outputs, i % outputs);
-                assert_close(&y, (0..rows * outputs).map(right), "forward");
+                let expected = |i: usize| f64::from(bias[i % outputs]) + dot(i / outputs, i % outputs);
+                assert_close(&y, (0..rows * outputs).map(expected), "forward");
 
                 let mut dx = vec![f32::NAN; rows * inputs];
                 thin_backward_input(&dy, &w, outputs, &mut dx);
-                let right = |i: usize| (0..outputs).map(|o| dy_at(i / inputs, o) * w_at(o, i % inputs)).sum::<f64>();
-                assert_close(&dx, (0..rows * inputs).map(right), "inputs' gradient");
+                let expected = |i: usize| (0..outputs).map(|o| dy_at(i / inputs, o) * w_at(o, i % inputs)).sum::<f64>();
+                assert_close(&dx, (0..rows * inputs).map(expected), "inputs' gradient");
 
                 let (mut dw, mut db) = (vec![f32::NAN; outputs * inputs], vec![f32::NAN; outputs]);
                 thin_backward_weights(&dy, &x, &mut dw, &mut db);
-                let right = |i: usize| (0..rows).map(|r| dy_at(r, i / inputs) * x_at(r, i % inputs)).sum::<f64>();
-                assert_close(&dw, (0..outputs * inputs).map(right), "weights' gradient");
+                let expected = |i: usize| (0..rows).map(|r| dy_at(r, i / inputs) * x_at(r, i % inputs)).sum::<f64>();
+                assert_close(&dw, (0..outputs * inputs).map(expected), "weights' gradient");
                 assert_close(&db, (0..outputs).map(|o| (0..rows).map(|r| dy_at(r, o)).sum()), "biases' gradient");
             }
         }

@@ -32,7 +32,7 @@ pub struct Panels {
 
 /// The left-hand side of a product with `rows` rows.
 #[derive(Clone, Copy)]
-pub enum Left<'a> {
+pub enum Lhs<'a> {
     /// `(rows, depth)`, row-major.
     Rows(&'a [f32]),
     /// Its transpose: `(depth, rows)`, row-major.
@@ -81,7 +81,7 @@ impl Panels {
     ///
     /// # Panics
     /// Panics if the sizes do not match.
-    pub fn product(&self, left: Left, rows: usize, from: usize, out: &mut [f32]) {
+    pub fn product(&self, left: Lhs, rows: usize, from: usize, out: &mut [f32]) {
         self.run(left, rows, from, None, out);
     }
 
@@ -89,12 +89,12 @@ impl Panels {
     ///
     /// # Panics
     /// Panics if the sizes do not match.
-    pub fn relu_layer(&self, left: Left, rows: usize, bias: &[f32], out: &mut [f32]) {
+    pub fn relu_layer(&self, left: Lhs, rows: usize, bias: &[f32], out: &mut [f32]) {
         self.run(left, rows, 0, Some(bias), out);
     }
 
-    fn run(&self, left: Left, rows: usize, from: usize, bias: Option<&[f32]>, out: &mut [f32]) {
-        let (Left::Rows(a) | Left::Columns(a)) = left;
+    fn run(&self, left: Lhs, rows: usize, from: usize, bias: Option<&[f32]>, out: &mut [f32]) {
+        let (Lhs::Rows(a) | Lhs::Columns(a)) = left;
         assert!(a.len() >= rows * self.depth, "{} numbers for {rows} x {}", a.len(), self.depth);
         assert!(from <= self.columns, "column {from} of {}", self.columns);
         let wanted = self.columns - from;
@@ -118,7 +118,7 @@ impl WithSimd for PanelWidth {
 }
 
 struct Product<'a> {
-    left: Left<'a>,
+    left: Lhs<'a>,
     panels: &'a Panels,
     rows: usize,
     from: usize,
@@ -133,9 +133,9 @@ impl WithSimd for Product<'_> {
     fn with_simd<S: Simd>(self, simd: S) {
         let Self { left, panels, rows, from, bias, out } = self;
         let Panels { ref data, depth, columns, width } = *panels;
-        let most = if S::REGISTER_COUNT >= 32 { MAX_TILE_ROWS.0 } else { MAX_TILE_ROWS.1 };
+        let max_rows = if S::REGISTER_COUNT >= 32 { MAX_TILE_ROWS.0 } else { MAX_TILE_ROWS.1 };
         // Tiles of nearly equal height: a last tile of one or two rows would take almost as long as a full one.
-        let tiles = rows.div_ceil(most);
+        let tiles = rows.div_ceil(max_rows);
         for panel in from / width..columns.div_ceil(width) {
             let (b, _) = S::as_simd_f32s(&data[panel * depth * width..][..depth * width]);
             let first = panel * width;
@@ -149,11 +149,11 @@ impl WithSimd for Product<'_> {
                     ($($n:literal)*) => {
                         match end - r {
                             $($n => match left {
-                                Left::Rows(a) => {
+                                Lhs::Rows(a) => {
                                     let tile = rows_tile::<S, $n>(simd, &a[r * depth..end * depth], b);
                                     store(simd, &tile, &to, bias, out);
                                 }
-                                Left::Columns(a) => {
+                                Lhs::Columns(a) => {
                                     let tile = columns_tile::<S, $n>(simd, &a[..depth * rows], (r, rows), b);
                                     store(simd, &tile, &to, bias, out);
                                 }
@@ -267,29 +267,30 @@ mod tests {
             let bias: Vec<f32> = (0..columns).map(number).collect();
             let mut panels = Panels::default();
             let mut out = vec![f32::NAN; rows * columns];
-            let close = |out: f32, right: f64| (f64::from(out) - right).abs() < 1e-3;
+            let close = |out: f32, expected: f64| (f64::from(out) - expected).abs() < 1e-3;
 
             panels.pack(&b, depth, columns);
-            panels.product(Left::Rows(&a), rows, 0, &mut out);
-            let right = |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[k * columns + c], (r, c), depth);
-            assert!((0..rows * columns).all(|i| close(out[i], right(i / columns, i % columns))), "rows, packed");
+            panels.product(Lhs::Rows(&a), rows, 0, &mut out);
+            let expected =
+                |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[k * columns + c], (r, c), depth);
+            assert!((0..rows * columns).all(|i| close(out[i], expected(i / columns, i % columns))), "rows, packed");
 
-            panels.relu_layer(Left::Rows(&a), rows, &bias, &mut out);
-            let relu = |r, c| (right(r, c) + f64::from(bias[c])).max(0.0);
+            panels.relu_layer(Lhs::Rows(&a), rows, &bias, &mut out);
+            let relu = |r, c| (expected(r, c) + f64::from(bias[c])).max(0.0);
             assert!((0..rows * columns).all(|i| close(out[i], relu(i / columns, i % columns))), "a ReLU layer");
 
             // The left-hand side given as its transpose.
-            panels.product(Left::Columns(&a), rows, 0, &mut out);
-            let right = |r: usize, c: usize| plain(|r, k| a[k * rows + r], |k, c| b[k * columns + c], (r, c), depth);
-            assert!((0..rows * columns).all(|i| close(out[i], right(i / columns, i % columns))), "columns, packed");
+            panels.product(Lhs::Columns(&a), rows, 0, &mut out);
+            let expected = |r: usize, c: usize| plain(|r, k| a[k * rows + r], |k, c| b[k * columns + c], (r, c), depth);
+            assert!((0..rows * columns).all(|i| close(out[i], expected(i / columns, i % columns))), "columns, packed");
 
             // The right-hand side given as its transpose, computing only the last columns.
             panels.pack_transposed(&b, depth, columns);
             let from = columns / 2;
             let mut cut = vec![f32::NAN; rows * (columns - from)];
-            panels.product(Left::Rows(&a), rows, from, &mut cut);
-            let right = |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[c * depth + k], (r, c), depth);
-            let (n, ok) = (columns - from, |i: usize, n: usize| close(cut[i], right(i / n, from + i % n)));
+            panels.product(Lhs::Rows(&a), rows, from, &mut cut);
+            let expected = |r: usize, c: usize| plain(|r, k| a[r * depth + k], |k, c| b[c * depth + k], (r, c), depth);
+            let (n, ok) = (columns - from, |i: usize, n: usize| close(cut[i], expected(i / n, from + i % n)));
             assert!((0..rows * n).all(|i| ok(i, n)), "transposed, from {from}");
         }
     }
@@ -302,9 +303,9 @@ mod tests {
         let mut panels = Panels::default();
         panels.pack(&b, depth, columns);
         let (mut all, mut one) = (vec![0.0; 20 * columns], vec![0.0; columns]);
-        panels.product(Left::Rows(&a), 20, 0, &mut all);
+        panels.product(Lhs::Rows(&a), 20, 0, &mut all);
         for r in 0..20 {
-            panels.product(Left::Rows(&a[r * depth..][..depth]), 1, 0, &mut one);
+            panels.product(Lhs::Rows(&a[r * depth..][..depth]), 1, 0, &mut one);
             assert_eq!(one, all[r * columns..][..columns], "row {r}");
         }
     }
@@ -325,7 +326,7 @@ mod tests {
     fn a_short_left_hand_side_panics() {
         let mut panels = Panels::default();
         panels.pack(&[1.0; 6], 3, 2);
-        panels.product(Left::Columns(&[1.0; 11]), 4, 0, &mut [0.0; 8]);
+        panels.product(Lhs::Columns(&[1.0; 11]), 4, 0, &mut [0.0; 8]);
     }
 
     #[test]
@@ -333,6 +334,6 @@ mod tests {
     fn a_short_result_panics() {
         let mut panels = Panels::default();
         panels.pack(&[1.0; 6], 3, 2);
-        panels.product(Left::Rows(&[1.0; 12]), 4, 0, &mut [0.0; 7]);
+        panels.product(Lhs::Rows(&[1.0; 12]), 4, 0, &mut [0.0; 7]);
     }
 }

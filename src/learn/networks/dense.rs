@@ -5,7 +5,7 @@ use parking_lot::{RwLock, RwLockReadGuard};
 
 use crate::learn::kernels::kernel;
 use crate::learn::networks::mlp::{Mlp, Packed};
-use crate::learn::networks::state::{Fill, NetworkState};
+use crate::learn::networks::state::{FillFn, NetworkState};
 use crate::learn::update::adam::{Moments, adam_rate, adam_step, modify, slice};
 use crate::learn::update::gradient::LearningRates;
 
@@ -14,7 +14,7 @@ use crate::learn::update::gradient::LearningRates;
 pub struct Dense {
     mlp: Mlp,
     var: Var,
-    kept: RwLock<TrainingState>,
+    training: RwLock<TrainingState>,
 }
 
 /// State kept in sync with the parameters.
@@ -31,7 +31,7 @@ struct TrainingState {
 /// Parameters locked for reading.
 pub struct DenseGuard<'a> {
     numbers: RwLockReadGuard<'a, Storage>,
-    kept: RwLockReadGuard<'a, TrainingState>,
+    training: RwLockReadGuard<'a, TrainingState>,
 }
 
 impl DenseGuard<'_> {
@@ -41,9 +41,9 @@ impl DenseGuard<'_> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn numbers(&self, averaged: bool) -> Result<(&[f32], &Packed)> {
-        match self.kept.average.as_ref().filter(|_| averaged) {
+        match self.training.average.as_ref().filter(|_| averaged) {
             Some((average, packed)) => Ok((average, packed)),
-            None => Ok((slice(&self.numbers)?, &self.kept.packed)),
+            None => Ok((slice(&self.numbers)?, &self.training.packed)),
         }
     }
 }
@@ -58,9 +58,9 @@ impl Dense {
         mlp.pack(parameters, true, &mut packed);
         mlp.pack(parameters, false, &mut packed_average);
         let average = averaged.then(|| (parameters.to_vec(), packed_average));
-        let kept = TrainingState { steps: 0, packed, moments: Moments::new(parameters.len()), average };
+        let training = TrainingState { steps: 0, packed, moments: Moments::new(parameters.len()), average };
         let var = Var::from_tensor(&Tensor::from_slice(parameters, parameters.len(), &Device::Cpu)?)?;
-        Ok(Self { mlp, var, kept: RwLock::new(kept) })
+        Ok(Self { mlp, var, training: RwLock::new(training) })
     }
 
     /// Returns the parameters as a candle variable; see [`Mlp`] for their order.
@@ -70,12 +70,12 @@ impl Dense {
 
     /// Returns the number of updates done.
     pub fn steps(&self) -> u64 {
-        self.kept.read().steps
+        self.training.read().steps
     }
 
     /// Locks the parameters for reading.
     pub fn lock(&self) -> DenseGuard<'_> {
-        DenseGuard { numbers: self.var.storage_and_layout().0, kept: self.kept.read() }
+        DenseGuard { numbers: self.var.storage_and_layout().0, training: self.training.read() }
     }
 
     /// Takes one Adam step on the sum of the gradients `parts` (summed in order into the first), then updates the
@@ -84,7 +84,7 @@ impl Dense {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn step(&self, parts: &mut [Vec<f32>], rates: LearningRates) -> Result<()> {
-        let TrainingState { steps, packed, moments, average } = &mut *self.kept.write();
+        let TrainingState { steps, packed, moments, average } = &mut *self.training.write();
         let Some((gradient, rest)) = parts.split_first_mut() else { return Ok(()) };
         for part in rest {
             kernel::add_into(gradient, part);
@@ -107,7 +107,7 @@ impl Dense {
     /// Returns candle's error if a tensor operation fails.
     pub fn state(&self) -> Result<NetworkState> {
         let parameters = self.lock().numbers(false)?.0.to_vec();
-        let TrainingState { moments, average, .. } = &*self.kept.read();
+        let TrainingState { moments, average, .. } = &*self.training.read();
         let mut state = vec![("dense", parameters), ("dense_m", moments.m.clone()), ("dense_v", moments.v.clone())];
         state.extend(average.as_ref().map(|(average, _)| ("dense_average", average.clone())));
         Ok(state)
@@ -117,8 +117,8 @@ impl Dense {
     ///
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
-    pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
-        let TrainingState { steps, packed, moments, average } = &mut *self.kept.write();
+    pub fn restore(&self, done: u64, fill: FillFn) -> Result<()> {
+        let TrainingState { steps, packed, moments, average } = &mut *self.training.write();
         let mut result = Ok(());
         modify(&self.var, |parameters| {
             result = fill("dense", parameters);

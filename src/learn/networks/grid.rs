@@ -63,15 +63,15 @@ impl LazyAverageView<'_> {
 
 /// Location of a position in one level: the lower corner, and the weight of the upper corner along each axis.
 #[derive(Clone, Copy)]
-struct Place {
+struct LevelPosition {
     corner: usize,
     share: [f32; 3],
 }
 
 impl Level {
     /// Locates `position` in this level.
-    fn place(self, position: &[f32]) -> Place {
-        let mut place = Place { corner: self.first, share: [0.0; 3] };
+    fn place(self, position: &[f32]) -> LevelPosition {
+        let mut place = LevelPosition { corner: self.first, share: [0.0; 3] };
         let mut stride = 1;
         for (share, u) in place.share.iter_mut().zip(position) {
             let at = ((u + 1.0) * 0.5).clamp(0.0, 1.0) * (self.corners - 1) as f32;
@@ -149,7 +149,7 @@ impl GridShape {
     /// Calls `visit(corner, bits)` for each corner around a place; bit k of `bits` is set if it is the upper one along
     /// axis k.
     #[inline]
-    fn around(&self, level: Level, place: &Place, mut visit: impl FnMut(usize, usize)) {
+    fn around(&self, level: Level, place: &LevelPosition, mut visit: impl FnMut(usize, usize)) {
         for bits in 0..1usize << self.dims {
             let mut corner = place.corner;
             let mut stride = 1;
@@ -270,6 +270,6 @@ impl GridShape {
 }
 
 #[inline]
-fn axis_weight(place: &Place, bits: usize, axis: usize) -> f32 {
+fn axis_weight(place: &LevelPosition, bits: usize, axis: usize) -> f32 {
     if bits >> axis & 1 == 1 { place.share[axis] } else { 1.0 - place.share[axis] }
 }

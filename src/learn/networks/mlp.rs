@@ -6,7 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::learn::kernels::kernel;
-use crate::learn::kernels::product::{Left, Panels};
+use crate::learn::kernels::product::{Lhs, Panels};
 
 /// Sizes of an MLP: ReLU hidden layers of equal width and a linear output layer.
 ///
@@ -121,7 +121,7 @@ impl Mlp {
             let out = &mut rest[0];
             out.resize(out.len().max(rows * self.hidden), 0.0);
             let out = &mut out[..rows * self.hidden];
-            packed.forward[layer].relu_layer(Left::Rows(input), rows, &parameters[self.bias(layer)], out);
+            packed.forward[layer].relu_layer(Lhs::Rows(input), rows, &parameters[self.bias(layer)], out);
         }
         let last = &acts.hidden[self.layers - 1][..rows * self.hidden];
         let (w, b) = (&parameters[self.output_weights()], &parameters[self.output_bias()]);
@@ -155,11 +155,11 @@ impl Mlp {
             if let Some(gradient) = gradient.as_deref_mut() {
                 let input = if layer == 0 { x } else { &acts.hidden[layer - 1][..size] };
                 acts.packed.pack(&d[..size], rows, self.hidden);
-                acts.packed.product(Left::Columns(input), width, 0, &mut gradient[self.weights(layer)]);
+                acts.packed.product(Lhs::Columns(input), width, 0, &mut gradient[self.weights(layer)]);
                 kernel::column_sums(&d[..size], &mut gradient[self.bias(layer)]);
             }
             if layer > 0 {
-                packed.backward[layer].product(Left::Rows(&d[..size]), rows, 0, &mut d_below[..size]);
+                packed.backward[layer].product(Lhs::Rows(&d[..size]), rows, 0, &mut d_below[..size]);
                 std::mem::swap(&mut d, &mut d_below);
             }
         }
@@ -169,7 +169,7 @@ impl Mlp {
                 let weights = &parameters[self.weights(0)][from * self.hidden..];
                 kernel::thin_forward(&d[..size], weights, &[0.0; 4][..columns], &mut dx[..rows * columns]);
             } else {
-                packed.backward[0].product(Left::Rows(&d[..size]), rows, from, &mut dx[..rows * columns]);
+                packed.backward[0].product(Lhs::Rows(&d[..size]), rows, from, &mut dx[..rows * columns]);
             }
         }
         acts.d_hidden = [d, d_below];
@@ -186,12 +186,12 @@ mod tests {
     }
 
     /// The same MLP by plain loops, in f64.
-    struct Plain<'a> {
+    struct ReferenceMlp<'a> {
         mlp: &'a Mlp,
         parameters: &'a [f32],
     }
 
-    impl Plain<'_> {
+    impl ReferenceMlp<'_> {
         fn at(&self, range: Range<usize>, index: usize) -> f64 {
             f64::from(self.parameters[range][index])
         }
@@ -247,16 +247,19 @@ mod tests {
         }
     }
 
-    fn assert_close(found: &[f32], right: &[f64], what: &str) {
-        assert_eq!(found.len(), right.len(), "{what}");
-        for (i, (found, right)) in found.iter().zip(right).enumerate() {
-            assert!((f64::from(*found) - right).abs() < 1e-4 * (1.0 + right.abs()), "{what} {i}: {found}, not {right}");
+    fn assert_close(found: &[f32], expected: &[f64], label: &str) {
+        assert_eq!(found.len(), expected.len(), "{label}");
+        for (i, (found, expected)) in found.iter().zip(expected).enumerate() {
+            assert!(
+                (f64::from(*found) - expected).abs() < 1e-4 * (1.0 + expected.abs()),
+                "{label} {i}: {found}, not {expected}"
+            );
         }
     }
 
     /// Checks an MLP on `rows` rows, forward and backward, with the inputs' gradient from column `from` on.
     fn check(mlp: &Mlp, rows: usize, from: usize, (acts, packed): (&mut Activations, &mut Packed)) {
-        let what = |part: &str| format!("{part} of {mlp:?}, {rows} rows");
+        let label = |part: &str| format!("{part} of {mlp:?}, {rows} rows");
         let (parameters, x, dy) =
             (numbers(mlp.parameters(), 1), numbers(rows * mlp.inputs, 2), numbers(rows * mlp.outputs, 3));
         let (mut y, mut gradient) = (vec![f32::NAN; rows * mlp.outputs], vec![f32::NAN; mlp.parameters()]);
@@ -266,16 +269,16 @@ mod tests {
         let wanted = GradientRequest { parameters: Some(&mut gradient), inputs: Some((from, &mut dx)) };
         mlp.backward((&parameters, packed), &x, &dy, acts, wanted);
 
-        let plain = Plain { mlp, parameters: &parameters };
-        let (mut y_right, mut gradient_right, mut dx_right) = (vec![], vec![0.0; mlp.parameters()], vec![]);
+        let plain = ReferenceMlp { mlp, parameters: &parameters };
+        let (mut y_expected, mut gradient_expected, mut dx_expected) = (vec![], vec![0.0; mlp.parameters()], vec![]);
         for (x, dy) in x.chunks(mlp.inputs).zip(dy.chunks(mlp.outputs)) {
             let values = plain.forward(x);
-            dx_right.extend(&plain.backward(&values, dy, &mut gradient_right)[from..]);
-            y_right.extend(&values[mlp.layers + 1]);
+            dx_expected.extend(&plain.backward(&values, dy, &mut gradient_expected)[from..]);
+            y_expected.extend(&values[mlp.layers + 1]);
         }
-        assert_close(&y, &y_right, &what("outputs"));
-        assert_close(&gradient, &gradient_right, &what("gradient"));
-        assert_close(&dx, &dx_right, &what("inputs' gradient"));
+        assert_close(&y, &y_expected, &label("outputs"));
+        assert_close(&gradient, &gradient_expected, &label("gradient"));
+        assert_close(&dx, &dx_expected, &label("inputs' gradient"));
     }
 
     #[test]

@@ -21,12 +21,12 @@ pub struct Weights<'a> {
 }
 
 /// A network's weights, locked for reading.
-pub struct Locked<'a> {
+pub struct LockedNetwork<'a> {
     dense: DenseGuard<'a>,
     table: Option<TableGuard<'a>>,
 }
 
-impl Locked<'_> {
+impl LockedNetwork<'_> {
     /// Returns the current weights, or their running average if `averaged` and there is one.
     ///
     /// # Errors
@@ -72,8 +72,8 @@ impl Network {
     }
 
     /// Locks the weights for reading.
-    pub fn lock(&self) -> Locked<'_> {
-        Locked { dense: self.dense.lock(), table: self.table.as_ref().map(Table::lock) }
+    pub fn lock(&self) -> LockedNetwork<'_> {
+        LockedNetwork { dense: self.dense.lock(), table: self.table.as_ref().map(Table::lock) }
     }
 
     /// Copies the weights (parameters, table), or their averages, evaluating lazy ones.

@@ -51,7 +51,7 @@ impl Policy for Nets<'_> {
         for ((states, goals), out) in chunks {
             self.shapes.plain_pairs(states, goals, &mut scratch.plain);
             let pairs = Pairs { plain: &scratch.plain, states, goals };
-            self.shapes.farthest(&self.critics, pairs, out, &mut scratch.ws);
+            self.shapes.max_distances(&self.critics, pairs, out, &mut scratch.ws);
         }
     }
 
@@ -71,27 +71,27 @@ impl Policy for Nets<'_> {
 #[derive(Debug)]
 pub struct FrozenNets {
     shapes: Arc<Shapes>,
-    critics: Vec<Owned>,
-    actor: Owned,
+    critics: Vec<OwnedWeights>,
+    actor: OwnedWeights,
 }
 
 /// One network's copied weights: parameters, flat and packed, and grid table.
 #[derive(Debug)]
-struct Owned {
+struct OwnedWeights {
     dense: Vec<f32>,
     packed: Packed,
     table: Vec<f32>,
 }
 
 /// Flat parameters and grid table.
-type Copied = (Vec<f32>, Vec<f32>);
+type CopiedWeights = (Vec<f32>, Vec<f32>);
 
 impl FrozenNets {
-    pub(in crate::learn) fn new(shapes: Arc<Shapes>, critics: Vec<Copied>, actor: Copied) -> Self {
-        let own = |(dense, table): Copied, mlp: &Mlp| {
+    pub(in crate::learn) fn new(shapes: Arc<Shapes>, critics: Vec<CopiedWeights>, actor: CopiedWeights) -> Self {
+        let own = |(dense, table): CopiedWeights, mlp: &Mlp| {
             let mut packed = Packed::default();
             mlp.pack(&dense, false, &mut packed);
-            Owned { dense, packed, table }
+            OwnedWeights { dense, packed, table }
         };
         let critics = critics.into_iter().map(|copied| own(copied, &shapes.critic)).collect();
         Self { critics, actor: own(actor, &shapes.actor), shapes }
@@ -105,7 +105,7 @@ impl FrozenNets {
         }
     }
 
-    fn weights<'a>(&self, Owned { dense, packed, table }: &'a Owned) -> Weights<'a> {
+    fn weights<'a>(&self, OwnedWeights { dense, packed, table }: &'a OwnedWeights) -> Weights<'a> {
         let grid = self.shapes.encoder.grid();
         let table = grid.map(|grid| TableView { lines: table, stride: grid.channels, average: None });
         Weights { dense, packed, table }

@@ -6,4 +6,4 @@ use candle_core::Result;
 pub type NetworkState = Vec<(&'static str, Vec<f32>)>;
 
 /// Fills a slice with the numbers saved under a name.
-pub type Fill<'a> = &'a mut dyn FnMut(&str, &mut [f32]) -> Result<()>;
+pub type FillFn<'a> = &'a mut dyn FnMut(&str, &mut [f32]) -> Result<()>;

@@ -5,7 +5,7 @@ use parking_lot::{RwLock, RwLockReadGuard};
 
 use crate::learn::kernels::kernel;
 use crate::learn::networks::grid::{LazyAverageView, TableView};
-use crate::learn::networks::state::{Fill, NetworkState};
+use crate::learn::networks::state::{FillFn, NetworkState};
 use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::update::adam::{adam_rate, modify, slice};
 use crate::learn::update::gradient::LearningRates;
@@ -22,7 +22,7 @@ pub struct Table {
     lines: Var,
     /// `decay[k] = (1 - tau)^k`; empty for a table without an average.
     decay: Vec<f32>,
-    kept: RwLock<TrainingState>,
+    training: RwLock<TrainingState>,
 }
 
 /// State kept alongside the lines.
@@ -39,7 +39,7 @@ struct TrainingState {
 pub struct TableGuard<'a> {
     table: &'a Table,
     lines: RwLockReadGuard<'a, Storage>,
-    kept: RwLockReadGuard<'a, TrainingState>,
+    training: RwLockReadGuard<'a, TrainingState>,
 }
 
 impl TableGuard<'_> {
@@ -49,7 +49,7 @@ impl TableGuard<'_> {
     /// Returns candle's error if a tensor operation fails.
     pub fn view(&self, averaged: bool) -> Result<TableView<'_>> {
         let Table { decay, channels, .. } = self.table;
-        let lazy = LazyAverageView { stored: &self.kept.stored, now: self.kept.steps as u32, decay };
+        let lazy = LazyAverageView { stored: &self.training.stored, now: self.training.steps as u32, decay };
         let average = (averaged && !decay.is_empty()).then_some(lazy);
         Ok(TableView { lines: slice(&self.lines)?, stride: ROWS * channels, average })
     }
@@ -71,7 +71,7 @@ impl Table {
             channels,
             lines: Var::from_tensor(&Tensor::from_vec(lines, (corners, ROWS, channels), &Device::Cpu)?)?,
             decay: tau.map_or(Vec::new(), decay_table),
-            kept: RwLock::new(TrainingState { steps: 0, stored: vec![0; corners], sums: Vec::new() }),
+            training: RwLock::new(TrainingState { steps: 0, stored: vec![0; corners], sums: Vec::new() }),
         })
     }
 
@@ -87,7 +87,7 @@ impl Table {
 
     /// Locks the table for reading.
     pub fn lock(&self) -> TableGuard<'_> {
-        TableGuard { table: self, lines: self.lines.storage_and_layout().0, kept: self.kept.read() }
+        TableGuard { table: self, lines: self.lines.storage_and_layout().0, training: self.training.read() }
     }
 
     /// Copies the values `(corners, channels)`, or their averages, evaluating lazy ones.
@@ -112,7 +112,7 @@ impl Table {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn step(&self, touched: &TouchedCorners, parts: &[Vec<f32>], rates: LearningRates) -> Result<()> {
-        let (Self { channels, decay, .. }, TrainingState { steps, stored, sums }) = (self, &mut *self.kept.write());
+        let (Self { channels, decay, .. }, TrainingState { steps, stored, sums }) = (self, &mut *self.training.write());
         let before = *steps as u32;
         *steps += 1;
         touched.sum_into(parts, *channels, sums);
@@ -125,13 +125,13 @@ impl Table {
                 let line = &mut lines[corner * ROWS * *channels..(corner + 1) * ROWS * *channels];
                 if let (([value, average, m, v], []), ([sum], [])) = (line.as_chunks_mut::<4>(), sum.as_chunks::<4>()) {
                     (0..4).for_each(|c| average[c] = value[c] + (average[c] - value[c]) * remaining);
-                    kernel::adam_few(value, m, v, sum, rate);
+                    kernel::adam_small(value, m, v, sum, rate);
                 } else {
                     let (value, rest) = line.split_at_mut(*channels);
                     let (average, moments) = rest.split_at_mut(*channels);
                     let (m, v) = moments.split_at_mut(*channels);
                     average.iter_mut().zip(&*value).for_each(|(a, w)| *a = w + (*a - w) * remaining);
-                    kernel::adam_few(value, m, v, sum, rate);
+                    kernel::adam_small(value, m, v, sum, rate);
                 }
             }
         })
@@ -144,7 +144,7 @@ impl Table {
     /// Returns candle's error if a tensor operation fails.
     pub fn state(&self) -> Result<NetworkState> {
         let guard = self.lock();
-        let last = guard.kept.stored.iter().map(|last| f32::from_bits(*last)).collect();
+        let last = guard.training.stored.iter().map(|last| f32::from_bits(*last)).collect();
         Ok(vec![("table", slice(&guard.lines)?.to_vec()), ("table_last", last)])
     }
 
@@ -152,8 +152,8 @@ impl Table {
     ///
     /// # Errors
     /// Returns the error of `fill`, or candle's error if a tensor operation fails.
-    pub fn restore(&self, done: u64, fill: Fill) -> Result<()> {
-        let TrainingState { steps, stored, .. } = &mut *self.kept.write();
+    pub fn restore(&self, done: u64, fill: FillFn) -> Result<()> {
+        let TrainingState { steps, stored, .. } = &mut *self.training.write();
         let mut result = Ok(());
         modify(&self.lines, |lines| result = fill("table", lines))?;
         result?;

@@ -70,13 +70,13 @@ impl TouchedCorners {
     }
 
     /// Returns the gradient of the whole table, `(corners, channels)`, from the same input.
-    pub fn whole(&self, parts: &[Vec<f32>], channels: usize) -> Vec<f32> {
+    pub fn table_gradient(&self, parts: &[Vec<f32>], channels: usize) -> Vec<f32> {
         let mut sums = Vec::new();
         self.sum_into(parts, channels, &mut sums);
-        let mut whole = vec![0.0; self.slot_of.len() * channels];
+        let mut gradient = vec![0.0; self.slot_of.len() * channels];
         for (corner, sum) in self.corners.iter().zip(sums.chunks_exact(channels)) {
-            whole[*corner as usize * channels..][..channels].copy_from_slice(sum);
+            gradient[*corner as usize * channels..][..channels].copy_from_slice(sum);
         }
-        whole
+        gradient
     }
 }

@@ -37,7 +37,7 @@ pub struct LearningRates {
 
 impl LearningRates {
     /// Returns the step sizes in `settings`.
-    pub fn of(settings: &LearnSettings) -> Self {
+    pub fn from_settings(settings: &LearnSettings) -> Self {
         Self { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau }
     }
 }

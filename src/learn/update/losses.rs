@@ -110,7 +110,7 @@ pub struct Workspaces {
     pub critic: Workspace,
 }
 
-fn sized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
+fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
     buffer.resize(buffer.len().max(length), 0.0);
     &mut buffer[..length]
 }
@@ -120,7 +120,7 @@ impl Shapes {
     pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut SharedFeatures) {
         let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
         let width = self.encoder.plain_pair_width();
-        let rows = sized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
+        let rows = resized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
         plain.states.clear();
         plain.goals.clear();
         for ((state, goal), row) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(rows) {
@@ -136,7 +136,7 @@ impl Shapes {
         let count = pairs.states.len() / self.encoder.spec().state_dim();
         let places = [&pairs.plain.states, &pairs.plain.goals];
         let plain = pairs.plain.rows.chunks_exact(plain_width);
-        for ((i, row), plain) in sized(x, count * width).chunks_exact_mut(width).enumerate().zip(plain) {
+        for ((i, row), plain) in resized(x, count * width).chunks_exact_mut(width).enumerate().zip(plain) {
             let (copy, encoded) = row.split_at_mut(plain_width);
             copy.copy_from_slice(plain);
             self.encoder.encode(table, &places, i, encoded);
@@ -157,7 +157,7 @@ impl Shapes {
     pub fn actions(&self, actor: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         self.rows(pairs, actor.table, &mut ws.x);
         let rows = out.len() / self.actor.outputs;
-        let outputs = sized(&mut ws.outputs, out.len());
+        let outputs = resized(&mut ws.outputs, out.len());
         self.actor.forward((actor.dense, actor.packed), &ws.x[..rows * self.actor.inputs], outputs, &mut ws.acts);
         for (a, z) in out.iter_mut().zip(outputs) {
             *a = z.tanh();
@@ -176,7 +176,7 @@ impl Shapes {
     ) {
         let spec = self.encoder.spec();
         let (plain_width, width) = (self.encoder.plain_state_width(), self.model.inputs);
-        let x = sized(&mut ws.x, states.len() / spec.state_dim() * width);
+        let x = resized(&mut ws.x, states.len() / spec.state_dim() * width);
         let rows = x.chunks_exact_mut(width).zip(plain.chunks_exact(stride)).zip(actions.chunks_exact(spec.action_dim));
         for (i, ((row, plain), action)) in rows.enumerate() {
             let (copy, rest) = row.split_at_mut(plain_width);
@@ -204,28 +204,28 @@ impl Shapes {
         buffers: &mut Workspaces,
     ) {
         let mut next = std::mem::take(&mut buffers.model.y);
-        let states = self.step_of_actor((actor, model), pairs, &mut next, buffers);
+        let states = self.step_with_actor((actor, model), pairs, &mut next, buffers);
         let mut plain = std::mem::take(&mut buffers.critic.plain);
         self.plain_pairs(states, pairs.goals, &mut plain);
-        self.farthest(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
+        self.max_distances(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
         buffers.critic.plain = plain;
         buffers.model.y = next;
     }
 
     /// Computes the maximum of D(s, g) over `critics` for each pair, `(rows)`.
-    pub fn farthest(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+    pub fn max_distances(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         let mut own = std::mem::take(&mut ws.y);
         for (k, critic) in critics.iter().enumerate() {
-            let own = sized(&mut own, out.len());
+            let own = resized(&mut own, out.len());
             self.distances(*critic, pairs, own, ws);
-            out.iter_mut().zip(own).for_each(|(most, d)| *most = if k == 0 { *d } else { most.max(*d) });
+            out.iter_mut().zip(own).for_each(|(farthest, d)| *farthest = if k == 0 { *d } else { farthest.max(*d) });
         }
         ws.y = own;
     }
 
     /// Computes s' = f(s, mu(s, g)) of each pair into `next`, `(rows, state_dim)`; keeps the activations for the
     /// backward passes.
-    fn step_of_actor<'a>(
+    fn step_with_actor<'a>(
         &self,
         (actor, model): (Weights, Weights),
         pairs: Pairs,
@@ -235,9 +235,9 @@ impl Shapes {
         let Pairs { plain, states, .. } = pairs;
         let rows = states.len() / self.encoder.spec().state_dim();
         let mut action = std::mem::take(&mut buffers.actor.y);
-        self.actions(actor, pairs, sized(&mut action, rows * self.actor.outputs), &mut buffers.actor);
+        self.actions(actor, pairs, resized(&mut action, rows * self.actor.outputs), &mut buffers.actor);
         let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
-        let next = sized(next, states.len());
+        let next = resized(next, states.len());
         self.predict(model, (states, &action[..rows * self.actor.outputs]), shared, next, &mut buffers.model);
         buffers.actor.y = action;
         next
@@ -257,7 +257,7 @@ impl Shapes {
         let rows = targets.len();
         self.rows(pairs, critic.table, &mut ws.x);
         let x = &ws.x[..rows * self.critic.inputs];
-        let z = sized(&mut ws.y, rows);
+        let z = resized(&mut ws.y, rows);
         self.critic.forward((critic.dense, critic.packed), x, z, &mut ws.acts);
         let mut loss = 0.0;
         for (z, target) in z.iter_mut().zip(targets) {
@@ -268,7 +268,7 @@ impl Shapes {
             *z = 2.0 * weight * error * slope * share * self.distance_scale * sigmoid(*z);
         }
         let from = self.encoder.plain_pair_width();
-        let dx = (from < self.critic.inputs).then(|| (from, sized(&mut ws.dx, rows * (self.critic.inputs - from))));
+        let dx = (from < self.critic.inputs).then(|| (from, resized(&mut ws.dx, rows * (self.critic.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         self.critic.backward((critic.dense, critic.packed), x, z, &mut ws.acts, wanted);
         self.add_pair_corners(pairs, &ws.dx, gradient);
@@ -299,7 +299,7 @@ impl Shapes {
         let s = spec.state_dim();
         let rows = states.len() / s;
         let (plain_width, mut plain) = (self.encoder.plain_state_width(), std::mem::take(&mut ws.plain));
-        let rows_of_states = sized(&mut plain.rows, rows * plain_width).chunks_exact_mut(plain_width);
+        let rows_of_states = resized(&mut plain.rows, rows * plain_width).chunks_exact_mut(plain_width);
         plain.states.clear();
         for (state, row) in states.chunks_exact(s).zip(rows_of_states) {
             self.encoder.plain_state(state, row);
@@ -307,7 +307,7 @@ impl Shapes {
         }
         let mut predicted = std::mem::take(&mut ws.y);
         let shared = (&plain.rows[..], plain_width, &plain.states);
-        self.predict(model, (states, actions), shared, sized(&mut predicted, rows * s), ws);
+        self.predict(model, (states, actions), shared, resized(&mut predicted, rows * s), ws);
         let mut loss = 0.0;
         for (predicted, next) in predicted[..rows * s].chunks_exact_mut(s).zip(next.chunks_exact(s)) {
             for ((p, n), scale) in predicted.iter_mut().zip(next).zip(&spec.change_scale) {
@@ -318,7 +318,7 @@ impl Shapes {
         }
         let from = self.encoder.plain_state_width();
         let (columns, grid_width) = (self.model.inputs - from, self.encoder.grid_width());
-        let dx = (grid_width > 0).then(|| (from, sized(&mut ws.dx, rows * columns)));
+        let dx = (grid_width > 0).then(|| (from, resized(&mut ws.dx, rows * columns)));
         let x = &ws.x[..rows * self.model.inputs];
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         self.model.backward((model.dense, model.packed), x, &predicted[..rows * s], &mut ws.acts, wanted);
@@ -348,7 +348,7 @@ impl Shapes {
         let rows = states.len() / s;
         // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
         let mut next = std::mem::take(&mut buffers.model.y);
-        self.step_of_actor((actor, model), pairs, &mut next, buffers);
+        self.step_with_actor((actor, model), pairs, &mut next, buffers);
         let mut action = std::mem::take(&mut buffers.actor.y);
         let mut next_plain = std::mem::take(&mut buffers.critic.plain);
         self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
@@ -356,7 +356,7 @@ impl Shapes {
         buffers.critic.plain = next_plain;
         let width = self.critic.inputs;
         let x = &buffers.critic.x[..rows * width];
-        let z = sized(&mut buffers.critic.y, rows);
+        let z = resized(&mut buffers.critic.y, rows);
         self.critic.forward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts);
         // Backward, in reverse order.
         let mut loss = 0.0;
@@ -364,7 +364,7 @@ impl Shapes {
             loss += share * self.distance_scale * softplus(*z);
             *z = share * self.distance_scale * sigmoid(*z);
         }
-        let dx = sized(&mut buffers.critic.dx, rows * width);
+        let dx = resized(&mut buffers.critic.dx, rows * width);
         let wanted = GradientRequest { parameters: None, inputs: Some((0, &mut *dx)) };
         self.critic.backward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts, wanted);
         let mut d_state = [0.0; MAX_STATE_DIM];
@@ -376,19 +376,19 @@ impl Shapes {
                 *next = scale * d;
             }
         }
-        let d_action = sized(&mut buffers.model.dx, rows * a);
+        let d_action = resized(&mut buffers.model.dx, rows * a);
         let wanted = GradientRequest { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
         let x = &buffers.model.x[..rows * self.model.inputs];
         self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut buffers.model.acts, wanted);
         buffers.model.y = next;
-        let most = self.actor_bound;
+        let bound = self.actor_bound;
         for ((action, d), z) in action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs) {
-            let excess = z - z.clamp(-most, most);
+            let excess = z - z.clamp(-bound, bound);
             *action = d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess;
         }
         let from = self.encoder.plain_pair_width();
-        let dx =
-            (from < self.actor.inputs).then(|| (from, sized(&mut buffers.actor.dx, rows * (self.actor.inputs - from))));
+        let dx = (from < self.actor.inputs)
+            .then(|| (from, resized(&mut buffers.actor.dx, rows * (self.actor.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &buffers.actor.x[..rows * self.actor.inputs];
         self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut buffers.actor.acts, wanted);

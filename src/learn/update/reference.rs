@@ -56,11 +56,15 @@ impl<'a> Reference<'a> {
             let table = network.table().map(values).transpose()?;
             Ok(Parameters { dense: network.dense().as_tensor().clone(), table })
         });
-        Self::of(shapes, networks.collect::<Result<_>>()?, layers)
+        Self::with_parameters(shapes, networks.collect::<Result<_>>()?, layers)
     }
 
     /// Creates the losses at given parameters, in the same order.
-    pub(in crate::learn) fn of(shapes: &'a Shapes, mut networks: Vec<Parameters>, layers: Layers) -> Result<Self> {
+    pub(in crate::learn) fn with_parameters(
+        shapes: &'a Shapes,
+        mut networks: Vec<Parameters>,
+        layers: Layers,
+    ) -> Result<Self> {
         let (Some(actor), Some(model)) = (networks.pop(), networks.pop()) else { bail!("too few networks") };
         Ok(Self { shapes, critics: networks, model, actor, layers })
     }
@@ -125,20 +129,21 @@ impl<'a> Reference<'a> {
         let spec = self.shapes().encoder.spec();
         let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), device);
         let column = |numbers: &[f32]| Tensor::from_slice(numbers, batch.len(), device);
-        let (states, ahead) = (tensor(&batch.states, spec.state_dim())?, tensor(&batch.ahead, spec.state_dim())?);
+        let (states, ahead) =
+            (tensor(&batch.states, spec.state_dim())?, tensor(&batch.bootstrap_states, spec.state_dim())?);
         let goals = tensor(&batch.goals, spec.goal_dim())?;
         let steps = column(&batch.steps)?;
-        let mut far = (&steps + self.farthest(&ahead, &goals)?)?;
+        let mut far = (&steps + self.max_distances(&ahead, &goals)?)?;
         if batch.greedy_targets {
             let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
-            far = far.minimum(&(self.farthest(&next, &goals)? + 1.0)?)?;
+            far = far.minimum(&(self.max_distances(&next, &goals)? + 1.0)?)?;
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
         Ok(known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?.detach())
     }
 
     /// Returns the maximum of D(s, g) over the critics, `(rows)`.
-    fn farthest(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+    fn max_distances(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let first = self.distances(0, states, goals)?;
         (1..self.critics.len()).try_fold(first, |far, k| far.maximum(&self.distances(k, states, goals)?))
     }
@@ -177,8 +182,8 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<(Tensor, Tensor)> {
-        let most = f64::from(self.shapes().actor_bound);
-        let excess = (self.actor_outputs(states, goals)?.abs()? - most)?.relu()?;
+        let bound = f64::from(self.shapes().actor_bound);
+        let excess = (self.actor_outputs(states, goals)?.abs()? - bound)?.relu()?;
         let excess = (excess.sqr()?.sum(D::Minus1)?.mean_all()? * f64::from(EXCESS_WEIGHT))?;
         let next = self.predictions(states, &self.actions(states, goals)?)?;
         Ok((self.distances(0, &next, goals)?.mean_all()?, excess))

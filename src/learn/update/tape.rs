@@ -20,18 +20,18 @@ pub struct Tape {
     device: Device,
     layers: Layers,
     /// Critics, model, actor.
-    networks: Vec<Trained>,
+    networks: Vec<TapeNetwork>,
 }
 
 /// A network on the device.
-struct Trained {
-    dense: Slot,
+struct TapeNetwork {
+    dense: TapeParameters,
     /// Values `(corners, channels)`.
-    table: Option<Slot>,
+    table: Option<TapeParameters>,
 }
 
 /// Parameters with their moments and average.
-struct Slot {
+struct TapeParameters {
     values: Var,
     m: Tensor,
     v: Tensor,
@@ -52,7 +52,7 @@ impl Tape {
                 Err(e) => bail!("backend=cuda needs an NVIDIA GPU and a build with --features cuda: {e}"),
             },
         };
-        let networks = networks.map(|network| Trained::new(network, &device)).collect::<Result<_>>()?;
+        let networks = networks.map(|network| TapeNetwork::new(network, &device)).collect::<Result<_>>()?;
         Ok(Some(Self { device, layers, networks }))
     }
 
@@ -93,7 +93,7 @@ impl Tape {
     /// Returns the losses at the current parameters or their averages.
     fn reference<'a>(&self, shapes: &'a Shapes, averaged: bool) -> Result<Reference<'a>> {
         let parameters = self.networks.iter().map(|network| network.parameters(averaged)).collect();
-        Reference::of(shapes, parameters, self.layers)
+        Reference::with_parameters(shapes, parameters, self.layers)
     }
 
     /// Takes an optimiser step on `loss` for some of the networks.
@@ -128,13 +128,13 @@ impl Tape {
     }
 }
 
-impl Trained {
+impl TapeNetwork {
     fn new(network: &Network, device: &Device) -> Result<Self> {
         let state: std::collections::HashMap<_, _> = network.state()?.into_iter().collect();
         let (average, table_average) = network.copy(true)?;
         let numbers = |name: &str| Tensor::from_slice(&state[name], state[name].len(), device);
         let averaged = state.contains_key("dense_average");
-        let dense = Slot {
+        let dense = TapeParameters {
             values: Var::from_tensor(&numbers("dense")?)?,
             m: numbers("dense_m")?,
             v: numbers("dense_v")?,
@@ -147,7 +147,7 @@ impl Trained {
                 let row = |i: usize| lines.narrow(1, i, 1)?.squeeze(1)?.contiguous();
                 let average = Tensor::from_slice(&table_average, (corners, channels), device)?;
                 let average = averaged.then_some(average);
-                Some(Slot { values: Var::from_tensor(&row(0)?)?, m: row(2)?, v: row(3)?, average })
+                Some(TapeParameters { values: Var::from_tensor(&row(0)?)?, m: row(2)?, v: row(3)?, average })
             }
             None => None,
         };
@@ -155,7 +155,7 @@ impl Trained {
     }
 
     fn parameters(&self, averaged: bool) -> Parameters {
-        let of = |slot: &Slot| match slot.average.as_ref().filter(|_| averaged) {
+        let of = |slot: &TapeParameters| match slot.average.as_ref().filter(|_| averaged) {
             Some(average) => average.clone(),
             None => slot.values.as_tensor().clone(),
         };
@@ -165,12 +165,12 @@ impl Trained {
     /// Returns the state in the format of [`Network::state`].
     fn state(&self, steps: u64) -> Result<NetworkState> {
         let numbers = |t: &Tensor| t.flatten_all()?.to_vec1::<f32>();
-        let Slot { values, m, v, average } = &self.dense;
+        let TapeParameters { values, m, v, average } = &self.dense;
         let mut state = vec![("dense", numbers(values)?), ("dense_m", numbers(m)?), ("dense_v", numbers(v)?)];
         if let Some(average) = average {
             state.push(("dense_average", numbers(average)?));
         }
-        if let Some(Slot { values, m, v, average }) = &self.table {
+        if let Some(TapeParameters { values, m, v, average }) = &self.table {
             let average = average.as_ref().unwrap_or(values.as_tensor());
             state.push(("table", numbers(&Tensor::stack(&[values.as_tensor(), average, m, v], 1)?)?));
             state.push(("table_last", vec![f32::from_bits(steps as u32); values.dim(0)?]));
@@ -179,7 +179,7 @@ impl Trained {
     }
 }
 
-impl Slot {
+impl TapeParameters {
     /// Takes one Adam step where `touched`, then updates the average.
     fn step(&mut self, gradient: &Tensor, touched: Option<&Tensor>, rate: AdamRate, tau: f32) -> Result<()> {
         let beta = (f64::from(BETA.0), f64::from(BETA.1));

@@ -9,12 +9,12 @@ use crate::store::{Array, Store, StoreError};
 
 /// Format name in the metadata. Format 1 had neither checksum nor history; formats 1 and 2 did not name the world.
 const FORMAT: &str = "gdg-tui checkpoint 3";
-const WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
-const WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
+const FORMAT_WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
+const FORMAT_WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
 
 /// Metadata keys of the format and the checksum.
-const FORMAT_NAME: &str = "format";
-const CHECKSUM: &str = "checksum";
+const FORMAT_KEY: &str = "format";
+const CHECKSUM_KEY: &str = "checksum";
 
 /// Error in a checkpoint's bytes.
 #[derive(Debug, thiserror::Error)]
@@ -81,15 +81,18 @@ fn array(view: &TensorView) -> Option<Array> {
 pub fn to_bytes(store: Store) -> Result<Vec<u8>, ContentError> {
     let (arrays, mut texts) = store.into_parts();
     texts.insert("version".to_owned(), env!("CARGO_PKG_VERSION").to_owned());
-    texts.insert(FORMAT_NAME.to_owned(), FORMAT.to_owned());
-    sealed(&arrays.into_iter().map(|(name, array)| (name, array.into())).collect(), texts)
+    texts.insert(FORMAT_KEY.to_owned(), FORMAT.to_owned());
+    serialized_with_checksum(&arrays.into_iter().map(|(name, array)| (name, array.into())).collect(), texts)
 }
 
 /// Serialises tensors and texts with a checksum over both.
-fn sealed(tensors: &BTreeMap<String, Tensor>, mut texts: BTreeMap<String, String>) -> Result<Vec<u8>, ContentError> {
+fn serialized_with_checksum(
+    tensors: &BTreeMap<String, Tensor>,
+    mut texts: BTreeMap<String, String>,
+) -> Result<Vec<u8>, ContentError> {
     let parts = tensors.iter().map(|(name, tensor)| (name.as_str(), tensor.dtype, tensor.bytes.as_slice()));
     let sum = checksum(texts.iter().map(|(name, text)| (name.as_str(), text.as_str())), parts);
-    texts.insert(CHECKSUM.to_owned(), sum);
+    texts.insert(CHECKSUM_KEY.to_owned(), sum);
     let views = tensors.iter().map(|(name, Tensor { dtype, bytes })| {
         // Checkpoints never contain types smaller than a byte.
         let size = (dtype.bitsize() / 8).max(1);
@@ -130,14 +133,14 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
     let (_, header) = SafeTensors::read_metadata(bytes)?;
     let tensors = SafeTensors::deserialize(bytes)?;
     let texts = texts_of(header.metadata().clone())?;
-    if texts.get(FORMAT_NAME).is_some_and(|format| format != WITHOUT_CHECKSUM) {
-        let kept = texts.iter().filter(|(name, _)| *name != CHECKSUM);
+    if texts.get(FORMAT_KEY).is_some_and(|format| format != FORMAT_WITHOUT_CHECKSUM) {
+        let kept = texts.iter().filter(|(name, _)| *name != CHECKSUM_KEY);
         let views: BTreeMap<_, _> = tensors.iter().collect();
         let sum = checksum(
             kept.map(|(name, text)| (name.as_str(), text.as_str())),
             views.iter().map(|(name, view)| (*name, view.dtype(), view.data())),
         );
-        let stated = texts.get(CHECKSUM).ok_or_else(|| StoreError::Missing(CHECKSUM.to_owned()))?;
+        let stated = texts.get(CHECKSUM_KEY).ok_or_else(|| StoreError::Missing(CHECKSUM_KEY.to_owned()))?;
         if *stated != sum {
             return Err(ContentError::Damaged);
         }
@@ -171,8 +174,8 @@ pub fn texts_from_header(header: &[u8]) -> Result<Store, ContentError> {
 
 fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String, String>, ContentError> {
     let texts: BTreeMap<String, String> = metadata.unwrap_or_default().into_iter().collect();
-    let format = texts.get(FORMAT_NAME).ok_or_else(|| StoreError::Missing(FORMAT_NAME.to_owned()))?;
-    if [FORMAT, WITHOUT_WORLD, WITHOUT_CHECKSUM].contains(&format.as_str()) {
+    let format = texts.get(FORMAT_KEY).ok_or_else(|| StoreError::Missing(FORMAT_KEY.to_owned()))?;
+    if [FORMAT, FORMAT_WITHOUT_WORLD, FORMAT_WITHOUT_CHECKSUM].contains(&format.as_str()) {
         return Ok(texts);
     }
     let version = texts.get("version").map_or("unknown", String::as_str).to_owned();
@@ -181,12 +184,12 @@ fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String
 
 /// Returns the checkpoint with its checksum recomputed, for tests of the checks after it; `None` if it is not a
 /// checkpoint.
-pub fn resealed(bytes: &[u8]) -> Option<Vec<u8>> {
+pub fn with_updated_checksum(bytes: &[u8]) -> Option<Vec<u8>> {
     let (_, header) = SafeTensors::read_metadata(bytes).ok()?;
     let read = SafeTensors::deserialize(bytes).ok()?;
     let mut texts: BTreeMap<String, String> = header.metadata().clone()?.into_iter().collect();
-    texts.remove(CHECKSUM);
-    texts.insert(FORMAT_NAME.to_owned(), FORMAT.to_owned());
+    texts.remove(CHECKSUM_KEY);
+    texts.insert(FORMAT_KEY.to_owned(), FORMAT.to_owned());
     let tensor = |view: &TensorView| Tensor { dtype: view.dtype(), bytes: view.data().to_vec() };
-    sealed(&read.iter().map(|(name, view)| (name.to_owned(), tensor(&view))).collect(), texts).ok()
+    serialized_with_checksum(&read.iter().map(|(name, view)| (name.to_owned(), tensor(&view))).collect(), texts).ok()
 }

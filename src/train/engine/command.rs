@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
 use crate::env::Environment;
-use crate::text::plain;
+use crate::text::sanitized;
 use crate::train::checkpoint::{self, CheckpointError, Loaded, SaveTo};
 use crate::train::error::TrainError;
 use crate::train::history::LogEntry;
@@ -16,7 +16,7 @@ use crate::train::run::{Limits, Run};
 use crate::train::trainer::Trainer;
 
 /// Number of autosaved checkpoints to keep.
-const AUTOSAVES_KEPT: usize = 3;
+const MAX_AUTOSAVES: usize = 3;
 
 /// Makes a world from the run's, on the trainer's thread, as preparing a large map is slow.
 pub type MakeWorld = Box<dyn FnOnce(&dyn Environment) -> Box<dyn Environment> + Send>;
@@ -42,7 +42,7 @@ pub enum Command {
     /// Continue with other settings, method or preset; keeps the data and, where they fit, the networks.
     Change(Box<Run>),
     /// Start a new run, possibly in another world.
-    Begin(Box<Run>, MakeWorld),
+    StartRun(Box<Run>, MakeWorld),
     /// Load a checkpoint and continue its run.
     Load(PathBuf),
 }
@@ -54,10 +54,10 @@ enum CommandError {
     #[error(transparent)]
     Train(#[from] TrainError),
     /// A checkpoint could not be written.
-    #[error("{} ({})", .0.what, .0.file.display())]
+    #[error("{} ({})", .0.problem, .0.file.display())]
     NotSaved(CheckpointError),
     /// A checkpoint could not be loaded.
-    #[error("not loaded: {} {}; {}", .0.file.file_name().unwrap_or_default().to_string_lossy(), .0.what, .0.right)]
+    #[error("not loaded: {} {}; {}", .0.file.file_name().unwrap_or_default().to_string_lossy(), .0.problem, .0.help)]
     NotLoaded(CheckpointError),
 }
 
@@ -67,10 +67,10 @@ impl Worker {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
         // A running evaluation of the old world says nothing about the new one.
-        (self.evaluation, self.rested) = (None, None);
-        self.renew(true)?;
+        (self.evaluation, self.next_evaluation_at) = (None, None);
+        self.refresh_snapshot(true)?;
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
-        Ok(format!("{}, {} transitions removed{warning}", change.what, change.transitions_removed))
+        Ok(format!("{}, {} transitions removed{warning}", change.summary, change.transitions_removed))
     }
 
     /// Continues with other settings and returns a notice of what was kept.
@@ -78,8 +78,8 @@ impl Worker {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let kept = self.trainer.change_run(run)?;
         self.current.run = Arc::new(self.trainer.run().clone());
-        (self.evaluation, self.rested) = (None, None);
-        self.renew(true)?;
+        (self.evaluation, self.next_evaluation_at) = (None, None);
+        self.refresh_snapshot(true)?;
         Ok(match (kept.networks, kept.agents) {
             (true, true) => "changed; training continues".to_owned(),
             (true, false) => "changed; agents restarted, networks and replay kept".to_owned(),
@@ -88,24 +88,27 @@ impl Worker {
     }
 
     /// Switches to another run.
-    fn adopt(&mut self, trainer: Trainer) -> Result<(), TrainError> {
+    fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         self.trainer = trainer;
-        (self.evaluation, self.rested, self.next_update, self.follow, self.fresh) = (None, None, None, None, None);
+        (self.evaluation, self.next_evaluation_at, self.next_update_at, self.follow, self.new_file) =
+            (None, None, None, None, None);
         self.autosaved.clear();
         self.current = Snapshot {
             generation: self.current.generation + 1,
             speed: self.current.speed,
             notice: self.current.notice.clone(),
-            ..Snapshot::of(&self.trainer)?
+            ..Snapshot::capture(&self.trainer)?
         };
-        self.renew(true)
+        self.refresh_snapshot(true)
     }
 
     /// Saves a checkpoint and returns a notice for the user.
     fn save(&mut self, to: SaveTo, log: Vec<LogEntry>) -> Result<String, CommandError> {
         // The front end may not know yet which file its previous save went to.
-        let to = match (&self.fresh, to) {
-            (Some((asked, went)), SaveTo::Fresh(path)) if *asked == path => SaveTo::Own(went.clone()),
+        let to = match (&self.new_file, to) {
+            (Some((requested, written_to)), SaveTo::CreateNew(path)) if *requested == path => {
+                SaveTo::Replace(written_to.clone())
+            }
             (_, to) => to,
         };
         let path = self.write(&to, log).inspect_err(|error| {
@@ -116,8 +119,8 @@ impl Worker {
         if to.path() != path {
             text += &format!(" ({} belongs to another run)", to.path().display());
         }
-        if let SaveTo::Fresh(asked) = to {
-            self.fresh = Some((asked, path.clone()));
+        if let SaveTo::CreateNew(requested) = to {
+            self.new_file = Some((requested, path.clone()));
         }
         self.current.saved = Some((updates, Arc::new(path)));
         Ok(text)
@@ -127,11 +130,11 @@ impl Worker {
     fn autosave(&mut self, named_after: &Path, log: Vec<LogEntry>) -> Result<String, CommandError> {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let updates = self.trainer.counters().updates;
-        let asked = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
-        let path = self.write(&SaveTo::Fresh(asked), log)?;
+        let requested = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
+        let path = self.write(&SaveTo::CreateNew(requested), log)?;
         let text = format!("autosaved {} at update {updates}", path.display());
         self.autosaved.push(path);
-        while self.autosaved.len() > AUTOSAVES_KEPT {
+        while self.autosaved.len() > MAX_AUTOSAVES {
             // Ignored: the file may already have been removed by someone else.
             let _ = std::fs::remove_file(self.autosaved.remove(0));
         }
@@ -142,7 +145,7 @@ impl Worker {
     fn write(&mut self, to: &SaveTo, log: Vec<LogEntry>) -> Result<PathBuf, CommandError> {
         // Even when no rollbacks are left, the networks are good and can be saved.
         let diverged = self.trainer.ensure_finite().err();
-        self.tell_recovery();
+        self.report_recovery();
         self.trainer.history_mut().log = log;
         let path = checkpoint::save(&self.trainer, to).map_err(CommandError::NotSaved)?;
         if let Some(error) = diverged {
@@ -152,10 +155,10 @@ impl Worker {
     }
 
     /// Runs a command. A panic is reported, and the run is repaired as far as possible.
-    pub(super) fn carry_out(&mut self, command: Command) {
+    pub(super) fn execute(&mut self, command: Command) {
         let saves = matches!(command, Command::Save(..));
-        if catch_unwind(AssertUnwindSafe(|| self.carry_out_at_once(command))).is_err() {
-            self.mend("a command");
+        if catch_unwind(AssertUnwindSafe(|| self.execute_unguarded(command))).is_err() {
+            self.repair("a command");
             if saves {
                 let text = "saving failed with an internal error".to_owned();
                 self.current.save_failed = (self.current.save_failed.0 + 1, text);
@@ -164,13 +167,13 @@ impl Worker {
         }
     }
 
-    fn carry_out_at_once(&mut self, command: Command) {
-        let told = match command {
-            Command::Pause if self.current.phase.trains() => {
+    fn execute_unguarded(&mut self, command: Command) {
+        let outcome = match command {
+            Command::Pause if self.current.phase.is_training() => {
                 self.current.phase = Phase::Paused;
-                self.renew(true).map(|()| None).map_err(CommandError::Train)
+                self.refresh_snapshot(true).map(|()| None).map_err(CommandError::Train)
             }
-            Command::Resume if !self.current.phase.trains() => {
+            Command::Resume if !self.current.phase.is_training() => {
                 if self.current.phase == Phase::Done {
                     self.current.limits = Limits::default();
                 }
@@ -183,37 +186,37 @@ impl Worker {
             }
             Command::Pause | Command::Resume | Command::Step(_) => Ok(None),
             Command::LimitSpeed(speed) => {
-                (self.current.speed, self.next_update) = (speed.filter(|s| *s > 0.0), None);
+                (self.current.speed, self.next_update_at) = (speed.filter(|s| *s > 0.0), None);
                 Ok(None)
             }
             Command::Follow(agent) => {
                 self.follow = agent;
-                self.renew(false).map(|()| None).map_err(CommandError::Train)
+                self.refresh_snapshot(false).map(|()| None).map_err(CommandError::Train)
             }
             Command::Save(to, log) => self.save(to, log).map(Some),
             Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
             Command::ChangeWorld(make) => self.change_world(&*make(self.trainer.world())).map(Some),
             Command::Change(run) => self.change(*run).map(Some),
-            Command::Begin(run, make) => self.begin(*run, &*make(self.trainer.world())).map(Some),
+            Command::StartRun(run, make) => self.start_run(*run, &*make(self.trainer.world())).map(Some),
             Command::Load(path) => self.load(path).map(Some),
         };
-        match told {
-            Ok(Some(text)) => self.notify(plain(&text)),
-            Err(error) => self.notify(plain(&error.to_string())),
+        match outcome {
+            Ok(Some(text)) => self.notify(sanitized(&text)),
+            Err(error) => self.notify(sanitized(&error.to_string())),
             Ok(None) => {}
         }
         self.publish();
     }
 
     /// Starts a new run.
-    fn begin(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
+    fn start_run(&mut self, run: Run, world: &dyn Environment) -> Result<String, CommandError> {
         let begin = || {
             let registry = self.trainer.registry();
             memory::check(&run, world, registry)?;
             Trainer::new(run, world, registry, self.trainer.threads())
         };
         let trainer = begin()?;
-        self.adopt(trainer)?;
+        self.switch_to(trainer)?;
         Ok("started a new run".to_owned())
     }
 
@@ -221,8 +224,8 @@ impl Worker {
         let loaded = checkpoint::load(&path, self.trainer.registry(), self.trainer.threads());
         let Loaded { trainer, warning } = loaded.map_err(CommandError::NotLoaded)?;
         let phase = self.current.phase.clone();
-        self.adopt(trainer)?;
-        if !phase.trains() {
+        self.switch_to(trainer)?;
+        if !phase.is_training() {
             self.current.phase = Phase::Paused;
         }
         let text = warning.unwrap_or_else(|| format!("loaded {}", path.display()));

@@ -38,7 +38,7 @@ pub enum Phase {
 
 impl Phase {
     /// Whether training is running.
-    pub fn trains(&self) -> bool {
+    pub fn is_training(&self) -> bool {
         matches!(self, Self::Running | Self::Stepping(_))
     }
 }
@@ -77,7 +77,7 @@ pub struct Snapshot {
     /// The latest states of each agent's episode, oldest first, `(states, state_dim)`.
     pub trails: Arc<Vec<Vec<f32>>>,
     /// State of the followed agent.
-    pub followed: Option<Arc<Followed>>,
+    pub followed: Option<Arc<FollowedAgent>>,
     /// Networks and bridge candidates, updated less often.
     pub networks: Arc<Networks>,
     /// The latest bridge search.
@@ -108,14 +108,14 @@ pub struct Networks {
 
 impl Networks {
     /// Copies the current networks and candidates of `trainer`.
-    pub(super) fn of(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
+    pub(super) fn capture(trainer: &Trainer) -> Result<Arc<Self>, TrainError> {
         Ok(Arc::new(Self { policy: trainer.policy()?, candidates: trainer.candidates().frozen() }))
     }
 }
 
 /// An exploring agent in its current episode.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Followed {
+pub struct FollowedAgent {
     /// Index of the agent.
     pub agent: usize,
     /// First state of its episode that the replay buffer still holds, `(state_dim)`.
@@ -139,7 +139,7 @@ impl Snapshot {
     ///
     /// # Errors
     /// The learner fails.
-    pub fn of(trainer: &Trainer) -> Result<Self, TrainError> {
+    pub fn capture(trainer: &Trainer) -> Result<Self, TrainError> {
         Ok(Self {
             run: Arc::new(trainer.run().clone()),
             generation: 0,
@@ -157,7 +157,7 @@ impl Snapshot {
             agents: Arc::new(trainer.world().states().to_vec()),
             trails: Arc::default(),
             followed: None,
-            networks: Networks::of(trainer)?,
+            networks: Networks::capture(trainer)?,
             search: trainer.last_search().cloned(),
             curve: trainer.history().points().clone(),
             evaluations: trainer.history().evaluations().clone(),

@@ -104,9 +104,9 @@ impl Setting {
 
 use Group::{Agents, Batches, Bridges, Exploration, Networks, Optimiser, Planning, Targets};
 
-const SHARE: &str = "a fraction from 0 to 1";
-const PROBABILITY: &str = "a probability from 0 to 1";
-const SWITCH: &str = "true or false";
+const SHARE_RANGE: &str = "a fraction from 0 to 1";
+const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
+const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
 pub const SETTINGS: [Setting; 54] = [
@@ -166,14 +166,14 @@ pub const SETTINGS: [Setting; 54] = [
         Targets,
         "greedy_targets",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "cap targets at the actor's one-step lookahead, 1 + D'(f(s, mu'(s, g)), g)",
     ),
     Setting::new(
         Targets,
         "hindsight_bound",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "cap targets at the steps in which a trajectory reached the goal",
     ),
     Setting::new(
@@ -191,14 +191,14 @@ pub const SETTINGS: [Setting; 54] = [
         Batches,
         "goal_hindsight",
         "",
-        SHARE,
+        SHARE_RANGE,
         "fraction of goals relabelled in hindsight: states reached later in the episode",
     ),
     Setting::new(
         Batches,
         "goal_geometric",
         "",
-        SHARE,
+        SHARE_RANGE,
         "fraction of hindsight goals a geometric number of steps ahead; the rest are uniform over the future",
     ),
     Setting::new(
@@ -219,7 +219,7 @@ pub const SETTINGS: [Setting; 54] = [
         Batches,
         "distillation",
         "",
-        SHARE,
+        SHARE_RANGE,
         "fraction of pairs that are bridge candidates with their graph distance as target",
     ),
     Setting::new(
@@ -277,7 +277,7 @@ pub const SETTINGS: [Setting; 54] = [
         Agents,
         "new_goal_when_reached",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "give an agent that reaches its goal a new one within the episode",
     ),
     Setting::new(
@@ -291,7 +291,7 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "random_actions",
         "",
-        SHARE,
+        SHARE_RANGE,
         "fraction of steps in a random direction instead of the actor's",
     ),
     Setting::new(
@@ -313,7 +313,7 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "bridge_epsilon",
         "",
-        PROBABILITY,
+        PROBABILITY_RANGE,
         "probability that an episode's first goal is a bridge point (Algorithm 1's epsilon)",
     ),
     Setting::new(
@@ -327,14 +327,14 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "planned_episodes",
         "",
-        PROBABILITY,
+        PROBABILITY_RANGE,
         "probability that an episode follows a plan through the bridge graph",
     ),
     Setting::new(
         Exploration,
         "frontier_epsilon",
         "",
-        PROBABILITY,
+        PROBABILITY_RANGE,
         "probability that an episode's first goal is at the frontier: a candidate with few outgoing edges",
     ),
     Setting::new(
@@ -352,12 +352,18 @@ pub const SETTINGS: [Setting; 54] = [
         "minimum distance between candidates; grows if there would be too many",
     ),
     Setting::new(Bridges, "edge_cutoff_steps", "steps", "a number of steps from 1 to 100", "maximum D of an edge"),
-    Setting::new(Bridges, "verify_edges", "", SWITCH, "require a stored trajectory along an edge in about D steps"),
+    Setting::new(
+        Bridges,
+        "verify_edges",
+        "",
+        SWITCH_VALUES,
+        "require a stored trajectory along an edge in about D steps",
+    ),
     Setting::new(
         Bridges,
         "keep_observed_edges",
         "",
-        SWITCH,
+        SWITCH_VALUES,
         "keep pairs connected by trajectories as costly edges if D is above the cut-off",
     ),
     Setting::new(
@@ -374,8 +380,14 @@ pub const SETTINGS: [Setting; 54] = [
         "a number of steps from 0 to 100",
         "overhead of passing a waypoint, in steps beyond D to it and D from it",
     ),
-    Setting::new(Planning, "open_loop", "", SWITCH, "plan once and follow the plan to its end"),
-    Setting::new(Planning, "progress_check", "", SWITCH, "temporarily ban a waypoint that was not reached in time"),
+    Setting::new(Planning, "open_loop", "", SWITCH_VALUES, "plan once and follow the plan to its end"),
+    Setting::new(
+        Planning,
+        "progress_check",
+        "",
+        SWITCH_VALUES,
+        "temporarily ban a waypoint that was not reached in time",
+    ),
     Setting::new(
         Planning,
         "late_factor",
@@ -385,7 +397,13 @@ pub const SETTINGS: [Setting; 54] = [
     ),
     Setting::new(Planning, "late_slack_steps", "steps", "a number of steps, at least 1", "see late_factor"),
     Setting::new(Planning, "ban_steps", "steps", "an integer, 0 or more", "steps for which a late waypoint is banned"),
-    Setting::new(Planning, "averaged_weights", "", SWITCH, "plan and evaluate with the averaged critics and actor"),
+    Setting::new(
+        Planning,
+        "averaged_weights",
+        "",
+        SWITCH_VALUES,
+        "plan and evaluate with the averaged critics and actor",
+    ),
 ];
 
 /// Returns the reference page in Markdown.

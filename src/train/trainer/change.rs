@@ -4,7 +4,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::recovery::LastGood;
-use super::{Result, Stream, Trainer, learner_of, replay_of, stream, world_of};
+use super::{Result, Stream, Trainer, fork_world, new_learner, new_replay, stream};
 use crate::bridge::Candidates;
 use crate::env::Environment;
 use crate::store::Store;
@@ -20,7 +20,7 @@ use crate::train::settings::{Effect, Settings};
 pub struct WorldChange {
     /// Short description of the change.
     #[serde(skip)]
-    pub what: String,
+    pub summary: String,
     /// Warning for the user, if any.
     #[serde(skip)]
     pub warning: Option<String>,
@@ -33,7 +33,7 @@ pub struct WorldChange {
 
 /// What was kept when a run's settings changed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Kept {
+pub struct KeptState {
     /// Whether the networks were kept; otherwise they are fresh.
     pub networks: bool,
     /// Whether the agents' states, goals and episodes were kept; otherwise they were restarted.
@@ -49,15 +49,15 @@ impl Trainer {
     /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         let change = world.change_from(self.world())?;
-        self.rollout.enter(world_of(&self.run, world), &mut self.replay);
+        self.rollout.enter_environment(fork_world(&self.run, world), &mut self.replay);
         let world = self.rollout.env();
         let transitions_removed = self.replay.retain_possible(|s, a, next| world.is_possible(s, a, next));
-        self.find_candidates_again();
+        self.rebuild_candidates();
         if change.may_lengthen {
             self.counters.relearns_until = self.counters.updates + self.run.settings.learn.relearn_updates;
         }
         self.graphs = Graphs::default();
-        Ok(WorldChange { what: change.what, warning: change.warning, facts: change.facts, transitions_removed })
+        Ok(WorldChange { summary: change.summary, warning: change.warning, facts: change.facts, transitions_removed })
     }
 
     /// Continues with other settings, method or preset. Keeps the replay buffer and all counters, and networks and
@@ -65,9 +65,9 @@ impl Trainer {
     ///
     /// # Errors
     /// The learner fails; nothing has changed then.
-    pub fn change_run(&mut self, run: Run) -> Result<Kept> {
+    pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
         let spec = self.spec();
-        let fresh = || learner_of(&run, spec, &self.registry, self.threads);
+        let fresh = || new_learner(&run, spec, &self.registry, self.threads);
         let (mut learner, mut networks) = (fresh()?, false);
         if keeps_networks(&self.run.settings, &run.settings) {
             let mut store = Store::default();
@@ -78,15 +78,15 @@ impl Trainer {
                 learner = fresh()?;
             }
         }
-        let last_good = LastGood::of(self.counters.updates, self.counters.losses, &*learner)?;
+        let last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*learner)?;
         let before = std::mem::replace(&mut self.run, run);
         (self.learner, self.last_good) = (learner, last_good);
         self.graphs = Graphs::default();
-        self.rollout.drop_plans();
+        self.rollout.discard_plans();
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
         let agents = self.fit_agents(&before);
-        Ok(Kept { networks, agents })
+        Ok(KeptState { networks, agents })
     }
 
     /// Adapts world, agents, replay buffer and candidates to settings changed from `before`; returns whether the agents
@@ -101,8 +101,8 @@ impl Trainer {
         } else {
             self.restart_agents(same_replay);
         }
-        if !agents || candidates_of(&self.run.settings) != candidates_of(&before.settings) {
-            self.find_candidates_again();
+        if !agents || candidate_settings(&self.run.settings) != candidate_settings(&before.settings) {
+            self.rebuild_candidates();
         }
         agents
     }
@@ -113,18 +113,18 @@ impl Trainer {
         self.world().save(&mut statistics);
         self.rollout.end_episodes(&mut self.replay);
         if !same_replay {
-            let mut replay = replay_of(&self.run, self.spec());
+            let mut replay = new_replay(&self.run, self.spec());
             self.replay.copy_episodes_into(&mut replay);
             self.replay = replay;
         }
-        let mut world = world_of(&self.run, self.world());
+        let mut world = fork_world(&self.run, self.world());
         // They come from this world, so they fit.
         let _ = world.restore_statistics(&statistics);
         self.rollout = Rollout::new(world, stream(self.run.seed, Stream::Explore));
     }
 
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
-    fn find_candidates_again(&mut self) {
+    fn rebuild_candidates(&mut self) {
         let settings = &self.run.settings;
         let fresh = Candidates::new(self.spec(), settings.train.agents, &settings.bridge);
         let Self { candidates, replay, .. } = self;
@@ -144,6 +144,6 @@ fn keeps_networks(before: &Settings, now: &Settings) -> bool {
 }
 
 /// Returns the settings that bridge candidates depend on.
-fn candidates_of(settings: &Settings) -> (usize, f32, usize) {
+fn candidate_settings(settings: &Settings) -> (usize, f32, usize) {
     (settings.bridge.candidates, settings.bridge.candidate_spacing, settings.bridge.window_steps())
 }

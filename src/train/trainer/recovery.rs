@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::{Result, Trainer, learner_of};
+use super::{Result, Trainer, new_learner};
 use crate::learn::{Learner, Losses};
 use crate::store::Store;
 use crate::train::error::TrainError;
@@ -12,10 +12,10 @@ use crate::train::graphs::Graphs;
 const KEEP_EVERY_UPDATES: u64 = 2_000;
 
 /// Maximum number of rollbacks before the run fails.
-const MOST_RECOVERIES: u32 = 3;
+const MAX_RECOVERIES: u32 = 3;
 
 /// Factor applied to the learning rates at each rollback.
-const SLOWER: f32 = 0.5;
+const LEARNING_RATE_FACTOR: f32 = 0.5;
 
 /// The last good networks.
 pub(super) struct LastGood {
@@ -43,14 +43,14 @@ impl std::fmt::Display for Recovery {
         write!(
             f,
             "training diverged at update {updates}: rolled back to update {back_to} with half the learning rate, \
-             {learning_rate} ({times} of {MOST_RECOVERIES})"
+             {learning_rate} ({times} of {MAX_RECOVERIES})"
         )
     }
 }
 
 impl LastGood {
     /// Copies the learner's state.
-    pub fn of(updates: u64, losses: [f64; 3], learner: &dyn Learner) -> Result<Self> {
+    pub fn capture(updates: u64, losses: [f64; 3], learner: &dyn Learner) -> Result<Self> {
         let mut store = Store::default();
         learner.save(&mut store)?;
         Ok(Self { updates, losses, learner: store })
@@ -74,9 +74,9 @@ impl Trainer {
     pub(super) fn check_update(&mut self, losses: &Losses) -> Result<()> {
         let finite = [losses.critic, losses.model, losses.actor].iter().all(|loss| loss.is_finite());
         if !finite || crate::faults::point("loss") {
-            return self.go_back();
+            return self.roll_back();
         }
-        if self.counters.updates.is_multiple_of(KEEP_EVERY_UPDATES) { self.keep_good() } else { Ok(()) }
+        if self.counters.updates.is_multiple_of(KEEP_EVERY_UPDATES) { self.check_and_keep() } else { Ok(()) }
     }
 
     /// Ensures before saving that the networks are finite, rolling back if necessary.
@@ -84,14 +84,14 @@ impl Trainer {
     /// # Errors
     /// No rollbacks are left; the networks are good even then.
     pub fn ensure_finite(&mut self) -> Result<()> {
-        if self.networks()?.is_finite() { Ok(()) } else { self.go_back() }
+        if self.networks()?.is_finite() { Ok(()) } else { self.roll_back() }
     }
 
     /// Keeps the networks for rollback if they are good, else rolls back.
-    fn keep_good(&mut self) -> Result<()> {
+    fn check_and_keep(&mut self) -> Result<()> {
         let good = self.networks()?;
         if !good.is_finite() || !self.learner.is_finite()? {
-            return self.go_back();
+            return self.roll_back();
         }
         self.last_good = good;
         Ok(())
@@ -99,23 +99,23 @@ impl Trainer {
 
     /// Returns a copy of the current networks.
     fn networks(&self) -> Result<LastGood> {
-        LastGood::of(self.counters.updates, self.counters.losses, &*self.learner)
+        LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)
     }
 
     /// Rolls back to the last good networks with smaller learning rates; keeps replay buffer and agents.
-    pub(super) fn go_back(&mut self) -> Result<()> {
-        let gives_up = self.counters.recoveries >= MOST_RECOVERIES;
+    pub(super) fn roll_back(&mut self) -> Result<()> {
+        let gives_up = self.counters.recoveries >= MAX_RECOVERIES;
         if !gives_up {
             self.counters.recoveries += 1;
             let learn = &mut self.run.settings.learn;
-            learn.learning_rate *= SLOWER;
-            learn.grid_learning_rate *= SLOWER;
+            learn.learning_rate *= LEARNING_RATE_FACTOR;
+            learn.grid_learning_rate *= LEARNING_RATE_FACTOR;
         }
         self.restore_last_good()?;
         if gives_up {
             return Err(TrainError::Diverged {
                 updates: self.counters.updates,
-                times: MOST_RECOVERIES,
+                times: MAX_RECOVERIES,
                 learning_rate: self.run.settings.learn.learning_rate,
                 back_to: self.last_good.updates,
             });
@@ -133,13 +133,13 @@ impl Trainer {
 
     /// Replaces the learner by one with the current settings and the last good networks.
     fn restore_last_good(&mut self) -> Result<()> {
-        let mut learner = learner_of(&self.run, self.spec(), &self.registry, self.threads)?;
+        let mut learner = new_learner(&self.run, self.spec(), &self.registry, self.threads)?;
         learner.load(&self.last_good.learner)?;
         self.learner = learner;
         self.counters.losses = self.last_good.losses;
         // Graphs and plans may come from networks that had already diverged.
         self.graphs = Graphs::default();
-        self.rollout.drop_plans();
+        self.rollout.discard_plans();
         Ok(())
     }
 
@@ -147,13 +147,13 @@ impl Trainer {
     ///
     /// # Errors
     /// The learner fails.
-    pub fn mend_after_panic(&mut self) -> Result<()> {
+    pub fn repair_after_panic(&mut self) -> Result<()> {
         if std::mem::take(&mut self.in_update) {
             return self.restore_last_good();
         }
         // Saving repeats a pending graph build: one that panicked would panic again.
         self.graphs = Graphs::default();
-        self.rollout.drop_plans();
+        self.rollout.discard_plans();
         Ok(())
     }
 }

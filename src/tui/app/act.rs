@@ -7,7 +7,7 @@ use crate::map::Cell;
 use crate::train::{Command, Step};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
-use crate::tui::editor::beside;
+use crate::tui::editor::offset_cell;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::theme::{Theme, ThemeName};
@@ -30,9 +30,9 @@ impl App {
             Action::Faster => self.change_speed(true),
             Action::Freeze => self.freeze(!self.screen.frozen),
             Action::NewSeed => self.ask_seed(),
-            Action::Settings => self.pick(lists::settings(&self.screen.run().settings)),
-            Action::Method => self.pick(lists::methods(&self.screen.run().method)),
-            Action::Preset => self.pick(lists::presets(self.screen.run().preset)),
+            Action::Settings => self.open_picker(lists::settings(&self.screen.run().settings)),
+            Action::Method => self.open_picker(lists::methods(&self.screen.run().method)),
+            Action::Preset => self.open_picker(lists::presets(self.screen.run().preset)),
             Action::NewGoal => {
                 let cell = self.random_cell();
                 self.set_goal(cell);
@@ -40,23 +40,23 @@ impl App {
             Action::Move(dx, dy) => self.move_by(dx, dy),
             Action::GoalHere => self.set_goal(self.screen.inspecting.unwrap_or(self.screen.goal)),
             Action::StartHere => {
-                self.viewer.ask(Request::Start(Some(self.screen.inspecting.unwrap_or(self.screen.goal))));
+                self.viewer.request(Request::Start(Some(self.screen.inspecting.unwrap_or(self.screen.goal))));
             }
-            Action::NewStart => self.viewer.ask(Request::Start(None)),
-            Action::Tour => {
-                self.screen.tour = self.screen.tour.next();
-                self.viewer.ask(Request::Tour(self.screen.tour));
-                self.notify(&format!("at the goal @ will {}", self.screen.tour.name()));
+            Action::NewStart => self.viewer.request(Request::Start(None)),
+            Action::OnArrival => {
+                self.screen.on_arrival = self.screen.on_arrival.next();
+                self.viewer.request(Request::OnArrival(self.screen.on_arrival));
+                self.notify(&format!("at the goal @ will {}", self.screen.on_arrival.name()));
             }
             Action::Follow => self.follow_next(),
             Action::Field(forward) => {
-                self.screen.field = self.screen.field.turn(forward, &self.screen.run().method);
-                self.viewer.ask(Request::Field(self.screen.field));
+                self.screen.field = self.screen.field.cycle(forward, &self.screen.run().method);
+                self.viewer.request(Request::Field(self.screen.field));
             }
             Action::Toggle(overlay) => {
                 let shown = self.screen.overlays.toggle(overlay);
                 if overlay == Overlay::Directions {
-                    self.viewer.ask(Request::Directions(shown));
+                    self.viewer.request(Request::Directions(shown));
                 }
                 self.notify(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }
@@ -74,14 +74,14 @@ impl App {
                 let at = self.screen.inspecting.is_none().then_some(self.screen.goal);
                 self.inspect(at);
             }
-            Action::Theme => self.pick(lists::themes(self.screen.theme.name)),
+            Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),
             Action::NextPane => self.show(self.screen.pane.next()),
             Action::Maximise => self.screen.maximised = !self.screen.maximised,
             Action::Scroll(by) => self.screen.scrolled = self.screen.scrolled.saturating_add_signed(-by),
             Action::LogScale => self.screen.log_scale = !self.screen.log_scale,
             Action::ToggleEdit => self.toggle_edit(),
-            Action::Tool(tool) => self.screen.editor.take(tool),
+            Action::Tool(tool) => self.screen.editor.select_tool(tool),
             Action::Apply => {
                 let new = self.screen.editor.apply(&self.screen.map.clone());
                 self.change_map(new);
@@ -105,10 +105,10 @@ impl App {
             Action::Load => self.pick_checkpoint(),
             Action::Autosave => {
                 let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
-                self.ask(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
+                self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
             }
-            Action::Export => self.pick(lists::exports()),
-            Action::Palette => self.pick(lists::actions(&self.screen.keymap)),
+            Action::Export => self.open_picker(lists::exports()),
+            Action::Palette => self.open_picker(lists::actions(&self.screen.keymap)),
             Action::Help => self.screen.dialogs.push(Dialog::Help(0)),
             Action::Close => self.close_top(),
             Action::Suspend => self.suspending = true,
@@ -118,7 +118,7 @@ impl App {
 
     fn toggle_pause(&mut self) {
         // The shown snapshot may be frozen.
-        let trains = self.snapshots().borrow().phase.trains();
+        let trains = self.snapshots().borrow().phase.is_training();
         if self.command(if trains { Command::Pause } else { Command::Resume }) {
             self.screen.pausing = trains;
         }
@@ -126,7 +126,7 @@ impl App {
 
     /// Runs a step, pausing training first if necessary.
     fn step(&mut self, step: Step) {
-        if self.screen.snapshot.phase.trains() && self.command(Command::Pause) {
+        if self.screen.snapshot.phase.is_training() && self.command(Command::Pause) {
             self.screen.pausing = true;
         }
         self.command(Command::Step(step));
@@ -180,11 +180,11 @@ impl App {
         if self.screen.editor.is_open() {
             self.screen.editor.move_cursor((dx, dy), &self.screen.map.clone());
         } else if let Some(at) = self.screen.inspecting {
-            self.inspect(Some(beside(at, (dx, dy), &self.screen.map)));
+            self.inspect(Some(offset_cell(at, (dx, dy), &self.screen.map)));
         } else {
             self.move_goal(dx, dy);
         }
-        self.keep_in_sight();
+        self.scroll_into_view();
     }
 
     /// Moves the goal to the next free cell in that direction, jumping over walls.
@@ -213,23 +213,23 @@ impl App {
         }
     }
 
-    pub(super) fn pick(&mut self, picker: Picker) {
+    pub(super) fn open_picker(&mut self, picker: Picker) {
         self.screen.dialogs.push(Dialog::Pick(picker));
     }
 
-    pub(super) fn ask(&mut self, prompt: Prompt) {
+    pub(super) fn open_prompt(&mut self, prompt: Prompt) {
         self.screen.dialogs.push(Dialog::Ask(prompt));
     }
 
     /// Changes the theme.
     pub fn set_theme(&mut self, name: ThemeName) {
-        self.screen.theme = Theme::new(name, crate::tui::theme::Depth::detect());
+        self.screen.theme = Theme::new(name, crate::tui::theme::ColourDepth::detect());
     }
 
     fn ask_seed(&mut self) {
         let next = self.screen.run().seed.wrapping_add(1).to_string();
         let hint = "an integer: same seed, same run. Unsaved training is lost";
-        self.ask(Prompt::new(Question::Seed, "restart with seed", hint, next));
+        self.open_prompt(Prompt::new(Question::Seed, "restart with seed", hint, next));
     }
 
     pub(super) fn on_key_in_help(&mut self, key: KeyEvent) {

@@ -13,7 +13,7 @@ use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 #[derive(Debug, thiserror::Error)]
 pub(super) enum AnswerError {
     /// An existing file: confirming replaces it.
-    #[error("{EXISTS}")]
+    #[error("{FILE_EXISTS}")]
     Exists,
     /// An empty name of a checkpoint.
     #[error("enter a name, e.g. rooms-at-95-percent")]
@@ -40,7 +40,7 @@ pub(super) enum AnswerError {
     #[error("enter a number of minutes, 0 for none")]
     NoMinutes,
     /// A setting that cannot have this value.
-    #[error("{}", .0.in_a_line())]
+    #[error("{}", .0.one_line())]
     Setting(#[from] Box<ConfigError>),
 }
 
@@ -56,9 +56,9 @@ impl App {
             Some(Dialog::Ask(mut prompt)) => {
                 let (typed, _) = prompt.typed();
                 let typed = typed.trim().to_owned();
-                let warned = prompt.error.as_deref() == Some(EXISTS);
-                let safe = if warned { Ok(()) } else { replaces_nothing(&prompt.question, &typed) };
-                if let Err(error) = safe.and_then(|()| self.take_answer(&prompt.question.clone(), &typed)) {
+                let warned = prompt.error.as_deref() == Some(FILE_EXISTS);
+                let safe = if warned { Ok(()) } else { check_new_file(&prompt.question, &typed) };
+                if let Err(error) = safe.and_then(|()| self.apply_answer(&prompt.question.clone(), &typed)) {
                     prompt.error = Some(error.to_string());
                     self.screen.dialogs.push(Dialog::Ask(prompt));
                 }
@@ -80,19 +80,19 @@ impl App {
             Choice::OpenMap(path) => self.open_map(&path),
             Choice::OpenBuiltin(name) => {
                 if let Some(map) = crate::map::builtin(name) {
-                    self.go_to(&Arc::new(map));
+                    self.offer_map(&Arc::new(map));
                 }
             }
-            Choice::BeginOn(map) => self.begin_on(map),
-            Choice::GoOnWith(map) => {
-                let new = self.screen.editor.remember(&self.screen.map.clone(), (*map).clone());
+            Choice::StartOn(map) => self.start_run_on(map),
+            Choice::ContinueOn(map) => {
+                let new = self.screen.editor.record(&self.screen.map.clone(), (*map).clone());
                 self.change_map(new);
             }
             Choice::Load(path) => {
                 self.notify(&format!("loading {} ...", path.display()));
                 self.command(Command::Load(path));
             }
-            Choice::Export(what) => self.export = Some(what),
+            Choice::Export(kind) => self.export = Some(kind),
             Choice::Quit { save: true } => self.save_and_quit(),
             Choice::Quit { save: false } => self.done = true,
             Choice::Nothing => {}
@@ -108,13 +108,13 @@ impl App {
         }
     }
 
-    fn begin_on(&mut self, map: Arc<Grid>) {
+    fn start_run_on(&mut self, map: Arc<Grid>) {
         let run = self.screen.run().clone();
-        self.command(Command::Begin(Box::new(run), maze_on(map)));
+        self.command(Command::StartRun(Box::new(run), maze_on(map)));
     }
 
     /// Asks the user how to switch to another map.
-    pub(super) fn go_to(&mut self, map: &Arc<Grid>) {
+    pub(super) fn offer_map(&mut self, map: &Arc<Grid>) {
         let (width, height) = (self.screen.map.width(), self.screen.map.height());
         // Cells beyond the new map become walls, to keep agents out.
         let fitted = map.resized(width, height).and_then(|fitted| {
@@ -122,7 +122,7 @@ impl App {
             let walls: Vec<_> = fitted.free_cells().filter(beyond).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        self.pick(lists::ways_to_turn_to(map, &self.screen.map, fitted));
+        self.open_picker(lists::map_switch_choices(map, &self.screen.map, fitted));
     }
 
     fn ask_setting(&mut self, name: String) {
@@ -131,17 +131,17 @@ impl App {
         let hint = Setting::named(&name).map_or(String::new(), |setting| {
             format!("{}: {}; {}", setting.about, setting.range, setting.effect.about())
         });
-        self.ask(Prompt::new(Question::Setting(name.clone()), name, hint, value));
+        self.open_prompt(Prompt::new(Question::Setting(name.clone()), name, hint, value));
     }
 
     pub(super) fn ask_size(&mut self, question: Question) {
         let title = if question == Question::NewMap { "size of the empty map" } else { "new size of the map" };
         let now = format!("{} x {}", self.screen.map.width(), self.screen.map.height());
-        self.ask(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
+        self.open_prompt(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
     }
 
     /// Carries out an answer, or returns what is wrong with it.
-    fn take_answer(&mut self, question: &Question, typed: &str) -> Result<(), AnswerError> {
+    fn apply_answer(&mut self, question: &Question, typed: &str) -> Result<(), AnswerError> {
         match question {
             Question::Setting(name) => {
                 let settings = with_setting(&self.screen.run().settings, name, typed)?;
@@ -156,18 +156,18 @@ impl App {
             Question::SaveMap => self.save_map(typed)?,
             Question::NewMap => {
                 let (width, height) = size(typed)?;
-                self.go_to(&Arc::new(Grid::empty("new", width, height)));
+                self.offer_map(&Arc::new(Grid::empty("new", width, height)));
             }
             Question::ResizeMap => {
                 let (width, height) = size(typed)?;
                 let resized = self.screen.map.resized(width, height);
                 let map = resized.ok_or(AnswerError::NoFreeCell)?;
-                self.go_to(&Arc::new(map));
+                self.offer_map(&Arc::new(map));
             }
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;
                 let run = Run { seed, ..self.screen.run().clone() };
-                self.command(Command::Begin(Box::new(run), maze_on(self.screen.map.clone())));
+                self.command(Command::StartRun(Box::new(run), maze_on(self.screen.map.clone())));
             }
             Question::Autosave => {
                 let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));
@@ -180,10 +180,10 @@ impl App {
 }
 
 /// The warning shown before a file is replaced.
-const EXISTS: &str = "the file exists: Enter again replaces it";
+const FILE_EXISTS: &str = "the file exists: Enter again replaces it";
 
 /// Checks that an answer does not name an existing file.
-fn replaces_nothing(question: &Question, typed: &str) -> Result<(), AnswerError> {
+fn check_new_file(question: &Question, typed: &str) -> Result<(), AnswerError> {
     let file = match question {
         Question::SaveMap => Path::new(typed).to_owned(),
         Question::SaveAs => checkpoint_file(typed),

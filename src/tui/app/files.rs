@@ -8,7 +8,7 @@ use jiff::tz::TimeZone;
 use super::App;
 use super::answer::AnswerError;
 use super::saving::SAVES;
-use crate::files::{read_text, write_whole};
+use crate::files::{read_text, write_atomically};
 use crate::map::{load_map, print_ascii, print_movingai};
 use crate::train::describe;
 use crate::tui::action::Action;
@@ -16,7 +16,7 @@ use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question, lists};
 
 /// Number of recent maps remembered.
-const RECENT: usize = 8;
+const MAX_RECENT_MAPS: usize = 8;
 
 /// The largest list of recent maps that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -25,7 +25,7 @@ impl App {
     pub(super) fn ask_save_as(&mut self) {
         let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
         let hint = format!("a name, saved as {SAVES}/NAME.safetensors, or a path");
-        self.ask(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
+        self.open_prompt(Prompt::new(Question::SaveAs, "save the checkpoint as", hint, stem));
     }
 
     pub(super) fn pick_checkpoint(&mut self) {
@@ -41,13 +41,13 @@ impl App {
             return;
         }
         let found = files.iter().map(|path| describe(path)).collect();
-        self.pick(lists::checkpoints(found, &TimeZone::system()));
+        self.open_picker(lists::checkpoints(found, &TimeZone::system()));
     }
 
     pub(super) fn ask_map_file(&mut self) {
         let name = format!("{}-edited.txt", self.screen.map.name().trim_end_matches("-edited"));
         let hint = "NAME.map: Moving AI format; any other: plain ASCII";
-        self.ask(Prompt::new(Question::SaveMap, "save the map as", hint, name));
+        self.open_prompt(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }
 
     pub(super) fn save_map(&mut self, name: &str) -> Result<(), AnswerError> {
@@ -58,7 +58,7 @@ impl App {
         let movingai = path.extension().is_some_and(|e| e == "map");
         let marks = self.screen.map.starts().len() + self.screen.map.goals().len();
         let text = if movingai { print_movingai(&self.screen.map) } else { print_ascii(&self.screen.map) };
-        write_whole(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
+        write_atomically(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
         let lost = if movingai && marks > 0 { " (without starts and goals, which the format lacks)" } else { "" };
         self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
@@ -72,17 +72,17 @@ impl App {
         let entries: Vec<(PathBuf, bool)> =
             files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir())).collect();
         let recent = folder.is_none().then(recent_maps);
-        self.pick(lists::maps(&here, &entries, recent.as_deref()));
+        self.open_picker(lists::maps(&here, &entries, recent.as_deref()));
     }
 
     pub(super) fn open_map(&mut self, path: &Path) {
         match load_map(path) {
             Ok(map) => {
                 remember_map(path);
-                self.go_to(&Arc::new(map));
+                self.offer_map(&Arc::new(map));
             }
             Err(error) => {
-                self.notify(&format!("{error}: {}", error.right));
+                self.notify(&format!("{error}: {}", error.help));
             }
         }
     }
@@ -116,8 +116,8 @@ fn remember_map(path: &Path) {
     let mut recent = recent_maps();
     recent.retain(|known| *known != path);
     recent.insert(0, path);
-    recent.truncate(RECENT);
+    recent.truncate(MAX_RECENT_MAPS);
     if let Ok(text) = serde_json::to_string(&recent) {
-        let _ = write_whole(&file, text.as_bytes());
+        let _ = write_atomically(&file, text.as_bytes());
     }
 }

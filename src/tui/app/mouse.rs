@@ -7,18 +7,18 @@ use super::App;
 use crate::map::Cell;
 use crate::tui::action::Action;
 use crate::tui::dialog::Dialog;
-use crate::tui::places::Click;
+use crate::tui::layout::Click;
 use crate::tui::raster::{MapFrame, Viewport};
 use crate::view::Request;
 
 /// Zoom factor of one wheel step.
-const WHEEL: f32 = 1.25;
+const WHEEL_ZOOM_FACTOR: f32 = 1.25;
 
 /// The fewest cells shown across at maximum zoom.
-const LEAST_CELLS: f32 = 4.0;
+const MIN_VISIBLE_CELLS: f32 = 4.0;
 
 /// Share of the visible part that panning moves by.
-const PAN: f32 = 0.2;
+const PAN_SHARE: f32 = 0.2;
 
 impl App {
     pub(super) fn on_mouse(&mut self, mouse: MouseEvent) {
@@ -27,11 +27,11 @@ impl App {
             return self.on_mouse_in_dialog(mouse.kind, at);
         }
         if mouse.kind == MouseEventKind::Down(MouseButton::Left)
-            && let Some(Click::Act(action)) = self.screen.places.click(at)
+            && let Some(Click::Act(action)) = self.screen.layout.click(at)
         {
             return self.act(action);
         }
-        match self.screen.places.map.clone() {
+        match self.screen.layout.map.clone() {
             Some(frame) if !self.screen.maximised => self.on_mouse_beside_map(mouse.kind, at, &frame),
             _ => self.on_wheel(mouse.kind),
         }
@@ -46,8 +46,8 @@ impl App {
         }
         match kind {
             MouseEventKind::Moved => self.hover(cell),
-            MouseEventKind::ScrollUp if cell.is_some() => self.zoom(WHEEL, Some(at)),
-            MouseEventKind::ScrollDown if cell.is_some() => self.zoom(1.0 / WHEEL, Some(at)),
+            MouseEventKind::ScrollUp if cell.is_some() => self.zoom(WHEEL_ZOOM_FACTOR, Some(at)),
+            MouseEventKind::ScrollDown if cell.is_some() => self.zoom(1.0 / WHEEL_ZOOM_FACTOR, Some(at)),
             MouseEventKind::Down(MouseButton::Middle) => self.dragged_from = Some(at),
             MouseEventKind::Drag(MouseButton::Middle) => {
                 let moved = |from: u16, to: u16| f32::from(from) - f32::from(to);
@@ -74,7 +74,7 @@ impl App {
             }
             MouseEventKind::Down(MouseButton::Right) => {
                 if let Some(cell) = cell {
-                    self.viewer.ask(Request::Start(Some(cell)));
+                    self.viewer.request(Request::Start(Some(cell)));
                 }
             }
             _ => self.on_wheel(kind),
@@ -92,7 +92,7 @@ impl App {
 
     /// Shows the part of the map clicked on the minimap; returns whether it was clicked.
     fn is_on_minimap(&mut self, kind: MouseEventKind, at: Position) -> bool {
-        let Some(minimap) = self.screen.places.minimap.as_ref().filter(|minimap| minimap.area.contains(at)) else {
+        let Some(minimap) = self.screen.layout.minimap.as_ref().filter(|minimap| minimap.area.contains(at)) else {
             return false;
         };
         if matches!(kind, MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left)) {
@@ -104,17 +104,17 @@ impl App {
     }
 
     fn on_mouse_in_dialog(&mut self, kind: MouseEventKind, at: Position) {
-        let (rows, first) = self.screen.places.rows;
+        let (rows, first) = self.screen.layout.rows;
         if let (Some(Dialog::Pick(_) | Dialog::Ask(_)), MouseEventKind::Down(MouseButton::Left)) =
             (self.screen.dialogs.last(), kind)
         {
-            match self.screen.places.click(at) {
+            match self.screen.layout.click(at) {
                 Some(Click::Answer) => return self.answer(),
                 Some(Click::Act(_)) => return,
-                None if self.screen.places.dialog.contains(at) => {}
+                None if self.screen.layout.dialog.contains(at) => {}
                 Some(Click::Close) | None => {
                     self.screen.dialogs.pop();
-                    self.stay();
+                    self.cancel_quit();
                     return;
                 }
             }
@@ -125,8 +125,8 @@ impl App {
             (Some(Dialog::Help(_)), MouseEventKind::Down(_)) => {
                 self.screen.dialogs.pop();
             }
-            (Some(Dialog::Pick(picker)), MouseEventKind::ScrollUp) => picker.turn(-1),
-            (Some(Dialog::Pick(picker)), MouseEventKind::ScrollDown) => picker.turn(1),
+            (Some(Dialog::Pick(picker)), MouseEventKind::ScrollUp) => picker.move_selection(-1),
+            (Some(Dialog::Pick(picker)), MouseEventKind::ScrollDown) => picker.move_selection(1),
             (Some(Dialog::Pick(picker)), MouseEventKind::Down(MouseButton::Left)) if rows.contains(at) => {
                 // A click below the last item picks nothing.
                 let row = first + usize::from(at.y - rows.y);
@@ -142,7 +142,7 @@ impl App {
         if self.screen.hovered != cell {
             self.screen.hovered = cell;
             if self.screen.inspecting.is_none() {
-                self.viewer.ask(Request::Inspect(cell));
+                self.viewer.request(Request::Inspect(cell));
             }
         }
     }
@@ -150,11 +150,11 @@ impl App {
     /// Magnifies the map by a factor, keeping the place under `at` (by default the cursor or the goal) fixed; 0 shows
     /// the whole map.
     pub(super) fn zoom(&mut self, by: f32, at: Option<Position>) {
-        let Some(frame) = &self.screen.places.map else { return };
+        let Some(frame) = &self.screen.layout.map else { return };
         let cursor = self.screen.inspecting.or(self.screen.editor.cursor).unwrap_or(self.screen.goal).centre();
         let fixed = at.map_or(cursor, |at| frame.middle_of(at));
         let at = at.or(frame.character_of(fixed));
-        let most = (self.screen.map.width().max(self.screen.map.height()) as f32 / LEAST_CELLS).max(1.0);
+        let most = (self.screen.map.width().max(self.screen.map.height()) as f32 / MIN_VISIBLE_CELLS).max(1.0);
         let zoom = (self.screen.viewport.zoom * by).clamp(1.0, most);
         if zoom < 1.01 {
             self.screen.viewport = Viewport::default();
@@ -162,7 +162,7 @@ impl App {
         }
         // A character is twice as high as wide.
         let scale = frame.scale() * zoom / self.screen.viewport.zoom;
-        let pane = self.screen.places.map_pane;
+        let pane = self.screen.layout.map_pane;
         let off = at.map_or([0.0; 2], |at| {
             let from_middle =
                 |at: u16, from: u16, size: u16| f32::from(at) + 0.5 - f32::from(from) - f32::from(size) / 2.0;
@@ -174,9 +174,9 @@ impl App {
 
     /// Moves the visible part of the map.
     pub(super) fn pan(&mut self, dx: isize, dy: isize) {
-        let Some(frame) = &self.screen.places.map else { return };
+        let Some(frame) = &self.screen.layout.map else { return };
         let [_, _, width, height] = frame.raster.window;
-        self.pan_by([PAN * width * dx as f32, PAN * height * dy as f32]);
+        self.pan_by([PAN_SHARE * width * dx as f32, PAN_SHARE * height * dy as f32]);
     }
 
     /// Moves the visible part of the map by a number of cells.
@@ -188,7 +188,7 @@ impl App {
 
     /// Keeps the visible part within the map, so that panning back takes effect at once.
     fn clamp_viewport(&mut self) {
-        let Some(frame) = &self.screen.places.map else { return };
+        let Some(frame) = &self.screen.layout.map else { return };
         let [_, _, width, height] = frame.raster.window;
         let within =
             |middle: f32, shown: f32, all: f32| middle.min(all - shown / 2.0).max((shown / 2.0).min(all / 2.0));
@@ -198,8 +198,8 @@ impl App {
     }
 
     /// Moves the visible part, if necessary, to show the cursor or else the goal.
-    pub(super) fn keep_in_sight(&mut self) {
-        let Some(frame) = &self.screen.places.map else { return };
+    pub(super) fn scroll_into_view(&mut self) {
+        let Some(frame) = &self.screen.layout.map else { return };
         let at = self.screen.editor.cursor.or(self.screen.inspecting).unwrap_or(self.screen.goal).centre();
         let [left, top, width, height] = frame.raster.window;
         let inside = at[0] >= left && at[1] >= top && at[0] < left + width && at[1] < top + height;

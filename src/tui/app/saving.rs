@@ -5,15 +5,15 @@ use std::path::{Path, PathBuf};
 use miette::Report;
 
 use super::App;
-use crate::files::unused;
+use crate::files::unused_path;
 use crate::logging;
-use crate::report::of_checkpoint;
-use crate::setup::rescue;
+use crate::report::from_checkpoint_error;
+use crate::setup::save_elsewhere;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
 
 /// Unsaved training that may be discarded without asking.
-const LOST_UNASKED_SECS: f64 = 10.0;
+const MAX_DISCARDED_SECS: f64 = 10.0;
 
 /// Default folder for checkpoints.
 pub const SAVES: &str = "saves";
@@ -34,14 +34,14 @@ pub struct Saving {
     /// The path given on the command line.
     named: Option<PathBuf>,
     files: Files,
-    leaving: Leaving,
+    quit_state: QuitState,
     /// Whether training was running when it was paused to save before quitting.
-    trained: bool,
+    was_training: bool,
 }
 
 /// The progress of quitting.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Leaving {
+enum QuitState {
     No,
     /// Quits once the checkpoint is written.
     Saving,
@@ -52,20 +52,20 @@ enum Leaving {
 impl Saving {
     pub fn new(files: Files) -> Self {
         let named = files.save.as_ref().map(|to| to.path().to_owned());
-        Self { to: SaveTo::Fresh(PathBuf::new()), named, files, leaving: Leaving::No, trained: false }
+        Self { to: SaveTo::CreateNew(PathBuf::new()), named, files, quit_state: QuitState::No, was_training: false }
     }
 
     /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded it.
-    pub fn begin(&mut self, snapshot: &Snapshot) {
+    pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
         let name = format!("{title}-{}-seed{}.safetensors", run.method.name(), run.seed);
         let resumed = self.files.resumed.take();
         self.to = match (self.files.save.take(), saved, resumed, &self.named) {
             (Some(to), ..) => to,
-            (None, Some((_, path)), ..) => SaveTo::Own(path.to_path_buf()),
-            (None, None, Some(path), _) => SaveTo::Own(path),
-            (None, None, None, Some(path)) => SaveTo::Fresh(path.clone()),
-            (None, None, None, None) => SaveTo::Fresh(Path::new(SAVES).join(name)),
+            (None, Some((_, path)), ..) => SaveTo::Replace(path.to_path_buf()),
+            (None, None, Some(path), _) => SaveTo::Replace(path),
+            (None, None, None, Some(path)) => SaveTo::CreateNew(path.clone()),
+            (None, None, None, None) => SaveTo::CreateNew(Path::new(SAVES).join(name)),
         };
     }
 
@@ -76,7 +76,7 @@ impl Saving {
 }
 
 /// What remains of a run after the interface is closed.
-pub struct Closed {
+pub struct ClosedRun {
     /// The text left on the terminal.
     pub summary: String,
     /// Result of the final save, if one was requested.
@@ -89,8 +89,8 @@ impl App {
     /// Returns the file of the next checkpoint: a new file, unless the run already has its own.
     pub fn save_path(&self) -> PathBuf {
         match &self.saving.to {
-            SaveTo::Own(path) => path.clone(),
-            SaveTo::Fresh(path) => unused(path),
+            SaveTo::Replace(path) => path.clone(),
+            SaveTo::CreateNew(path) => unused_path(path),
         }
     }
 
@@ -103,9 +103,9 @@ impl App {
 
     /// Saves to a file named by the user, who has confirmed replacing it if it exists.
     pub(super) fn save_under(&mut self, path: PathBuf) {
-        self.saving.to = SaveTo::Own(path);
-        if self.save() && self.saving.leaving == Leaving::Asking {
-            self.saving.leaving = Leaving::Saving;
+        self.saving.to = SaveTo::Replace(path);
+        if self.save() && self.saving.quit_state == QuitState::Asking {
+            self.saving.quit_state = QuitState::Saving;
         }
     }
 
@@ -116,20 +116,20 @@ impl App {
     }
 
     /// Returns whether enough training is unsaved to be worth asking about.
-    pub(super) fn would_be_missed(&self) -> bool {
+    pub(super) fn is_worth_saving(&self) -> bool {
         let updates = self.screen.snapshot.counters.updates.max(1);
         let seconds = self.screen.snapshot.seconds * self.screen.unsaved_updates() as f64 / updates as f64;
-        seconds > LOST_UNASKED_SECS
+        seconds > MAX_DISCARDED_SECS
     }
 
     /// Handles a request to quit. A second request does not wait for the checkpoint.
     pub(super) fn quit(&mut self) {
-        if self.saving.leaving == Leaving::Saving {
+        if self.saving.quit_state == QuitState::Saving {
             self.done = true;
         } else if self.saving.named.is_some() {
             self.save_and_quit();
-        } else if self.would_be_missed() {
-            self.pick(lists::ways_to_quit(
+        } else if self.is_worth_saving() {
+            self.open_picker(lists::quit_choices(
                 self.screen.unsaved_updates(),
                 &self.save_path(),
                 &self.screen.snapshot.autosaves,
@@ -147,18 +147,18 @@ impl App {
         }
         // A frozen screen would miss the snapshot that reports the checkpoint as written.
         self.freeze(false);
-        self.saving.trained = self.screen.snapshot.phase.trains();
+        self.saving.was_training = self.screen.snapshot.phase.is_training();
         self.command(Command::Pause);
         if self.save() {
-            self.saving.leaving = Leaving::Saving;
+            self.saving.quit_state = QuitState::Saving;
         }
     }
 
     /// Handles a closed dialog: quitting is cancelled, and training paused for it resumes.
-    pub(super) fn stay(&mut self) {
-        let asking = self.saving.leaving == Leaving::Asking;
-        self.saving.leaving = Leaving::No;
-        if asking && self.saving.trained {
+    pub(super) fn cancel_quit(&mut self) {
+        let asking = self.saving.quit_state == QuitState::Asking;
+        self.saving.quit_state = QuitState::No;
+        if asking && self.saving.was_training {
             self.command(Command::Resume);
         }
     }
@@ -169,27 +169,27 @@ impl App {
         if let Some((_, path)) = &now.saved
             && before.saved.as_ref().is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
         {
-            self.saving.to = SaveTo::Own(path.to_path_buf());
-            self.done |= self.saving.leaving == Leaving::Saving;
+            self.saving.to = SaveTo::Replace(path.to_path_buf());
+            self.done |= self.saving.quit_state == QuitState::Saving;
         }
-        if now.save_failed.0 > before.save_failed.0 && self.saving.leaving == Leaving::Saving {
-            self.saving.leaving = Leaving::Asking;
+        if now.save_failed.0 > before.save_failed.0 && self.saving.quit_state == QuitState::Saving {
+            self.saving.quit_state = QuitState::Asking;
             let stem = self.saving.path().file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
             let title = "not saved: save elsewhere and quit (Esc cancels)";
             let mut prompt = Prompt::new(Question::SaveAs, title, "", stem);
             prompt.error = Some(now.save_failed.1.clone());
-            self.ask(prompt);
+            self.open_prompt(prompt);
         }
     }
 
     /// Reports internal errors, and saves the run after the first one.
     pub(super) fn on_failures(&mut self) {
-        for failure in crate::faults::take() {
-            let text = format!("internal error in thread {}: {}", failure.thread, failure.what);
+        for failure in crate::faults::take_failures() {
+            let text = format!("internal error in thread {}: {}", failure.thread, failure.message);
             self.notify(&text);
             if self.failures.is_empty() {
                 self.autosave();
-                self.show_trouble("internal error", &text);
+                self.show_failure("internal error", &text);
             }
             self.failures.push(failure);
         }
@@ -199,18 +199,18 @@ impl App {
     pub(super) fn on_training_failed(&mut self, error: &str) {
         self.notify(&format!("training stopped: {error}"));
         if self.failures.is_empty() {
-            self.show_trouble("training has stopped", error);
+            self.show_failure("training has stopped", error);
         }
     }
 
-    fn show_trouble(&mut self, title: &str, what: &str) {
-        let trouble: Picker = lists::trouble(title, what, &self.save_path(), &logging::hint());
-        self.screen.dialogs.push(Dialog::Pick(trouble));
+    fn show_failure(&mut self, title: &str, problem: &str) {
+        let dialog: Picker = lists::failure(title, problem, &self.save_path(), &logging::hint());
+        self.screen.dialogs.push(Dialog::Pick(dialog));
     }
 
     /// Handles a signal to end the program: unsaved training worth asking about will be saved on closing.
     pub fn on_signal(&mut self) {
-        if self.would_be_missed() && self.saving.named.is_none() {
+        if self.is_worth_saving() && self.saving.named.is_none() {
             self.saving.named = Some(self.saving.to.path().to_owned());
         }
     }
@@ -222,11 +222,11 @@ impl App {
     }
 
     /// Ends training, and saves if that is requested and not yet done.
-    pub fn close(self) -> Closed {
+    pub fn close(self) -> ClosedRun {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
         let log = self.screen.log.entries().to_vec();
-        let missed = self.would_be_missed();
+        let worth_saving = self.is_worth_saving();
         let Self { saving, engine, .. } = self;
         let snapshots = engine.snapshots();
         let trainer = engine.stop();
@@ -242,16 +242,16 @@ impl App {
                     saved = save_somewhere(&trainer, &saving.to, &mut summary);
                 }
             }
-            None if wanted || missed => {
-                let what = "the trainer hung or crashed: progress since the last checkpoint is lost";
-                saved = Err(miette::miette!(help = logging::hint(), "{what}"));
+            None if wanted || worth_saving => {
+                let problem = "the trainer hung or crashed: progress since the last checkpoint is lost";
+                saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
             }
             _ => {}
         }
         if let Some((updates, path)) = &snapshot.saved {
             summary += &format!("\nsaved {} at update {updates}", path.display());
         }
-        let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !missed));
+        let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !worth_saving));
         for path in snapshot.autosaves.iter() {
             if kept_by_user {
                 // What the user saved is newer.
@@ -263,7 +263,7 @@ impl App {
         if failed {
             summary += &format!("\nthere were errors; {}", logging::hint());
         }
-        Closed { summary, saved, failed }
+        ClosedRun { summary, saved, failed }
     }
 }
 
@@ -276,8 +276,8 @@ fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Resul
         }
         Err(error) => error,
     };
-    if let Some(path) = rescue(trainer, to.path()) {
+    if let Some(path) = save_elsewhere(trainer, to.path()) {
         *summary += &format!("\nsaved {} instead", path.display());
     }
-    Err(of_checkpoint(first))
+    Err(from_checkpoint_error(first))
 }

@@ -13,13 +13,13 @@ use crate::train::{
 };
 use crate::tui::action::{Action, Binding, bindings};
 use crate::tui::keymap::Keymap;
-use crate::tui::output::What;
+use crate::tui::output::ExportKind;
 use crate::tui::theme::ThemeName;
 
 /// Lists all actions by name.
 pub fn actions(keymap: &Keymap) -> Picker {
     let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
-    let item = |b: &Binding| Item::new(b.long, keymap.shown(b).join(" "), Choice::Act(b.action));
+    let item = |b: &Binding| Item::new(b.long, keymap.display_keys(b).join(" "), Choice::Act(b.action));
     Picker::new("find an action", bindings().filter(named).map(item).collect())
 }
 
@@ -58,12 +58,12 @@ pub fn settings(settings: &Settings) -> Picker {
 
 /// Lists the kinds of exports.
 pub fn exports() -> Picker {
-    let items = What::ALL.map(|what| Item::new(what.name(), what.file_type(), Choice::Export(what)));
+    let items = ExportKind::ALL.map(|kind| Item::new(kind.name(), kind.file_type(), Choice::Export(kind)));
     Picker::new("export", items.to_vec())
 }
 
 /// Asks whether to save before quitting.
-pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
+pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
     let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
@@ -78,29 +78,29 @@ pub fn ways_to_quit(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
 }
 
 /// Asks what to do after a failure.
-pub fn trouble(title: &str, what: &str, file: &Path, hint: &str) -> Picker {
+pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
         // A long detail is fine: the selected item is shown in full below the list.
-        Item::new("save and quit", format!("to {}; {what}; {hint}", file.display()), Choice::Quit { save: true }),
+        Item::new("save and quit", format!("to {}; {problem}; {hint}", file.display()), Choice::Quit { save: true }),
         Item::new("stay", "to inspect, save, change a setting or load a checkpoint", Choice::Nothing),
     ];
     Picker::new(title, items)
 }
 
 /// Asks how to switch from map `now` to `map`; `fitted` is `map` at the size of `now`.
-pub fn ways_to_turn_to(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
+pub fn map_switch_choices(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
     let mut items = vec![Item::new(
         "start a new run on it",
         "new networks; unsaved training is lost",
-        Choice::BeginOn(map.clone()),
+        Choice::StartOn(map.clone()),
     )];
     let (width, height) = (now.width(), now.height());
     if (map.width(), map.height()) == (width, height) {
-        let same = Choice::GoOnWith(map.clone());
+        let same = Choice::ContinueOn(map.clone());
         items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same));
     } else if let Some(fitted) = fitted {
         let label = format!("continue on it, cropped or padded to {width} x {height}");
-        let fitted = Choice::GoOnWith(Arc::new(fitted));
+        let fitted = Choice::ContinueOn(Arc::new(fitted));
         items.push(Item::new(label, "the networks expect a map of this size", fitted));
     }
     items.push(Item::new("cancel", "", Choice::Nothing));
@@ -135,7 +135,7 @@ pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &
     let name = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let item = |found: &Result<Description, CheckpointError>| match found {
         Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
-        Err(e) => Item::new(name(&e.file), format!("cannot be loaded: {}", e.what), Choice::Nothing),
+        Err(e) => Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing),
     };
     Picker::new("load a checkpoint", found.iter().map(item).collect())
 }

@@ -85,7 +85,7 @@ impl Picker {
     }
 
     /// Moves the selection.
-    pub fn turn(&mut self, by: isize) {
+    pub fn move_selection(&mut self, by: isize) {
         let last = self.shown.len().saturating_sub(1);
         self.selected = self.selected.saturating_add_signed(by).min(last);
     }
@@ -93,24 +93,24 @@ impl Picker {
     /// Handles a key.
     pub fn on_key(&mut self, key: KeyEvent) {
         match key.code {
-            KeyCode::Up => self.turn(-1),
-            KeyCode::Down => self.turn(1),
-            KeyCode::PageUp => self.turn(-PAGE),
-            KeyCode::PageDown => self.turn(PAGE),
+            KeyCode::Up => self.move_selection(-1),
+            KeyCode::Down => self.move_selection(1),
+            KeyCode::PageUp => self.move_selection(-PAGE),
+            KeyCode::PageDown => self.move_selection(PAGE),
             _ => {
                 self.typed.handle_event(&Event::Key(key));
-                self.narrow();
+                self.filter();
             }
         }
     }
 
     /// Inserts pasted text.
     pub fn paste(&mut self, text: &str) {
-        super::prompt::type_in(&mut self.typed, text);
-        self.narrow();
+        super::prompt::insert_first_line(&mut self.typed, text);
+        self.filter();
     }
 
-    fn narrow(&mut self) {
+    fn filter(&mut self) {
         let pattern = Pattern::parse(self.typed.value(), CaseMatching::Ignore, Normalization::Smart);
         let mut matcher = Matcher::new(Config::DEFAULT);
         let mut buffer = Vec::new();
@@ -163,9 +163,9 @@ mod tests {
     #[test]
     fn the_selection_stays_within_the_list() {
         let mut picker = picker();
-        picker.turn(-5);
+        picker.move_selection(-5);
         assert_eq!(picker.shown().1, 0);
-        picker.turn(99);
+        picker.move_selection(99);
         assert_eq!(picker.shown().1, 2);
         assert!(!picker.select(3));
     }

@@ -5,7 +5,7 @@ use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
 /// The longest answer accepted, in characters.
-const MOST_CHARACTERS: usize = 500;
+const MAX_CHARACTERS: usize = 500;
 
 /// What the answer is for.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -75,7 +75,7 @@ impl Prompt {
         self.error = None;
         let types = matches!(key.code, KeyCode::Char(_)) && !key.modifiers.contains(KeyModifiers::CONTROL);
         self.touch(types);
-        if self.typed.value().chars().count() < MOST_CHARACTERS || !matches!(key.code, KeyCode::Char(_)) {
+        if self.typed.value().chars().count() < MAX_CHARACTERS || !matches!(key.code, KeyCode::Char(_)) {
             self.typed.handle_event(&Event::Key(key));
         }
     }
@@ -89,13 +89,13 @@ impl Prompt {
     /// Inserts pasted text.
     pub fn paste(&mut self, text: &str) {
         self.touch(true);
-        type_in(&mut self.typed, text);
+        insert_first_line(&mut self.typed, text);
     }
 }
 
 /// Inserts the first line of `text`, as much of it as fits.
-pub fn type_in(input: &mut Input, text: &str) {
-    let room = MOST_CHARACTERS.saturating_sub(input.value().chars().count());
+pub fn insert_first_line(input: &mut Input, text: &str) {
+    let room = MAX_CHARACTERS.saturating_sub(input.value().chars().count());
     for c in text.lines().next().unwrap_or_default().chars().filter(|c| !c.is_control()).take(room) {
         input.handle(InputRequest::InsertChar(c));
     }

@@ -35,12 +35,12 @@ fn chart(
     area: &DrawingArea<SVGBackend, Shift>,
     title: &str,
     series: &[Series],
-    most: Option<f64>,
+    max: Option<f64>,
 ) -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
     let points = || series.iter().flat_map(|(_, points)| points.iter());
     let last = points().map(|p| p.0).fold(1.0, f64::max);
     let low = points().map(|p| p.1).fold(0.0, f64::min);
-    let high = most.unwrap_or_else(|| points().map(|p| p.1).fold(low + 1e-3, f64::max));
+    let high = max.unwrap_or_else(|| points().map(|p| p.1).fold(low + 1e-3, f64::max));
     let mut chart = ChartBuilder::on(area)
         .caption(title, ("sans-serif", 16))
         .margin(8)

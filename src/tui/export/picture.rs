@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Modifier};
 use unifont::get_glyph;
 
-use super::Paper;
+use super::PageColours;
 use crate::tui::theme::{Rgb, blend, rgb_of_indexed};
 
 /// Size of a character in the font, in pixels.
@@ -16,19 +16,19 @@ const HEIGHT: usize = 16;
 ///
 /// # Errors
 /// Errors of the encoder.
-pub fn png_of(screen: &Buffer, area: Rect, paper: Paper) -> Result<Vec<u8>, png::EncodingError> {
+pub fn png_of(screen: &Buffer, area: Rect, page: PageColours) -> Result<Vec<u8>, png::EncodingError> {
     let (columns, rows) = (usize::from(area.width) * WIDTH, usize::from(area.height) * HEIGHT);
     let mut pixels = vec![0u8; 3 * columns * rows];
     for y in 0..area.height {
         for x in 0..area.width {
             let cell = &screen[(area.x + x, area.y + y)];
-            let (front, back) = colours(cell, paper);
-            let sign = cell.symbol().chars().next().unwrap_or(' ');
-            let glyph = get_glyph(sign);
+            let (front, back) = colours(cell, page);
+            let symbol = cell.symbol().chars().next().unwrap_or(' ');
+            let glyph = get_glyph(symbol);
             let bold = cell.modifier.contains(Modifier::BOLD);
             for row in 0..HEIGHT {
                 for column in 0..WIDTH {
-                    let dot = |column: usize| match braille(sign) {
+                    let dot = |column: usize| match braille(symbol) {
                         Some(dots) => dots.has(column, row),
                         None => glyph.is_some_and(|g| g.get_pixel(column, row)),
                     };
@@ -66,13 +66,13 @@ impl Dots {
     }
 }
 
-fn braille(sign: char) -> Option<Dots> {
-    u32::from(sign).checked_sub(0x2800).filter(|dots| *dots < 256).map(Dots)
+fn braille(symbol: char) -> Option<Dots> {
+    u32::from(symbol).checked_sub(0x2800).filter(|dots| *dots < 256).map(Dots)
 }
 
 /// Returns a character's front and back colours as displayed.
-pub fn colours(cell: &Cell, paper: Paper) -> (Rgb, Rgb) {
-    let (mut front, mut back) = (rgb(cell.fg, paper.ink), rgb(cell.bg, paper.ground));
+pub fn colours(cell: &Cell, page: PageColours) -> (Rgb, Rgb) {
+    let (mut front, mut back) = (rgb(cell.fg, page.ink), rgb(cell.bg, page.ground));
     if cell.modifier.contains(Modifier::REVERSED) {
         std::mem::swap(&mut front, &mut back);
     }
@@ -118,7 +118,7 @@ mod tests {
         let mut screen = Buffer::empty(Rect::new(0, 0, 2, 1));
         let style = Style::new().fg(Color::Rgb(200, 10, 20)).bg(Color::Rgb(1, 2, 3));
         screen.set_string(0, 0, "\u{2580}A", style);
-        let file = png_of(&screen, screen.area, Paper::default()).expect("a picture");
+        let file = png_of(&screen, screen.area, PageColours::default()).expect("a picture");
         let mut reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a PNG");
         let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
         let frame = reader.next_frame(&mut pixels).expect("pixels");

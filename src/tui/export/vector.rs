@@ -6,7 +6,7 @@ use ratatui::style::Modifier;
 use svg::Document;
 use svg::node::element::{Rectangle, Text};
 
-use super::Paper;
+use super::PageColours;
 use super::picture::colours;
 use crate::tui::theme::Rgb;
 
@@ -18,7 +18,7 @@ const HEIGHT: f32 = 16.0;
 const BASELINE: f32 = 12.5;
 
 /// Renders a part of the screen as an SVG document.
-pub fn svg_of(screen: &Buffer, area: Rect, paper: Paper) -> String {
+pub fn svg_of(screen: &Buffer, area: Rect, page: PageColours) -> String {
     let size = (f32::from(area.width) * WIDTH, f32::from(area.height) * HEIGHT);
     let mut document = Document::new()
         .set("viewBox", (0.0, 0.0, size.0, size.1))
@@ -26,13 +26,13 @@ pub fn svg_of(screen: &Buffer, area: Rect, paper: Paper) -> String {
         .set("font-size", 13)
         .set("shape-rendering", "crispEdges")
         .set("xml:space", "preserve")
-        .add(block((0.0, 0.0), size, paper.ground));
+        .add(block((0.0, 0.0), size, page.ground));
     for row in 0..area.height {
         for column in 0..area.width {
             let cell = &screen[(area.x + column, area.y + row)];
-            let (front, back) = colours(cell, paper);
+            let (front, back) = colours(cell, page);
             let at = (f32::from(column) * WIDTH, f32::from(row) * HEIGHT);
-            if back != paper.ground {
+            if back != page.ground {
                 document = document.add(block(at, (WIDTH, HEIGHT), back));
             }
             let symbol = cell.symbol();
@@ -102,7 +102,7 @@ mod tests {
     fn letters_become_text_and_blocks_become_rectangles() {
         let mut screen = Buffer::empty(Rect::new(0, 0, 3, 1));
         screen.set_string(0, 0, "G\u{2584}<", Style::new().fg(Color::Rgb(1, 2, 3)));
-        let drawing = svg_of(&screen, screen.area, Paper::default());
+        let drawing = svg_of(&screen, screen.area, PageColours::default());
         assert!(drawing.contains("\nG\n") && drawing.contains("&lt;"), "{drawing}");
         assert_eq!(drawing.matches("#010203").count(), 4, "two letters, two quarters: {drawing}");
     }

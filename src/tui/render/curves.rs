@@ -11,14 +11,14 @@ use super::text::short;
 use super::{BOLD, DIM};
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::screen::Screen;
-use crate::tui::theme::Depth;
+use crate::tui::theme::ColourDepth;
 
 /// Minimum height of a chart, and minimum width for two side by side.
-const LEAST_HEIGHT: u16 = 7;
-const TWO_ABREAST: u16 = 64;
+const MIN_CHART_HEIGHT: u16 = 7;
+const MIN_TWO_CHART_WIDTH: u16 = 64;
 
 /// Share of all updates that is shown at once when scrolled back.
-const PAGE: f64 = 0.25;
+const PAGE_SHARE: f64 = 0.25;
 
 /// A line of a chart.
 struct Series {
@@ -31,7 +31,7 @@ struct Plot {
     title: &'static str,
     series: Vec<Series>,
     /// The highest possible value, if there is one.
-    most: Option<f64>,
+    max: Option<f64>,
     /// Whether it may be drawn on a logarithmic scale.
     log: bool,
 }
@@ -39,15 +39,15 @@ struct Plot {
 /// Draws as many charts as fit, the most informative first.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let mut plots = plots(screen);
-    let columns = if area.width >= TWO_ABREAST { 2 } else { 1 };
-    let rows = usize::from((area.height / LEAST_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
+    let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
+    let rows = usize::from((area.height / MIN_CHART_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
     plots.truncate(rows * columns);
     let rows = Layout::vertical(vec![Constraint::Fill(1); rows]).split(area);
     let mut plots = plots.into_iter();
     for row in rows.iter() {
-        let places = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
-        for (place, plot) in places.iter().zip(&mut plots) {
-            draw_plot(frame, *place, screen, &plot);
+        let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
+        for (area, plot) in areas.iter().zip(&mut plots) {
+            draw_plot(frame, *area, screen, &plot);
         }
     }
 }
@@ -74,12 +74,12 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
     vec![
-        Plot { title: "success", series: success, most: Some(1.0), log: false },
-        Plot { title: "loss of D", series: vec![loss(0)], most: None, log: true },
-        Plot { title: "error of D", series: errors, most: None, log: true },
-        Plot { title: "success by steps", series: each.collect(), most: Some(1.0), log: false },
-        Plot { title: "loss of f", series: vec![loss(1)], most: None, log: true },
-        Plot { title: "loss of mu, steps", series: vec![loss(2)], most: None, log: true },
+        Plot { title: "success", series: success, max: Some(1.0), log: false },
+        Plot { title: "loss of D", series: vec![loss(0)], max: None, log: true },
+        Plot { title: "error of D", series: errors, max: None, log: true },
+        Plot { title: "success by steps", series: each.collect(), max: Some(1.0), log: false },
+        Plot { title: "loss of f", series: vec![loss(1)], max: None, log: true },
+        Plot { title: "loss of mu, steps", series: vec![loss(2)], max: None, log: true },
     ]
 }
 
@@ -102,7 +102,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     let mut line = Line::from(Span::styled(title, BOLD));
     for (i, series) in plot.series.iter().enumerate().filter(|(_, s)| !s.points.is_empty()) {
         if plot.series.len() > 1 && line.width() + series.name.len() + 3 <= usize::from(area.width) {
-            line.push_span(Span::styled(format!("  {} {}", sign(i), series.name), colour(screen, i)));
+            line.push_span(Span::styled(format!("  {} {}", symbol(i), series.name), colour(screen, i)));
         }
     }
     frame.render_widget(Paragraph::new(line), head);
@@ -113,7 +113,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
         return;
     }
     let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
-    let high = plot.most.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
+    let high = plot.max.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
     let sets = shown.iter().enumerate().map(|(i, points)| {
         let style = colour(screen, i);
         Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(style).data(points)
@@ -137,7 +137,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
 /// Returns the range of updates shown: all, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
     let last = (screen.snapshot.counters.updates as f64).max(1.0);
-    let page = PAGE * last;
+    let page = PAGE_SHARE * last;
     match screen.scrolled {
         0 => [0.0, last],
         n => {
@@ -148,12 +148,12 @@ fn window(screen: &Screen) -> [f64; 2] {
 }
 
 /// Returns the symbol that distinguishes a line without colours.
-fn sign(i: usize) -> char {
+fn symbol(i: usize) -> char {
     ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
 }
 
 fn colour(screen: &Screen, i: usize) -> Style {
-    if screen.theme.depth == Depth::Mono {
+    if screen.theme.depth == ColourDepth::Mono {
         return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
     }
     // Colours from the map's distance scale, the first two far apart.
@@ -162,5 +162,5 @@ fn colour(screen: &Screen, i: usize) -> Style {
         return Style::new()
             .fg([Color::Yellow, Color::Cyan, Color::Green, Color::Blue, Color::Magenta, Color::Red][i % 6]);
     };
-    Style::new().fg(screen.theme.colour(screen.theme.of_distance(at)))
+    Style::new().fg(screen.theme.colour(screen.theme.distance_colour(at)))
 }

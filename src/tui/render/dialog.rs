@@ -8,30 +8,31 @@ use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
 
 use super::{BOLD, DIM, REVERSED, middle};
 use crate::tui::dialog::{Item, Picker, Prompt};
-use crate::tui::places::{Bar, Click, Places};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 
 /// Maximum sizes of a list and of a question.
-const LIST: (u16, u16) = (96, 24);
-const QUESTION: (u16, u16) = (72, 7);
+const MAX_LIST_SIZE: (u16, u16) = (96, 24);
+const MAX_PROMPT_SIZE: (u16, u16) = (72, 7);
 
 /// Columns beside an item's label.
-const MARGINS: usize = 3;
+const LABEL_MARGIN: usize = 3;
 
 /// Rows below a list for the full selected item: a line and two rows of text.
 const ROWS_BELOW: u16 = 3;
 
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the list.
-pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, places: &mut Places) {
+pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, layout: &mut ScreenLayout) {
     let (items, selected) = picker.shown();
     let items: Vec<_> = items.collect();
-    let (width, height) = (LIST.0.min(area.width.saturating_sub(2)), LIST.1.min(area.height.saturating_sub(2)));
+    let (width, height) =
+        (MAX_LIST_SIZE.0.min(area.width.saturating_sub(2)), MAX_LIST_SIZE.1.min(area.height.saturating_sub(2)));
     let columns = usize::from(width).saturating_sub(2);
     let widest = picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0).min(columns * 2 / 3);
-    let room_beside = |item: &Item| columns.saturating_sub(item.label.chars().count().max(widest) + MARGINS);
+    let room_beside = |item: &Item| columns.saturating_sub(item.label.chars().count().max(widest) + LABEL_MARGIN);
     let fits = |item: &Item| item.detail.chars().count() <= room_beside(item);
     let below = if picker.items().all(fits) { 0 } else { ROWS_BELOW };
-    let place = middle(area, width, height.min(picker.items().count() as u16 + 3 + below));
-    let inner = draw_box(frame, place, &picker.title, places);
+    let dialog_area = middle(area, width, height.min(picker.items().count() as u16 + 3 + below));
+    let inner = draw_box(frame, dialog_area, &picker.title, layout);
     let [line, rows, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(below)]).areas(inner);
     let (typed, cursor) = picker.typed();
@@ -62,13 +63,13 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, places: &mut 
         let block = Block::new().borders(Borders::TOP);
         frame.render_widget(Paragraph::new(all).wrap(Wrap { trim: true }).block(block), below);
     }
-    places.rows = (rows, first);
+    layout.rows = (rows, first);
 }
 
 /// Draws a question.
-pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, places: &mut Places) {
-    let place = middle(area, QUESTION.0.min(area.width.saturating_sub(2)), QUESTION.1);
-    let inner = draw_box(frame, place, &prompt.title, places);
+pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, layout: &mut ScreenLayout) {
+    let dialog_area = middle(area, MAX_PROMPT_SIZE.0.min(area.width.saturating_sub(2)), MAX_PROMPT_SIZE.1);
+    let inner = draw_box(frame, dialog_area, &prompt.title, layout);
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)]).areas(inner);
     let (typed, cursor) = prompt.typed();
@@ -87,17 +88,17 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, places: &mut 
 }
 
 /// Draws the box around a dialog, with its buttons at the bottom; returns the area inside.
-fn draw_box(frame: &mut Frame, place: Rect, title: &str, places: &mut Places) -> Rect {
+fn draw_box(frame: &mut Frame, dialog_area: Rect, title: &str, layout: &mut ScreenLayout) -> Rect {
     let block = Block::bordered().title(format!(" {title} "));
-    let inner = block.inner(place);
-    frame.render_widget(Clear, place);
-    frame.render_widget(block, place);
-    let mut bar = Bar::default();
+    let inner = block.inner(dialog_area);
+    frame.render_widget(Clear, dialog_area);
+    frame.render_widget(block, dialog_area);
+    let mut bar = ClickableLine::default();
     bar.push(Span::raw(" Enter: accept "), Click::Answer);
     bar.push(Span::raw("  Esc: close "), Click::Close);
     let width = (bar.width() as u16).min(inner.width);
-    bar.draw(frame, Rect { y: place.bottom().saturating_sub(1), width, height: 1, ..inner }, places);
-    places.dialog = place;
+    bar.draw(frame, Rect { y: dialog_area.bottom().saturating_sub(1), width, height: 1, ..inner }, layout);
+    layout.dialog = dialog_area;
     inner
 }
 

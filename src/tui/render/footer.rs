@@ -9,11 +9,11 @@ use ratatui::widgets::Clear;
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::{Action, bindings};
 use crate::tui::editor::Tool;
-use crate::tui::places::{Bar, Click, Places};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     if let Some((notice, fades)) = screen.log.notice() {
         let notice = Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD });
         if !screen.editor.is_open() {
@@ -25,31 +25,31 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places)
         frame.render_widget(notice, above);
     }
     let bar = if screen.editor.is_open() { editing(screen, area.width) } else { watching(screen) };
-    bar.draw(frame, area, places);
+    bar.draw(frame, area, layout);
 }
 
-fn watching(screen: &Screen) -> Bar {
-    let mut bar = Bar::default();
+fn watching(screen: &Screen) -> ClickableLine {
+    let mut bar = ClickableLine::default();
     for binding in bindings().filter(|b| !b.short.is_empty()) {
-        let waits = binding.action == Action::TogglePause && !screen.snapshot.phase.trains();
-        let short = if waits { "resume" } else { binding.short };
+        let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
+        let short = if idle { "resume" } else { binding.short };
         key(&mut bar, screen, binding.action, &format!(" {short} "), Style::new());
     }
     bar
 }
 
 /// Returns the editor's tools, followed by as much else as fits.
-fn editing(screen: &Screen, width: u16) -> Bar {
-    let mut bar = Bar::default();
+fn editing(screen: &Screen, width: u16) -> ClickableLine {
+    let mut bar = ClickableLine::default();
     bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
     for tool in Tool::ALL {
         let style = if tool == screen.editor.tool { REVERSED } else { Style::new() };
         key(&mut bar, screen, Action::Tool(tool), tool.name(), style);
     }
     bar.push(Span::raw(" "), None);
-    for (action, what) in [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")] {
-        if bar.width() + screen.keymap.key_of(action).len() + what.len() + 3 <= usize::from(width) {
-            key(&mut bar, screen, action, &format!(" {what} "), Style::new());
+    for (action, label) in [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")] {
+        if bar.width() + screen.keymap.key_of(action).len() + label.len() + 3 <= usize::from(width) {
+            key(&mut bar, screen, action, &format!(" {label} "), Style::new());
         }
     }
     let mouse = " drag: walls  right drag: floor";
@@ -60,7 +60,7 @@ fn editing(screen: &Screen, width: u16) -> Bar {
 }
 
 /// Adds an action's key and label, both clickable.
-fn key(bar: &mut Bar, screen: &Screen, action: Action, what: &str, style: Style) {
+fn key(bar: &mut ClickableLine, screen: &Screen, action: Action, label: &str, style: Style) {
     bar.push(Span::styled(format!(" {}", screen.keymap.key_of(action)), BOLD), Click::Act(action));
-    bar.push(Span::styled(what.to_owned(), style), Click::Act(action));
+    bar.push(Span::styled(label.to_owned(), style), Click::Act(action));
 }

@@ -6,11 +6,11 @@ use ratatui::text::Span;
 
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::Action;
-use crate::tui::places::{Bar, Click, Places};
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let run = screen.run();
     let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
@@ -20,7 +20,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places)
     };
     let speed = screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
     let act = |action| Some(Click::Act(action));
-    let mut bar = Bar::default();
+    let mut bar = ClickableLine::default();
     bar.push(Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), act(Action::Help));
     bar.push(Span::styled(format!(" {} ", screen.map().name()), BOLD), act(Action::OpenMap));
     bar.push(Span::raw(format!("{} ", run.method.name())), act(Action::Method));
@@ -32,5 +32,5 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places)
     if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));
     }
-    bar.draw(frame, area, places);
+    bar.draw(frame, area, layout);
 }

@@ -10,13 +10,13 @@ use crate::tui::action::{SECTIONS, When};
 use crate::tui::screen::Screen;
 
 /// Columns of the help.
-const WIDTH: u16 = 76;
+const HELP_WIDTH: u16 = 76;
 
 /// Draws the help in the middle of `area`, from line `first` or early enough to fill it; returns the first line shown.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
     let lines = lines(screen);
-    let place = middle(area, WIDTH, (lines.len() as u16 + 2).min(area.height));
-    let height = usize::from(place.height.saturating_sub(2));
+    let dialog_area = middle(area, HELP_WIDTH, (lines.len() as u16 + 2).min(area.height));
+    let height = usize::from(dialog_area.height.saturating_sub(2));
     let first = first.min(lines.len().saturating_sub(height));
     let more = lines.len() > height;
     let mut block = Block::bordered().title(" help ");
@@ -25,9 +25,9 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usi
         block =
             block.title_bottom(format!(" {} to {last} of {}: arrows, PgUp, PgDn; Esc closes ", first + 1, lines.len()));
     }
-    frame.render_widget(Clear, place);
+    frame.render_widget(Clear, dialog_area);
     let shown: Vec<Line> = lines.into_iter().skip(first).take(height).collect();
-    frame.render_widget(Paragraph::new(shown).block(block), place);
+    frame.render_widget(Paragraph::new(shown).block(block), dialog_area);
     first
 }
 
@@ -41,7 +41,7 @@ fn lines(screen: &Screen) -> Vec<Line<'static>> {
         lines.push(Line::default());
         lines.push(Line::styled(format!(" {}", section.title), BOLD));
         for binding in section.bindings.iter().filter(|b| !b.long.is_empty()) {
-            let keys = screen.keymap.shown(binding).join(" ");
+            let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
             let when = if binding.when == When::Editing { " (in the editor)" } else { "" };
             lines.push(Line::from(vec![

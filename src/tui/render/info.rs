@@ -7,22 +7,22 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::DIM;
-use super::map::{STRONGEST_ERROR, contour_interval};
+use super::map::{MAX_SHOWN_ERROR, contour_interval};
 use super::text::short;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
-use crate::tui::theme::Depth;
+use crate::tui::theme::ColourDepth;
 use crate::view::Field;
 
 /// Width of the colour bar, in characters.
-const BAR: usize = 12;
+const BAR_WIDTH: usize = 12;
 
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let cell = screen.inspecting.or(screen.hovered);
     let line = match cell {
         Some(_) => cell_facts(screen),
-        None => scale(screen, BAR),
+        None => scale(screen, BAR_WIDTH),
     };
     frame.render_widget(Paragraph::new(line), area);
 }
@@ -51,28 +51,28 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
     let (low, high) = match screen.field {
         Field::Plain => return Line::from(name),
         Field::Error => {
-            let most = 100.0 * STRONGEST_ERROR;
+            let most = 100.0 * MAX_SHOWN_ERROR;
             (format!("-{most:.0} %"), format!("+{most:.0} %"))
         }
         Field::Visits => ("0".to_owned(), short(f64::from(farthest))),
         _ => ("0".to_owned(), format!("{farthest:.0} steps")),
     };
     let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
-    if screen.theme.depth == Depth::Mono {
+    if screen.theme.depth == ColourDepth::Mono {
         line.push_span(Span::raw("to"));
     } else {
         for i in 0..bar {
             let at = i as f32 / (bar - 1) as f32;
             let rgb = match screen.field {
-                Field::Error => screen.theme.of_error(2.0 * at - 1.0),
-                Field::Visits => screen.theme.of_distance(1.0 - at),
-                _ => screen.theme.of_distance(at),
+                Field::Error => screen.theme.error_colour(2.0 * at - 1.0),
+                Field::Visits => screen.theme.distance_colour(1.0 - at),
+                _ => screen.theme.distance_colour(at),
             };
             line.push_span(Span::styled("\u{2588}", Style::new().fg(screen.theme.colour(rgb))));
         }
     }
     line.push_span(Span::styled(format!(" {high}"), DIM));
-    if screen.field.is_distance() && screen.overlays.has(Overlay::Contours) && bar >= BAR {
+    if screen.field.is_distance() && screen.overlays.has(Overlay::Contours) && bar >= BAR_WIDTH {
         line.push_span(Span::styled(format!(", a line every {:.0}", contour_interval(farthest)), DIM));
     }
     line

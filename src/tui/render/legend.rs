@@ -5,11 +5,11 @@ use ratatui::text::{Line, Span};
 
 use super::text::heading;
 use super::{DIM, info};
-use crate::bridge::Standing;
+use crate::bridge::EdgeStatus;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{Depth, Rgb};
+use crate::tui::theme::{ColourDepth, Rgb};
 
 /// The line of the first overlay.
 pub const FIRST_OVERLAY: usize = 2;
@@ -23,25 +23,26 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
         let mut line =
             Line::from(vec![Span::raw(format!(" {key:<2}")), Span::raw(if shown { "[x] " } else { "[ ] " })]);
         line.spans.push(Span::styled(overlay.name(), if shown { Style::new() } else { DIM }));
-        line.spans.extend(sign_of(overlay, screen));
+        line.spans.extend(symbol_of(overlay, screen));
         lines.push(line);
     }
     lines.push(heading("signs"));
     let theme = &screen.theme;
-    for (sign, rgb, meaning) in [
+    for (symbol, rgb, meaning) in [
         ('G', theme.goal, "goal"),
         ('S', theme.walker, "start of @"),
         ('@', theme.walker, "walking agent"),
         ('s', theme.cursor, "g: the map's start, goal"),
     ] {
-        lines.push(Line::from(vec![Span::raw(" "), sample(screen, sign, rgb), Span::raw(format!(" {meaning}"))]));
+        lines.push(Line::from(vec![Span::raw(" "), sample(screen, symbol, rgb), Span::raw(format!(" {meaning}"))]));
     }
     if screen.run().method.plans() {
         lines.push(heading("edges"));
-        let of = |standing: Standing| screen.view.edges.iter().filter(|(_, s)| *s == standing).count();
-        let kinds = [(Standing::Confirmed, "walked"), (Standing::Demoted, "failed"), (Standing::Untried, "untried")];
-        for ((standing, name), rgb) in kinds.into_iter().zip(theme.edges) {
-            let text = format!(" {} {name}", of(standing));
+        let of = |status: EdgeStatus| screen.view.edges.iter().filter(|(_, s)| *s == status).count();
+        let kinds =
+            [(EdgeStatus::Confirmed, "walked"), (EdgeStatus::Demoted, "failed"), (EdgeStatus::Untried, "untried")];
+        for ((status, name), rgb) in kinds.into_iter().zip(theme.edges) {
+            let text = format!(" {} {name}", of(status));
             lines.push(Line::from(vec![Span::raw(" "), sample(screen, '\u{2500}', rgb), Span::raw(text)]));
         }
     }
@@ -49,15 +50,15 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
 }
 
 /// Returns a sign in its colour.
-fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
-    Span::styled(sign.to_string(), Style::new().fg(screen.theme.colour(rgb)))
+fn sample(screen: &Screen, symbol: char, rgb: Rgb) -> Span<'static> {
+    Span::styled(symbol.to_string(), Style::new().fg(screen.theme.colour(rgb)))
 }
 
 /// Returns an overlay's sign, after a space.
-fn sign_of(overlay: Overlay, screen: &Screen) -> Vec<Span<'static>> {
+fn symbol_of(overlay: Overlay, screen: &Screen) -> Vec<Span<'static>> {
     let theme = &screen.theme;
-    let mono = theme.depth == Depth::Mono;
-    let (sign, rgb) = match overlay {
+    let mono = theme.depth == ColourDepth::Mono;
+    let (symbol, rgb) = match overlay {
         Overlay::Contours => return Vec::new(),
         Overlay::Directions => ('\u{2192}', theme.cursor),
         Overlay::Agents => (if mono { 'o' } else { '\u{25a0}' }, theme.agent),
@@ -66,5 +67,5 @@ fn sign_of(overlay: Overlay, screen: &Screen) -> Vec<Span<'static>> {
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (if mono { '+' } else { '\u{25a0}' }, theme.path),
     };
-    vec![Span::raw(" "), sample(screen, sign, rgb)]
+    vec![Span::raw(" "), sample(screen, symbol, rgb)]
 }

@@ -7,50 +7,50 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Color, Modifier, Style};
 
-use crate::bridge::Standing;
+use crate::bridge::EdgeStatus;
 use crate::map::Grid;
 use crate::tui::canvas::{Canvas, WALL_MARK};
 use crate::tui::layers::{Overlay, Overlays};
-use crate::tui::places::Places;
+use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{Depth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
+use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
 use crate::view::{Field, Ground, Raster, ShownEdge};
 
 /// Contour lines are this many steps apart, or a multiple of it to limit their number.
 const CONTOUR_STEPS: f32 = 10.0;
-const MOST_CONTOURS: f32 = 14.0;
+const MAX_CONTOURS: f32 = 14.0;
 
 /// Minimum characters per cell for drawing bridge candidates and labels, and for drawing candidates in sizes.
-const LEAST_SCALE_FOR_BRIDGES: f32 = 0.75;
-const SCALE_FOR_SIZES: f32 = 2.0;
+const MIN_BRIDGE_SCALE: f32 = 0.75;
+const MIN_SIZED_CANDIDATE_SCALE: f32 = 2.0;
 
 /// Longest untried edges that are drawn, in spacings of the candidates.
-const UNTRIED_SPACINGS: f32 = 1.5;
+const MAX_UNTRIED_EDGE_SPACINGS: f32 = 1.5;
 
 /// Relative error from which the colour is the strongest.
-pub const STRONGEST_ERROR: f32 = 0.5;
+pub const MAX_SHOWN_ERROR: f32 = 0.5;
 
 /// Draws the map and everything on it.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places, cache: &mut Cache) {
-    let Some(place) = MapFrame::fit(area, screen.map(), screen.marker, screen.viewport) else { return };
-    places.map = Some(place.clone());
-    let base = cache.0.take().filter(|base| base.shows(&place, screen));
-    let base = base.unwrap_or_else(|| Base::new(&place, screen));
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
+    let Some(map_frame) = MapFrame::fit(area, screen.map(), screen.marker, screen.viewport) else { return };
+    layout.map = Some(map_frame.clone());
+    let base = cache.0.take().filter(|base| base.shows(&map_frame, screen));
+    let base = base.unwrap_or_else(|| Base::new(&map_frame, screen));
     let mut canvas = base.canvas.clone();
-    draw_what_moves(&mut canvas, &place, screen);
-    for at in place.area.positions() {
+    draw_moving_parts(&mut canvas, &map_frame, screen);
+    for at in map_frame.area.positions() {
         frame.buffer_mut()[at].clone_from(&base.painted[at]);
     }
-    canvas.paint_changes(frame.buffer_mut(), &place, &screen.theme);
-    let mut glyphs = Glyphs { place: &place, theme: &screen.theme, buffer: frame.buffer_mut() };
-    draw_signs(&mut glyphs, &base, screen);
+    canvas.paint_changes(frame.buffer_mut(), &map_frame, &screen.theme);
+    let mut glyphs = Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
+    draw_symbols(&mut glyphs, &base, screen);
     cache.0 = Some(base);
 }
 
 /// Returns the distance between contours, in steps, on a field whose farthest value is `farthest`.
 pub fn contour_interval(farthest: f32) -> f32 {
-    (farthest / MOST_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS
+    (farthest / MAX_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS
 }
 
 /// The part of the map that later frames can reuse.
@@ -60,7 +60,7 @@ pub struct Cache(Option<Base>);
 /// Map, field and edges only, which change far less often than what moves on them.
 #[derive(Clone)]
 struct Base {
-    place: MapFrame,
+    map_frame: MapFrame,
     theme: ThemeName,
     overlays: Overlays,
     map: Arc<Grid>,
@@ -74,37 +74,38 @@ struct Base {
 }
 
 impl Base {
-    fn new(place: &MapFrame, screen: &Screen) -> Self {
-        let mut canvas = Canvas::new(place);
-        terrain(&mut canvas, &place.raster, screen);
-        let field = Self::field_on(&place.raster, screen).cloned();
+    fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
+        let mut canvas = Canvas::new(map_frame);
+        terrain(&mut canvas, &map_frame.raster, screen);
+        let field = Self::field_on(&map_frame.raster, screen).cloned();
         let mut labels = Vec::new();
         if let Some(field) = &field {
-            labels = colour(&mut canvas, place, field, screen);
+            labels = colour(&mut canvas, map_frame, field, screen);
         }
         if screen.overlays.has(Overlay::Edges) {
             // The most informative kind goes on top, and each kind is blended with the ground only once.
             let [confirmed, demoted, untried] = screen.theme.edges;
             let spacing = screen.snapshot.networks.candidates.spacing();
             for (kind, rgb, share, mark) in [
-                (Standing::Untried, untried, 0.4, '-'),
-                (Standing::Confirmed, confirmed, 0.6, '='),
-                (Standing::Demoted, demoted, 0.9, 'x'),
+                (EdgeStatus::Untried, untried, 0.4, '-'),
+                (EdgeStatus::Confirmed, confirmed, 0.6, '='),
+                (EdgeStatus::Demoted, demoted, 0.9, 'x'),
             ] {
                 // Of the untried edges, only those between neighbours: all of them would hide the map.
-                let longest = if kind == Standing::Untried { UNTRIED_SPACINGS * spacing } else { f32::INFINITY };
+                let longest =
+                    if kind == EdgeStatus::Untried { MAX_UNTRIED_EDGE_SPACINGS * spacing } else { f32::INFINITY };
                 let short = |[a, b]: [[f32; 2]; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) <= longest;
-                let own = screen.view.edges.iter().filter(|(_, standing)| *standing == kind);
+                let own = screen.view.edges.iter().filter(|(_, status)| *status == kind);
                 let ends = own.map(|(ends, _)| *ends).filter(|ends| short(*ends));
-                canvas.lines(place, ends, (rgb, share, mark));
+                canvas.lines(map_frame, ends, (rgb, share, mark));
             }
         }
         let edges = screen.view.edges.clone();
-        let mut painted = Buffer::empty(place.area);
-        canvas.paint(&mut painted, place, &screen.theme);
+        let mut painted = Buffer::empty(map_frame.area);
+        canvas.paint(&mut painted, map_frame, &screen.theme);
         Self {
             painted,
-            place: place.clone(),
+            map_frame: map_frame.clone(),
             theme: screen.theme.name,
             overlays: screen.overlays,
             map: screen.map().clone(),
@@ -121,15 +122,15 @@ impl Base {
     }
 
     /// Returns whether this is still up to date.
-    fn shows(&self, place: &MapFrame, screen: &Screen) -> bool {
-        let same_field = match (&self.field, Self::field_on(&place.raster, screen)) {
+    fn shows(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+        let same_field = match (&self.field, Self::field_on(&map_frame.raster, screen)) {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
             (own, now) => own.is_none() && now.is_none(),
         };
         let same_edges = !screen.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &screen.view.edges);
         let same_map = Arc::ptr_eq(&self.map, screen.map());
-        let same_look = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.place == *place && same_field && same_edges && same_map && same_look
+        let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
+        self.map_frame == *map_frame && same_field && same_edges && same_map && same_style
     }
 }
 
@@ -137,13 +138,13 @@ impl Base {
 fn terrain(canvas: &mut Canvas, raster: &Raster, screen: &Screen) {
     for i in 0..canvas.len() {
         let ground = raster.ground(screen.map(), i % canvas.columns(), i / canvas.columns());
-        let (rgb, mark) = look_of(ground, &screen.theme);
+        let (rgb, mark) = ground_style(ground, &screen.theme);
         canvas.set(i, rgb, mark);
     }
 }
 
 /// Returns the style of ground without a known value, with colours and without.
-pub fn look_of(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
+pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     match ground {
         Ground::Outside => (None, ' '),
         Ground::Wall => (Some(theme.wall), WALL_MARK),
@@ -152,13 +153,13 @@ pub fn look_of(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
 }
 
 /// Draws the field as colours, with contour lines; returns a position for each line's label.
-fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], screen: &Screen) -> Vec<([f32; 2], f32)> {
+fn colour(canvas: &mut Canvas, map_frame: &MapFrame, field: &[f32], screen: &Screen) -> Vec<([f32; 2], f32)> {
     let (theme, farthest) = (&screen.theme, screen.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
     let band = |i: usize| (field[i] / apart).floor();
     let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
     let columns = canvas.columns();
-    let goal = canvas.at(place, screen.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
+    let goal = canvas.at(map_frame, screen.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
     // Label each line at its point nearest to the goal, which moves least as the field changes.
     let mut labels: Vec<(f32, usize, usize)> = Vec::new();
     for i in 0..canvas.len() {
@@ -170,9 +171,9 @@ fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], screen: &Screen)
             .iter()
             .find(|(n, same_row)| *same_row && *n < canvas.len() && field[*n].is_finite() && band(*n) != band(i));
         let rgb = match screen.field {
-            Field::Error => theme.of_error(field[i] / STRONGEST_ERROR),
-            Field::Visits => theme.of_distance(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
-            _ => theme.of_distance(field[i] / farthest),
+            Field::Error => theme.error_colour(field[i] / MAX_SHOWN_ERROR),
+            Field::Visits => theme.distance_colour(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
+            _ => theme.distance_colour(field[i] / farthest),
         };
         let Some((other, _)) = crossed.filter(|_| lines) else {
             canvas.set(i, Some(rgb), ' ');
@@ -187,83 +188,83 @@ fn colour(canvas: &mut Canvas, place: &MapFrame, field: &[f32], screen: &Screen)
             None => labels.push((level, i, off)),
         }
     }
-    let [left, top, width, height] = place.raster.window;
+    let [left, top, width, height] = map_frame.raster.window;
     let position = |i: usize| {
         let (across, down) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
-        [left + across / columns as f32 * width, top + down / place.raster.pixels.1 as f32 * height]
+        [left + across / columns as f32 * width, top + down / map_frame.raster.pixels.1 as f32 * height]
     };
     labels.into_iter().map(|(level, i, _)| (position(i), level)).collect()
 }
 
 /// Draws what changes from frame to frame, as pixels.
-fn draw_what_moves(canvas: &mut Canvas, place: &MapFrame, screen: &Screen) {
+fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
     let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
     // On a map scaled down, candidates would hide the rest; on a large one they are drawn as signs.
-    let scale = place.scale();
-    if shows(Overlay::Candidates) && (LEAST_SCALE_FOR_BRIDGES..SCALE_FOR_SIZES).contains(&scale) {
+    let scale = map_frame.scale();
+    if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale) {
         for candidate in screen.view.candidates.iter() {
             // The better connected, the darker.
-            canvas.faint_dot(place, candidate.at, theme.candidate, 0.25 + 0.5 * candidate.degree);
-            if theme.depth == Depth::Mono {
-                canvas.ground_dot(place, candidate.at, theme.candidate, ':');
+            canvas.faint_dot(map_frame, candidate.at, theme.candidate, 0.25 + 0.5 * candidate.degree);
+            if theme.depth == ColourDepth::Mono {
+                canvas.ground_dot(map_frame, candidate.at, theme.candidate, ':');
             }
         }
     }
     if shows(Overlay::Path) {
         let stops: Vec<[f32; 2]> = screen.view.trail.last().into_iter().chain(&screen.view.path).copied().collect();
-        canvas.lines(place, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
+        canvas.lines(map_frame, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
     }
     if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
         let [accepted, rejected] = theme.search;
         let at = |numbers: &[f32]| [numbers[0], numbers[1]];
-        search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(place, at(b), rejected, 'x'));
+        search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(map_frame, at(b), rejected, 'x'));
         if let Some(bridge) = &search.found {
             let [from, bridge, to] = [&search.state, &bridge.point, &search.goal].map(|numbers| at(numbers));
-            canvas.lines(place, [[from, bridge], [bridge, to]].into_iter(), (accepted, 0.8, '='));
+            canvas.lines(map_frame, [[from, bridge], [bridge, to]].into_iter(), (accepted, 0.8, '='));
         }
     }
     if let Some((cells, free)) = screen.editor.preview() {
         let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
         for cell in cells {
-            canvas.dot(place, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
+            canvas.dot(map_frame, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
         }
     }
     for (i, at) in screen.view.trail.iter().enumerate() {
-        canvas.faint_dot(place, *at, theme.walker, 0.8 * (i + 1) as f32 / screen.view.trail.len() as f32);
+        canvas.faint_dot(map_frame, *at, theme.walker, 0.8 * (i + 1) as f32 / screen.view.trail.len() as f32);
     }
     if shows(Overlay::Agents) {
         for trail in screen.snapshot.trails.iter() {
-            let (places, _) = trail.as_chunks::<2>();
-            for (i, at) in places.iter().enumerate() {
-                canvas.faint_dot(place, *at, theme.agent, 0.5 * (i + 1) as f32 / places.len() as f32);
+            let (positions, _) = trail.as_chunks::<2>();
+            for (i, at) in positions.iter().enumerate() {
+                canvas.faint_dot(map_frame, *at, theme.agent, 0.5 * (i + 1) as f32 / positions.len() as f32);
             }
         }
         for at in screen.snapshot.agents.chunks_exact(2) {
-            canvas.dot(place, [at[0], at[1]], theme.agent, 'o');
+            canvas.dot(map_frame, [at[0], at[1]], theme.agent, 'o');
         }
     }
 }
 
 /// Draws letters and signs.
-fn draw_signs(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
-    let (theme, scale) = (&screen.theme, glyphs.place.scale());
+fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
+    let (theme, scale) = (&screen.theme, glyphs.map_frame.scale());
     let shows = |overlay| screen.overlays.has(overlay);
-    if shows(Overlay::Candidates) && scale >= SCALE_FOR_SIZES {
+    if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
         for candidate in screen.view.candidates.iter() {
-            let sign = match candidate.degree {
+            let symbol = match candidate.degree {
                 d if d < 0.34 => '\u{b7}',
                 d if d < 0.67 => '\u{2022}',
                 _ => '\u{25cf}',
             };
-            glyphs.sign(candidate.at, sign, None);
+            glyphs.symbol(candidate.at, symbol, None);
         }
     }
     if shows(Overlay::Directions) {
         for (at, action) in screen.view.directions.iter() {
-            glyphs.sign(*at, arrow(*action), None);
+            glyphs.symbol(*at, arrow(*action), None);
         }
     }
-    if scale >= LEAST_SCALE_FOR_BRIDGES {
+    if scale >= MIN_BRIDGE_SCALE {
         let mut taken: Vec<Rect> = Vec::new();
         for (at, level) in &base.labels {
             glyphs.write(*at, &format!("{level:.0}"), &mut taken);
@@ -273,15 +274,15 @@ fn draw_signs(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
         if let Some(bridge) = &search.found {
             glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
         }
-        glyphs.sign([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
-        glyphs.sign([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
+        glyphs.symbol([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
+        glyphs.symbol([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
     }
     for (marks, letter) in [(screen.map().starts(), 's'), (screen.map().goals(), 'g')] {
-        marks.iter().for_each(|cell| glyphs.sign(cell.centre(), letter, None));
+        marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
     }
     if let Some(followed) = &screen.snapshot.followed {
         glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);
-        glyphs.sign([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
+        glyphs.symbol([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
     }
     glyphs.letter(screen.view.walk.start, 'S', theme.walker);
     glyphs.letter(screen.goal.centre(), 'G', theme.goal);
@@ -306,7 +307,7 @@ fn arrow([x, y]: [f32; 2]) -> char {
 
 /// Letters on top of the pixels.
 struct Glyphs<'a> {
-    place: &'a MapFrame,
+    map_frame: &'a MapFrame,
     theme: &'a Theme,
     buffer: &'a mut Buffer,
 }
@@ -314,25 +315,25 @@ struct Glyphs<'a> {
 impl Glyphs<'_> {
     /// Draws a letter on its own background.
     fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
-        let Some(cell) = self.place.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
+        let Some(cell) = self.map_frame.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
         let style = match self.theme.depth {
-            Depth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
+            ColourDepth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
             _ => Style::new().bg(self.theme.colour(rgb)).fg(self.theme.colour(ink(rgb))).add_modifier(Modifier::BOLD),
         };
         cell.set_char(letter).set_style(style);
     }
 
     /// Draws a sign on the existing background.
-    fn sign(&mut self, at: [f32; 2], sign: char, rgb: Option<Rgb>) {
-        if let Some(at) = self.place.character_of(at) {
-            self.put(at, sign, rgb);
+    fn symbol(&mut self, at: [f32; 2], symbol: char, rgb: Option<Rgb>) {
+        if let Some(at) = self.map_frame.character_of(at) {
+            self.put(at, symbol, rgb);
         }
     }
 
     /// Writes a number on the existing background around a position, unless another is too near.
     fn write(&mut self, at: [f32; 2], text: &str, taken: &mut Vec<Rect>) {
-        let Some(at) = self.place.character_of(at) else { return };
-        let area = self.place.area;
+        let Some(at) = self.map_frame.character_of(at) else { return };
+        let area = self.map_frame.area;
         let length = text.len() as u16;
         let from = at.x.saturating_sub(length / 2).clamp(area.x, area.right().saturating_sub(length).max(area.x));
         let own = Rect::new(from.saturating_sub(1), at.y, length + 2, 1);
@@ -340,14 +341,14 @@ impl Glyphs<'_> {
             return;
         }
         taken.push(own);
-        let places = (from..area.right()).map(|x| Position::new(x, at.y));
-        text.chars().zip(places).for_each(|(c, at)| self.put(at, c, None));
+        let cells = (from..area.right()).map(|x| Position::new(x, at.y));
+        text.chars().zip(cells).for_each(|(c, at)| self.put(at, c, None));
     }
 
-    fn put(&mut self, at: Position, sign: char, rgb: Option<Rgb>) {
+    fn put(&mut self, at: Position, symbol: char, rgb: Option<Rgb>) {
         let Some(cell) = self.buffer.cell_mut(at) else { return };
-        if self.theme.depth == Depth::Mono {
-            cell.set_char(sign);
+        if self.theme.depth == ColourDepth::Mono {
+            cell.set_char(symbol);
             return;
         }
         // The background of a half block is the colour of its lower half.
@@ -357,6 +358,6 @@ impl Glyphs<'_> {
             _ => self.theme.unknown,
         };
         let rgb = rgb.unwrap_or(ink(ground));
-        cell.set_char(sign).set_fg(self.theme.colour(rgb));
+        cell.set_char(symbol).set_fg(self.theme.colour(rgb));
     }
 }

@@ -5,40 +5,44 @@ use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
-use super::map::look_of;
+use super::map::ground_style;
 use crate::tui::canvas::Canvas;
-use crate::tui::places::Places;
+use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::{MapFrame, Marker, Viewport};
 use crate::tui::screen::Screen;
 use crate::tui::theme::blend;
 
-/// Maximum columns and rows of the minimap, which takes at most 1 / `SHARE` of the pane's width and height.
-const MOST: (u16, u16) = (24, 10);
-const SHARE: u16 = 3;
+/// Maximum columns and rows of the minimap, which takes at most 1 / `PANE_DIVISOR` of the pane's width and height.
+const MAX_SIZE: (u16, u16) = (24, 10);
+const PANE_DIVISOR: u16 = 3;
 
 /// Draws the minimap in the upper right corner of `area`.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
-    let Some(shown) = places.map.as_ref().filter(|_| screen.viewport.zoom > 1.0) else { return };
-    let room = Rect { width: MOST.0.min(area.width / SHARE), height: MOST.1.min(area.height / SHARE), ..area };
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+    let Some(shown) = layout.map.as_ref().filter(|_| screen.viewport.zoom > 1.0) else { return };
+    let room = Rect {
+        width: MAX_SIZE.0.min(area.width / PANE_DIVISOR),
+        height: MAX_SIZE.1.min(area.height / PANE_DIVISOR),
+        ..area
+    };
     let inner = Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
-    let Some(place) = MapFrame::fit(inner, screen.map(), Marker::Quadrant, Viewport::default()) else { return };
-    let (width, height) = (place.area.width + 2, place.area.height + 2);
+    let Some(map_frame) = MapFrame::fit(inner, screen.map(), Marker::Quadrant, Viewport::default()) else { return };
+    let (width, height) = (map_frame.area.width + 2, map_frame.area.height + 2);
     let outer = Rect { x: area.right().saturating_sub(width), y: area.y, width, height };
-    let place = MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..place.area }, ..place };
-    let mut canvas = Canvas::new(&place);
+    let map_frame = MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..map_frame.area }, ..map_frame };
+    let mut canvas = Canvas::new(&map_frame);
     let [left, top, columns, rows] = shown.raster.window;
     for i in 0..canvas.len() {
         let (column, row) = (i % canvas.columns(), i / canvas.columns());
-        let [.., width, height] = place.raster.window;
-        let x = (column as f32 + 0.5) / place.raster.pixels.0 as f32 * width;
-        let y = (row as f32 + 0.5) / place.raster.pixels.1 as f32 * height;
+        let [.., width, height] = map_frame.raster.window;
+        let x = (column as f32 + 0.5) / map_frame.raster.pixels.0 as f32 * width;
+        let y = (row as f32 + 0.5) / map_frame.raster.pixels.1 as f32 * height;
         let inside = x >= left && x < left + columns && y >= top && y < top + rows;
-        let (rgb, mark) = look_of(place.raster.ground(screen.map(), column, row), &screen.theme);
+        let (rgb, mark) = ground_style(map_frame.raster.ground(screen.map(), column, row), &screen.theme);
         let lit = rgb.map(|rgb| if inside { blend(rgb, screen.theme.walker, 0.5) } else { rgb });
         canvas.set(i, lit, if inside && mark == ' ' { '.' } else { mark });
     }
     frame.render_widget(Clear, outer);
     frame.render_widget(Block::bordered().style(Style::new()), outer);
-    canvas.paint(frame.buffer_mut(), &place, &screen.theme);
-    places.minimap = Some(place);
+    canvas.paint(frame.buffer_mut(), &map_frame, &screen.theme);
+    layout.minimap = Some(map_frame);
 }

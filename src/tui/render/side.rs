@@ -9,37 +9,37 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 use super::{BOLD, DIM, REVERSED, curves, legend, log, training, walk};
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::panes::Pane;
-use crate::tui::places::{Bar, Click, Places};
 use crate::tui::screen::Screen;
 
 /// Minimum rows for two panes below each other, and for three.
-const TWO_PANES: u16 = 30;
-const THREE_PANES: u16 = 48;
+const TWO_PANE_ROWS: u16 = 30;
+const THREE_PANE_ROWS: u16 = 48;
 
 /// Minimum columns for two columns of panes.
-const TWO_COLUMNS: u16 = 70;
+const TWO_COLUMN_WIDTH: u16 = 70;
 
 /// Draws the panel.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, screen, places);
+    tabs(frame, head, screen, layout);
     // The panes beside and below the selected one, the most informative first.
     let mut others = [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
     let chosen = screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
-    let columns = if body.width >= TWO_COLUMNS { 2 } else { 1 };
+    let columns = if body.width >= TWO_COLUMN_WIDTH { 2 } else { 1 };
     let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(body);
     let mut first = Some(chosen);
     for area in areas.iter() {
         let rows = match area.height {
-            h if h >= THREE_PANES => 3,
-            h if h >= TWO_PANES => 2,
+            h if h >= THREE_PANE_ROWS => 3,
+            h if h >= TWO_PANE_ROWS => 2,
             _ => 1,
         };
         let panes: Vec<Pane> = (0..rows).filter_map(|_| first.take().or_else(&mut next)).collect();
         for (pane, area) in panes.iter().zip(stack(*area, &panes, screen)) {
-            draw_pane(frame, area, screen, places, *pane);
+            draw_pane(frame, area, screen, layout, *pane);
         }
     }
 }
@@ -64,14 +64,14 @@ pub fn lines(pane: Pane, screen: &Screen) -> Option<Vec<Line<'static>>> {
 }
 
 /// Draws the selected pane over the whole area.
-pub fn draw_maximised(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
+pub fn draw_maximised(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
-    tabs(frame, head, screen, places);
+    tabs(frame, head, screen, layout);
     let pane = screen.pane;
-    draw_pane(frame, body, screen, places, pane);
+    draw_pane(frame, body, screen, layout, pane);
 }
 
-fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places, pane: Pane) {
+fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, pane: Pane) {
     let title = match pane {
         Pane::Training => "training",
         Pane::Curves => "curves",
@@ -91,20 +91,20 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places
     }
     if pane == Pane::Legend {
         for (row, overlay) in inner.rows().skip(legend::FIRST_OVERLAY).zip(Overlay::ALL) {
-            places.add(row, Click::Act(Action::Toggle(overlay)));
+            layout.add(row, Click::Act(Action::Toggle(overlay)));
         }
     }
-    places.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
+    layout.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
 }
 
 /// Draws the names of the panes, the selected one reversed.
-fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, places: &mut Places) {
-    let mut bar = Bar::default();
+fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+    let mut bar = ClickableLine::default();
     for pane in Pane::ALL {
         let show = Action::Show(pane);
         let number = if area.width >= 34 { format!("{} ", screen.keymap.key_of(show)) } else { String::new() };
         let style = if pane == screen.pane { REVERSED } else { DIM };
         bar.push(Span::styled(format!(" {number}{} ", pane.name()), style), Click::Act(show));
     }
-    bar.draw(frame, area, places);
+    bar.draw(frame, area, layout);
 }

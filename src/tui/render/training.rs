@@ -23,7 +23,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
         fact("mu loss", format!("{:.1} steps", snapshot.losses.actor)),
         heading("success"),
     ];
-    lines.splice(1..1, left(screen).map(|seconds| fact("remaining", clock(seconds))));
+    lines.splice(1..1, seconds_left(screen).map(|seconds| fact("remaining", clock(seconds))));
     lines.extend(success(screen));
     lines.extend(bridges(screen));
     lines.extend(time(screen));
@@ -31,7 +31,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
 }
 
 /// Returns the seconds until the run ends, if known.
-fn left(screen: &Screen) -> Option<f64> {
+fn seconds_left(screen: &Screen) -> Option<f64> {
     let (snapshot, limits) = (&screen.snapshot, &screen.snapshot.limits);
     let updates = limits
         .updates
@@ -49,7 +49,8 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
         return vec![fact("evaluated", "not yet")];
     };
     let mut lines = Vec::new();
-    let score = |name: &str, score: &Score| fact(name, format!("{:.2}  {}", score.success, bars(&score.by_distance)));
+    let score =
+        |name: &str, score: &Score| fact(name, format!("{:.2}  {}", score.success, success_bars(&score.by_distance)));
     lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
     lines.push(score("greedy", &evaluation.greedy));
     if let Some(error) = evaluation.distance_error {
@@ -61,7 +62,7 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
 }
 
 /// Returns one bar per distance, near to far. Even the tallest bar leaves a gap to the line above.
-fn bars(by_distance: &[DistanceScore]) -> String {
+fn success_bars(by_distance: &[DistanceScore]) -> String {
     const BARS: [char; 8] = [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
     by_distance.iter().map(|d| BARS[(d.success * 7.0).round() as usize]).collect()
 }

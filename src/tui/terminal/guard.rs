@@ -52,7 +52,7 @@ impl Drop for Guard {
 
 /// Runs the guard.
 #[cfg(unix)]
-pub fn watch() {
+pub fn run_guard() {
     use nix::sys::signal::SigSet;
     use nix::sys::termios::{SetArg, tcgetattr, tcsetattr};
 
@@ -60,10 +60,10 @@ pub fn watch() {
     // background.
     let _ = SigSet::all().thread_block();
     let modes = tcgetattr(std::io::stdout()).ok();
-    let told = std::io::stderr().write_all(READY);
+    let ready = std::io::stderr().write_all(READY);
     let mut word = Vec::new();
     let read = std::io::stdin().take(DISMISSED.len() as u64).read_to_end(&mut word);
-    if told.is_err() || read.is_err() || word == DISMISSED {
+    if ready.is_err() || read.is_err() || word == DISMISSED {
         return;
     }
     super::leave_screen();
@@ -74,4 +74,4 @@ pub fn watch() {
 
 /// Does nothing: there is no guard on this platform.
 #[cfg(not(unix))]
-pub fn watch() {}
+pub fn run_guard() {}

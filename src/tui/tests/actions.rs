@@ -25,11 +25,15 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
     for binding in bindings() {
         assert!(help.contains(binding.long), "{} is missing", binding.name);
         assert!(
-            app.screen.keymap.shown(binding).iter().all(|key| binding.long.is_empty() || help.contains(key.as_str()))
+            app.screen
+                .keymap
+                .display_keys(binding)
+                .iter()
+                .all(|key| binding.long.is_empty() || help.contains(key.as_str()))
         );
     }
-    for sign in ["goal", "walking agent", "start of @", "planned path", "exploring agents", "bridge candidates"] {
-        assert!(help.contains(sign), "{sign} is missing");
+    for symbol in ["goal", "walking agent", "start of @", "planned path", "exploring agents", "bridge candidates"] {
+        assert!(help.contains(symbol), "{symbol} is missing");
     }
     assert!(app.screen.dialogs.is_empty(), "Esc closes it");
 }
@@ -49,8 +53,8 @@ fn state(app: &App) -> String {
         app.screen.editor.tool,
         app.screen.goal,
         app.screen.inspecting,
-        app.screen.tour,
-        (app.screen.frozen, app.screen.following, app.screen.pausing, app.is_done(), app.suspends()),
+        app.screen.on_arrival,
+        (app.screen.frozen, app.screen.following, app.screen.pausing, app.is_done(), app.is_suspending()),
         app.screen.log.entries().len(),
         app.screen.map().free_count(),
     )

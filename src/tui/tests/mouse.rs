@@ -4,7 +4,7 @@ use super::*;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
-use crate::tui::render::LEAST_SCREEN;
+use crate::tui::render::MIN_SCREEN;
 
 /// Clicks on the first place that shows `text`.
 fn click(app: &mut App, (width, height): (u16, u16), text: &str) {
@@ -23,7 +23,7 @@ fn place_of(app: &mut App, (width, height): (u16, u16), text: &str) -> Option<Po
     })
 }
 
-const SMALL: (u16, u16) = LEAST_SCREEN;
+const SMALL: (u16, u16) = MIN_SCREEN;
 
 #[test]
 fn every_key_in_the_footer_is_clickable() {
@@ -141,23 +141,23 @@ fn zooming_keeps_the_place_under_the_mouse_and_can_be_reset() {
     let cell = Cell::new(150, 90);
     let at = character_of(&app, cell);
     turn_wheel(&mut app, at, 8);
-    let frame = app.screen.places.map.clone().expect("a map");
+    let frame = app.screen.layout.map.clone().expect("a map");
     let under = frame.cell_at(at, app.screen.map()).expect("on the map");
     assert!(under.x.abs_diff(cell.x) < 4 && under.y.abs_diff(cell.y) < 6, "{under:?} is far from {cell:?}");
     assert!(frame.raster.window[2] < 60.0, "{:?}", frame.raster.window);
     let before = frame.raster.window;
     press_with(&mut app, KeyCode::Left, KeyModifiers::SHIFT);
     draw(&mut app, 80, 24);
-    let left = app.screen.places.map.clone().expect("a map").raster.window[0];
+    let left = app.screen.layout.map.clone().expect("a map").raster.window[0];
     assert!(left < before[0], "panned to the left");
     for _ in 0..50 {
         press_with(&mut app, KeyCode::Up, KeyModifiers::SHIFT);
         draw(&mut app, 80, 24);
     }
-    assert_eq!(app.screen.places.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
+    assert_eq!(app.screen.layout.map.clone().expect("a map").raster.window[1], 0.0, "not beyond the map");
     press(&mut app, KeyCode::Char('0'));
     draw(&mut app, 80, 24);
-    assert!(app.screen.places.map.clone().expect("a map").raster.window[2] >= 200.0);
+    assert!(app.screen.layout.map.clone().expect("a map").raster.window[2] >= 200.0);
 }
 
 #[test]
@@ -167,19 +167,19 @@ fn the_middle_button_and_the_minimap_pan_the_map() {
     turn_wheel(&mut app, middle, 6);
     let window = |app: &mut App| {
         draw(app, 80, 24);
-        app.screen.places.map.clone().expect("a map").raster.window
+        app.screen.layout.map.clone().expect("a map").raster.window
     };
-    let cell = app.screen.places.map.clone().expect("a map").cell_at(middle, app.screen.map());
+    let cell = app.screen.layout.map.clone().expect("a map").cell_at(middle, app.screen.map());
     let before = window(&mut app);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Middle), middle);
     let to = Position::new(30, 15);
     mouse(&mut app, MouseEventKind::Drag(MouseButton::Middle), to);
     assert!(window(&mut app)[0] < before[0], "the map follows the mouse to the right");
-    let now = app.screen.places.map.clone().expect("a map").cell_at(to, app.screen.map());
+    let now = app.screen.layout.map.clone().expect("a map").cell_at(to, app.screen.map());
     let (cell, now) = (cell.expect("a cell"), now.expect("a cell"));
     assert!(now.x.abs_diff(cell.x) <= 1 && now.y.abs_diff(cell.y) <= 1, "{now:?} is not {cell:?}");
     let goal = app.screen.goal;
-    let small = app.screen.places.minimap.clone().expect("a small map").area;
+    let small = app.screen.layout.minimap.clone().expect("a small map").area;
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(small.x, small.y));
     assert_eq!(window(&mut app)[..2], [0.0, 0.0], "the upper left corner");
     assert_eq!(app.screen.goal, goal, "no goal is set below the small map");

@@ -10,16 +10,16 @@ use std::time::SystemTime;
 use jiff::tz::TimeZone;
 
 use super::*;
-use crate::bridge::{BridgePoint, SearchOutcome, Standing};
+use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use crate::train::{
-    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, Followed, LossPoint, Score,
+    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent, LossPoint, Score,
     Snapshot, Success,
 };
 use crate::tui::action::Action;
 use crate::tui::dialog::lists;
 use crate::tui::export::contents;
 use crate::tui::layers::Overlay;
-use crate::tui::output::What;
+use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
 use crate::view::{Candidate, View, Walk};
@@ -46,7 +46,7 @@ fn evaluation(at: f64) -> Evaluation {
 }
 
 /// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the given size.
-fn stage(width: u16, height: u16) -> App {
+fn staged_app(width: u16, height: u16) -> App {
     let mut app = app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
     draw(&mut app, width, height);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
@@ -57,7 +57,7 @@ fn stage(width: u16, height: u16) -> App {
         found: Some(BridgePoint { point: vec![10.5, 2.5], gain: 4.0 }),
         budget: 64,
     };
-    let followed = Followed {
+    let followed = FollowedAgent {
         agent: 2,
         start: vec![2.5, 4.5],
         state: vec![7.5, 1.5],
@@ -94,7 +94,7 @@ fn stage(width: u16, height: u16) -> App {
         app.on_snapshot(Arc::new(snapshot));
     }
     app.on_snapshot(Arc::new(Snapshot { evaluations: Arc::new(evaluations), ..(*app.screen.snapshot).clone() }));
-    let frame = app.screen.places.map.clone().expect("the map is drawn");
+    let frame = app.screen.layout.map.clone().expect("the map is drawn");
     let field = |i: usize| {
         let (column, row) = (i % frame.raster.pixels.0, i / frame.raster.pixels.0);
         let [left, top, width, height] = frame.raster.window;
@@ -105,8 +105,8 @@ fn stage(width: u16, height: u16) -> App {
     };
     let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
     let candidates = [[2.5, 2.5], [6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [18.5, 1.5]];
-    let standings = [Standing::Confirmed, Standing::Demoted, Standing::Confirmed, Standing::Confirmed];
-    let edges = candidates.windows(2).zip(standings).map(|(ends, standing)| ([ends[0], ends[1]], standing));
+    let standings = [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
+    let edges = candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     let view = View {
         goal: (Some(app.screen.goal), 1),
@@ -126,7 +126,7 @@ fn stage(width: u16, height: u16) -> App {
             distances: (15.2, 2.1),
             waypoint: Some([6.5, 1.5]),
             arrived: false,
-            journeys: (3, 4),
+            finished_walks: (3, 4),
         },
         inspected: None,
         followed_steps: Some(11),
@@ -178,22 +178,22 @@ fn check(name: &str, app: &mut App, width: u16, height: u16) {
 #[test]
 fn overviews_match_their_snapshots() {
     for (width, height) in [(80, 24), (120, 40), (200, 60)] {
-        check(&format!("overview-{width}x{height}"), &mut stage(width, height), width, height);
+        check(&format!("overview-{width}x{height}"), &mut staged_app(width, height), width, height);
     }
 }
 
 #[test]
 fn the_screen_without_colours_matches_its_snapshot() {
-    let mut app = stage(80, 24);
-    app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+    let mut app = staged_app(80, 24);
+    app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
     check("mono-80x24", &mut app, 80, 24);
 }
 
 #[test]
 fn larger_screens_without_colours_match_their_snapshots() {
     for (width, height) in [(120, 40), (200, 60)] {
-        let mut app = stage(width, height);
-        app.screen.theme = Theme::new(ThemeName::Mono, Depth::Mono);
+        let mut app = staged_app(width, height);
+        app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
         check(&format!("mono-{width}x{height}"), &mut app, width, height);
     }
 }
@@ -201,11 +201,11 @@ fn larger_screens_without_colours_match_their_snapshots() {
 #[test]
 fn panes_match_their_snapshots() {
     for pane in Pane::ALL {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.screen.pane = pane;
         check(&format!("pane-{}-80x24", pane.name()), &mut app, 80, 24);
     }
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     (app.screen.pane, app.screen.maximised, app.screen.log_scale) = (Pane::Curves, true, true);
     check("pane-curves-maximised-80x24", &mut app, 80, 24);
     (app.screen.pane, app.screen.maximised, app.screen.following) = (Pane::Walk, false, Some(2));
@@ -214,7 +214,7 @@ fn panes_match_their_snapshots() {
 
 #[test]
 fn all_overlays_together_match_their_snapshot() {
-    let mut app = stage(120, 40);
+    let mut app = staged_app(120, 40);
     Overlay::ALL.into_iter().filter(|o| !app.screen.overlays.has(*o)).collect::<Vec<_>>().into_iter().for_each(
         |overlay| {
             app.screen.overlays.toggle(overlay);
@@ -229,12 +229,12 @@ fn dialogs_match_their_snapshots() {
     for (name, keys) in
         [("help", "?"), ("palette", ":goal"), ("settings", "o"), ("seed", "R"), ("export", "E"), ("colours", "T")]
     {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         type_text(&mut app, &keys[..1]);
         type_text(&mut app, &keys[1..]);
         check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
     }
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     press(&mut app, KeyCode::Char('q'));
     check("dialog-quit-80x24", &mut app, 80, 24);
 }
@@ -243,7 +243,7 @@ fn dialogs_match_their_snapshots() {
 fn dialogs_of_actions_without_a_key_match_their_snapshots() {
     let actions = [Action::Method, Action::Preset, Action::NewMap, Action::ResizeMap, Action::SaveAs, Action::SaveMap];
     for action in actions.into_iter().chain([Action::Autosave]) {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.act(action);
         let name = bindings().find(|b| b.action == action).expect("it has a name").name;
         check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
@@ -259,7 +259,7 @@ fn lists_of_files_match_their_snapshots() {
     let description = |name: &str, days: u64, planned| Description {
         file: PathBuf::from(format!("saves/{name}.safetensors")),
         title: "rooms".to_owned(),
-        run: stage(80, 24).screen.run().clone(),
+        run: staged_app(80, 24).screen.run().clone(),
         updates: 20_000,
         success: Some(Success { updates: 20_000, greedy: 0.91, planned }),
         bytes: 2_345_678,
@@ -267,8 +267,8 @@ fn lists_of_files_match_their_snapshots() {
     };
     let broken = CheckpointError {
         file: PathBuf::from("saves/old.safetensors"),
-        what: "is not a safetensors file".to_owned(),
-        right: String::new(),
+        problem: "is not a safetensors file".to_owned(),
+        help: String::new(),
     };
     let found = vec![
         Err(broken),
@@ -279,10 +279,10 @@ fn lists_of_files_match_their_snapshots() {
     let lists = [
         ("maps", lists::maps(folder, &entries, Some(&recent))),
         ("checkpoints", lists::checkpoints(found, &TimeZone::UTC)),
-        ("other-map", lists::ways_to_turn_to(&other, &rooms(), rooms().resized(20, 5))),
+        ("other-map", lists::map_switch_choices(&other, &rooms(), rooms().resized(20, 5))),
     ];
     for (name, list) in lists {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.screen.dialogs.push(Dialog::Pick(list));
         check(&format!("dialog-{name}-80x24"), &mut app, 80, 24);
     }
@@ -290,10 +290,10 @@ fn lists_of_files_match_their_snapshots() {
 
 #[test]
 fn nothing_is_cut_off_on_the_smallest_screen() {
-    let longest = stage(80, 24);
+    let longest = staged_app(80, 24);
     for method in [Method::default(), gdg()] {
         for following in [None, Some(2)] {
-            let mut app = stage(80, 24);
+            let mut app = staged_app(80, 24);
             app.screen.following = following;
             let mut snapshot = (*app.screen.snapshot).clone();
             // Numbers as long as after a day of training.
@@ -321,7 +321,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
 
 #[test]
 fn the_editor_matches_its_snapshot() {
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     type_text(&mut app, "e4x");
     (0..4).for_each(|_| press(&mut app, KeyCode::Left));
     (0..2).for_each(|_| press(&mut app, KeyCode::Up));
@@ -330,7 +330,7 @@ fn the_editor_matches_its_snapshot() {
 
 #[test]
 fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     app.act(Action::Quit);
     assert!(!app.is_done() && app.screen.dialogs.len() == 1, "twelve seconds are asked about");
     press_with(&mut app, KeyCode::Char('c'), KeyModifiers::CONTROL);
@@ -341,21 +341,21 @@ fn unsaved_training_is_asked_about_on_quit_and_saved_on_a_signal() {
 
 #[test]
 fn everything_can_be_exported() {
-    let mut app = stage(80, 24);
+    let mut app = staged_app(80, 24);
     press(&mut app, KeyCode::Char('?'));
-    for what in What::ALL {
-        let bytes = contents(what, &app.screen).expect("a file");
-        match what.file_type() {
+    for kind in ExportKind::ALL {
+        let bytes = contents(kind, &app.screen).expect("a file");
+        match kind.file_type() {
             "png" => {
                 let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
-                let (width, height) = if what == What::MapPng { (50 * 8, 22 * 16) } else { (80 * 8, 24 * 16) };
-                assert_eq!((reader.info().width, reader.info().height), (width, height), "{what:?}");
+                let (width, height) = if kind == ExportKind::MapPng { (50 * 8, 22 * 16) } else { (80 * 8, 24 * 16) };
+                assert_eq!((reader.info().width, reader.info().height), (width, height), "{kind:?}");
             }
             "svg" => {
                 let text = String::from_utf8(bytes).expect("text");
-                assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{what:?}");
-                let part = if what == What::CurvesSvg { "relative error of D" } else { "\nG\n" };
-                assert!(text.contains(part), "{what:?} shows {part:?}");
+                assert!(text.starts_with("<svg") && text.trim_end().ends_with("</svg>"), "{kind:?}");
+                let part = if kind == ExportKind::CurvesSvg { "relative error of D" } else { "\nG\n" };
+                assert!(text.contains(part), "{kind:?} shows {part:?}");
                 assert!(!text.contains("get no reward"), "the dialog on top is left out");
             }
             _ => {
@@ -373,7 +373,7 @@ fn everything_can_be_exported() {
 #[test]
 fn fields_match_their_snapshots() {
     for field in [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain] {
-        let mut app = stage(80, 24);
+        let mut app = staged_app(80, 24);
         app.screen.field = field;
         app.on_view(Arc::new(View { kind: field, ..(*app.screen.view).clone() }));
         let name = field.name().replace(' ', "-").to_lowercase();

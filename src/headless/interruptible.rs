@@ -5,19 +5,19 @@ use std::time::Duration;
 
 use miette::{IntoDiagnostic, Report};
 
-use crate::signals::Ending;
+use crate::signals::TerminationSignal;
 
 /// Polling interval for signals.
-const LOOK_EVERY: Duration = Duration::from_millis(50);
+const POLL_INTERVAL: Duration = Duration::from_millis(50);
 
 /// Runs `work` on a thread called `name`. Returns `None` if a signal arrives first; the thread then ends with the
 /// program.
 ///
 /// # Errors
 /// The thread cannot be started, or panics.
-pub fn aside<T: Send + 'static>(
+pub fn run_interruptibly<T: Send + 'static>(
     name: &str,
-    ending: &Ending,
+    termination: &TerminationSignal,
     work: impl FnOnce() -> T + Send + 'static,
 ) -> Result<Option<T>, Report> {
     let (done, result) = channel();
@@ -25,9 +25,9 @@ pub fn aside<T: Send + 'static>(
     let work = move || drop(done.send(work()));
     std::thread::Builder::new().name(name.to_owned()).spawn(work).into_diagnostic()?;
     loop {
-        match result.recv_timeout(LOOK_EVERY) {
+        match result.recv_timeout(POLL_INTERVAL) {
             Ok(result) => return Ok(Some(result)),
-            Err(RecvTimeoutError::Timeout) if ending.number().is_some() => return Ok(None),
+            Err(RecvTimeoutError::Timeout) if termination.number().is_some() => return Ok(None),
             Err(RecvTimeoutError::Timeout) => {}
             Err(RecvTimeoutError::Disconnected) => {
                 return Err(miette::miette!(

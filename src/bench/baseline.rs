@@ -31,7 +31,7 @@ impl Network {
     }
 
     /// Returns the variables sorted by name, so that those of two networks correspond.
-    fn sorted(&self) -> Vec<Var> {
+    fn sorted_vars(&self) -> Vec<Var> {
         let names = self.vars.data().lock().map(|data| {
             let mut named: Vec<_> = data.iter().map(|(name, var)| (name.clone(), var.clone())).collect();
             named.sort_by(|a, b| a.0.cmp(&b.0));
@@ -42,7 +42,7 @@ impl Network {
 }
 
 /// Algorithm 1's update with one critic, scaled inputs and squared loss.
-pub struct Plain {
+pub struct Baseline {
     critic: Network,
     target: Network,
     model: Network,
@@ -50,7 +50,7 @@ pub struct Plain {
     tau: f64,
 }
 
-impl Plain {
+impl Baseline {
     /// Creates networks for two-dimensional states, goals and actions.
     pub fn new(settings: &LearnSettings) -> Result<Self> {
         let rate = f64::from(settings.learning_rate);
@@ -69,7 +69,7 @@ impl Plain {
     pub fn update(&mut self, batch: &Batch) -> Result<()> {
         let tensor = |numbers: &[f32]| Tensor::from_slice(numbers, (numbers.len() / 2, 2), &Device::Cpu);
         let column = |numbers: &[f32]| Tensor::from_slice(numbers, numbers.len(), &Device::Cpu);
-        let (states, goals, ahead) = (tensor(&batch.states)?, tensor(&batch.goals)?, tensor(&batch.ahead)?);
+        let (states, goals, ahead) = (tensor(&batch.states)?, tensor(&batch.goals)?, tensor(&batch.bootstrap_states)?);
         let bootstrapped = (Self::distance(&self.target, &ahead, &goals)? * column(&batch.bootstrap)?)?;
         let targets = (bootstrapped + column(&batch.steps)?)?.detach();
         let critic = (Self::distance(&self.critic, &states, &goals)? - targets)?.sqr()?.mean_all()?;
@@ -82,7 +82,7 @@ impl Plain {
         let reached = (&states + self.model.forward(&Tensor::cat(&[&states, &action], 1)?)?)?;
         let actor = Self::distance(&self.critic, &reached, &goals)?.mean_all()?;
         self.actor.optimiser.backward_step(&actor)?;
-        for (average, current) in self.target.sorted().iter().zip(self.critic.sorted()) {
+        for (average, current) in self.target.sorted_vars().iter().zip(self.critic.sorted_vars()) {
             average.set(&((average.as_tensor() * (1.0 - self.tau))? + (current.as_tensor() * self.tau)?)?)?;
         }
         Ok(())

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::App;
 use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
-use crate::view::{Tour, View};
+use crate::view::{OnArrival, View};
 
 impl App {
     /// Handles a new snapshot.
@@ -17,13 +17,13 @@ impl App {
         }
         let before = std::mem::replace(&mut self.screen.snapshot, snapshot);
         if self.screen.snapshot.generation != before.generation {
-            self.begin();
+            self.start_run();
         }
         self.on_saving(&before);
         if self.screen.snapshot.evaluations.len() > before.evaluations.len() {
-            self.note_evaluation();
+            self.log_evaluation();
         }
-        self.screen.pausing &= self.screen.snapshot.phase.trains();
+        self.screen.pausing &= self.screen.snapshot.phase.is_training();
         if self.screen.snapshot.notice.0 > before.notice.0 {
             self.notify(&self.screen.snapshot.notice.1.clone());
         }
@@ -31,7 +31,7 @@ impl App {
         {
             self.on_training_failed(&error.clone());
         }
-        if before.phase.trains() && self.screen.snapshot.phase == Phase::Done {
+        if before.phase.is_training() && self.screen.snapshot.phase == Phase::Done {
             self.notify(&format!(
                 "done: limit reached; {} continues without it",
                 self.screen.keymap.key_of(Action::TogglePause)
@@ -39,11 +39,11 @@ impl App {
         }
     }
 
-    fn note_evaluation(&mut self) {
+    fn log_evaluation(&mut self) {
         let Some((updates, e)) = self.screen.snapshot.evaluations.last() else { return };
         let error = e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
         let text = format!("evaluated: {}{error}", e.success(*updates));
-        self.screen.log.note(&text, *updates);
+        self.screen.log.record(&text, *updates);
     }
 
     /// Freezes the screen, or unfreezes it and shows the current state.
@@ -62,8 +62,8 @@ impl App {
             return;
         }
         // Follow goals chosen by the walking agent itself, but not those older than the latest goal request.
-        if let ((Some(goal), number), Tour::Visit) = (view.goal, self.screen.tour)
-            && number == self.goals_asked
+        if let ((Some(goal), number), OnArrival::Visit) = (view.goal, self.screen.on_arrival)
+            && number == self.goal_requests
         {
             self.screen.goal = goal;
         }

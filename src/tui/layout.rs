@@ -20,7 +20,7 @@ pub enum Click {
 
 /// Where things were drawn.
 #[derive(Clone, Debug, Default)]
-pub struct Places {
+pub struct ScreenLayout {
     /// The whole screen.
     pub screen: Rect,
     /// The map.
@@ -38,9 +38,9 @@ pub struct Places {
     clicks: Vec<(Rect, Click)>,
 }
 
-impl Places {
+impl ScreenLayout {
     /// Creates an empty record for a screen of this size.
-    pub fn on(screen: Rect) -> Self {
+    pub fn new(screen: Rect) -> Self {
         Self { screen, ..Self::default() }
     }
 
@@ -62,11 +62,11 @@ impl Places {
 
 /// A line with clickable parts.
 #[derive(Debug, Default)]
-pub struct Bar {
+pub struct ClickableLine {
     parts: Vec<(Span<'static>, Option<Click>)>,
 }
 
-impl Bar {
+impl ClickableLine {
     /// Returns the width in columns.
     pub fn width(&self) -> usize {
         self.parts.iter().map(|(span, _)| span.width()).sum()
@@ -78,13 +78,13 @@ impl Bar {
     }
 
     /// Draws the line from the left edge of `area`, cutting off what does not fit.
-    pub fn draw(self, frame: &mut Frame, area: Rect, places: &mut Places) {
+    pub fn draw(self, frame: &mut Frame, area: Rect, layout: &mut ScreenLayout) {
         let mut at = area.x;
         let mut line = Line::default();
         for (span, click) in self.parts {
             let width = (span.width() as u16).min(area.right().saturating_sub(at));
             if let Some(click) = click {
-                places.add(Rect { x: at, width, ..area }, click);
+                layout.add(Rect { x: at, width, ..area }, click);
             }
             at += width;
             line.push_span(span);
