@@ -432,7 +432,7 @@ fn perfect_mazes_have_one_path_between_any_two_cells_and_the_size_asked_for() {
         // A tree on the rooms has one passage less than rooms; more free cells would close a loop.
         assert_eq!(grid.free_count(), 2 * rooms * rooms - 1);
         assert_eq!(StepSearch::new(&grid).components(&grid).sizes.len(), 1);
-        let on_a_crossing = |cell: &Cell| cell.x % 2 == 0 && cell.y % 2 == 0;
+        let on_a_crossing = |cell: &Cell| cell.x.is_multiple_of(2) && cell.y.is_multiple_of(2);
         assert!(!grid.free_cells().any(|cell| on_a_crossing(&cell)), "walls are one cell thick");
     }
     for (kind, size) in [(RandomMapKind::Maze, 23), (RandomMapKind::City, 60)] {
