@@ -10,8 +10,13 @@ mod planner;
 mod search;
 mod settings;
 
+pub(crate) use candidates::MAX_SPACING_SHARE;
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub use graph::{BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
+pub(crate) use graph::{
+    DEMOTED_FACTOR, FRONTIER_SAMPLES, OBSERVED_FACTOR, OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS,
+};
+pub(crate) use planner::MAX_STRIKES;
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};

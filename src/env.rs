@@ -17,6 +17,7 @@ use serde_json::{Map, Value};
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use maze::PointMaze;
+pub(crate) use task::{BUDGET_FACTOR, MIN_BUDGET_STEPS};
 pub use task::{GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
 /// The built-in worlds.

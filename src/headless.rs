@@ -202,7 +202,7 @@ impl Session<'_> {
         let trainer = &mut self.setup.trainer;
         if evaluation.is_finite() {
             let updates = trainer.counters().updates;
-            trainer.history_mut().add_evaluation(updates, evaluation.clone());
+            trainer.record_evaluation(updates, evaluation.clone());
         }
         print(&Record::evaluation(trainer, &evaluation))?;
         Ok(Some(evaluation))

@@ -20,6 +20,7 @@ mod settings;
 #[forbid(unsafe_code)]
 mod update;
 
+pub(crate) use data::batch::RELEARN_N_STEP;
 pub use data::batch::{Batch, BatchSampler};
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub use gdg::{FullGradient, Gdg};
@@ -30,6 +31,8 @@ pub use networks::network::Network;
 pub use networks::policy::{FrozenNets, Nets, Policy, Scratch};
 pub use networks::state::NetworkState;
 pub use settings::{Backend, LearnSettings, LossScale, OutOfRange};
+pub(crate) use update::adam::EPSILON;
+pub(crate) use update::losses::EXCESS_WEIGHT;
 pub use update::losses::Losses;
 pub use update::profile::{Profile, Stage};
 pub use update::reference::{Layers, Reference};

@@ -143,7 +143,7 @@ fn a_checkpoint_is_described_without_being_loaded() {
     let mut run = trainer(settings(), 5, 1);
     train_to(&mut run, 120);
     let evaluation = run.evaluate(&run.tasks(2)).unwrap();
-    run.history_mut().add_evaluation(100, evaluation.clone());
+    run.record_evaluation(100, evaluation.clone());
     train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
     let found = train::describe(&path).unwrap();
     assert_eq!((found.updates, found.success, &found.run), (120, Some(evaluation.success(100)), run.run()));

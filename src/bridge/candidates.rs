@@ -14,7 +14,7 @@ pub const UNOBSERVED: u16 = u16::MAX;
 
 /// Useful spacing as a share of the edge cut-off: edges could hardly connect candidates farther apart. (The fastest
 /// agents move one goal radius per step.)
-const MAX_SPACING_SHARE: f32 = 0.45;
+pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 
 /// Candidates spread over all visited states, and the fewest steps of any trajectory from near one to near
 /// another.

@@ -88,10 +88,10 @@ impl GraphState {
 const MAX_EDGE_STEPS: f32 = 1e4;
 
 /// Cost multiplier of a demoted edge.
-const DEMOTED_FACTOR: f32 = 3.0;
+pub(crate) const DEMOTED_FACTOR: f32 = 3.0;
 
 /// Random candidates from which the frontier candidate is chosen.
-const FRONTIER_SAMPLES: usize = 12;
+pub(crate) const FRONTIER_SAMPLES: usize = 12;
 
 /// Snapshot of candidates and edges at one point in training.
 #[derive(Clone, Debug)]
@@ -252,13 +252,13 @@ fn nearest(spec: &Spec, candidates: &Candidates, state: &[f32], count: usize) ->
 }
 
 /// Slack on observed steps: trajectories start and end up to a goal radius off, and exploration wanders.
-const OBSERVED_SLACK_STEPS: f32 = 2.0;
+pub(crate) const OBSERVED_SLACK_STEPS: f32 = 2.0;
 
 /// A trajectory verifies D if it took at most this multiple of D, plus the slack.
-const OBSERVED_FACTOR: f32 = 1.5;
+pub(crate) const OBSERVED_FACTOR: f32 = 1.5;
 
 /// Extra cost, beyond the observed steps, of a pair that trajectories connect although D is above the cut-off.
-const OBSERVED_PENALTY_STEPS: f32 = 4.0;
+pub(crate) const OBSERVED_PENALTY_STEPS: f32 = 4.0;
 
 /// Returns the cost of a path of length `distance` (by D) whose fewest observed steps are `observed`; `None` if it may
 /// not be used.

@@ -7,7 +7,7 @@ use crate::learn::{Policy, Scratch};
 use crate::store::StoreError;
 
 /// Number of consecutive late targets after which an agent counts as stuck.
-const MAX_STRIKES: u32 = 2;
+pub(crate) const MAX_STRIKES: u32 = 2;
 
 /// What a walker heads for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]

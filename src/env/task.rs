@@ -16,10 +16,10 @@ pub struct Task {
 }
 
 /// Minimum step budget of a task.
-const MIN_BUDGET_STEPS: u32 = 500;
+pub(crate) const MIN_BUDGET_STEPS: u32 = 500;
 
 /// Step budget of a task, as a multiple of its shortest path.
-const BUDGET_FACTOR: u32 = 3;
+pub(crate) const BUDGET_FACTOR: u32 = 3;
 
 impl Task {
     /// Returns the number of steps within which the goal has to be reached.

@@ -292,7 +292,7 @@ impl Worker {
         self.next_evaluation_at = Some(now + EVALUATION_PAUSE_FACTOR * (now - began));
         match result.join() {
             Ok(evaluation) if evaluation.is_finite() => {
-                self.trainer.history_mut().add_evaluation(updates, evaluation);
+                self.trainer.record_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
             Ok(_) => self.notify(format!("the evaluation at update {updates} returned non-finite values")),

@@ -15,10 +15,10 @@ use crate::learn::{Policy, Scratch};
 use crate::store::{Store, StoreError};
 
 /// Number of candidates per build whose graph distances are distilled.
-const DISTILLED_GOALS: usize = 32;
+pub(crate) const DISTILLED_GOALS: usize = 32;
 
 /// A build takes effect after the interval between builds divided by this.
-const ACTIVATION_DIVISOR: u64 = 4;
+pub(crate) const ACTIVATION_DIVISOR: u64 = 4;
 
 /// Inputs of a build.
 pub struct GraphJob {

@@ -1,5 +1,6 @@
 //! All settings of a run.
 
+mod constants;
 pub mod reference;
 
 use serde::{Deserialize, Serialize};

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::graphs::{BuiltGraph, GraphJob, Graphs, StoredGraph};
-use super::history::History;
+use super::history::{History, LogEntry};
 use super::memory;
 use super::registry::Registry;
 use super::rollout::{Rollout, RolloutState, StepContext};
@@ -29,13 +29,14 @@ use crate::store::{Store, StoreError};
 pub use change::{KeptState, WorldChange};
 use recovery::LastGood;
 pub use recovery::Recovery;
+pub(crate) use recovery::{KEEP_EVERY_UPDATES, LEARNING_RATE_FACTOR, MAX_RECOVERIES};
 
 /// Names in the store: bridge candidates, and the current and the next bridge graph.
 const CANDIDATES: &str = "bridge";
 const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
 /// Losses are reported as running means over about this many updates.
-const LOSS_AVERAGE_UPDATES: f64 = 500.0;
+pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
 
 /// Random streams of a run, one per purpose, so that they do not affect each other.
 #[derive(Clone, Copy)]
@@ -157,7 +158,7 @@ impl Trainer {
     }
 
     /// Returns the world mutably, to change its evaluation tasks.
-    pub fn world_mut(&mut self) -> &mut dyn Environment {
+    pub(crate) fn world_mut(&mut self) -> &mut dyn Environment {
         self.rollout.env_mut()
     }
 
@@ -383,9 +384,14 @@ impl Trainer {
         &self.history
     }
 
-    /// Returns the history mutably, to add to it.
-    pub fn history_mut(&mut self) -> &mut History {
-        &mut self.history
+    /// Adds an evaluation made after `updates` to the history.
+    pub fn record_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
+        self.history.add_evaluation(updates, evaluation);
+    }
+
+    /// Replaces the history's event log, which the front end keeps.
+    pub fn set_log(&mut self, log: Vec<LogEntry>) {
+        self.history.log = log;
     }
 
     /// Returns everything needed to resume the run exactly where it stopped.

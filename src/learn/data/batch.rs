@@ -9,7 +9,7 @@ use crate::learn::settings::LearnSettings;
 
 /// Minimum n-step horizon of targets while relearning distances that have grown: each update raises them by at most
 /// this much.
-const RELEARN_N_STEP: usize = 20;
+pub(crate) const RELEARN_N_STEP: usize = 20;
 
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]

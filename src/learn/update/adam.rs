@@ -6,7 +6,7 @@ use candle_core::{CpuStorage, InplaceOp1, Layout, Result, Storage, Var, bail};
 
 use crate::learn::kernels::kernel::{self, AdamRate, BETA};
 
-const EPSILON: f64 = 1e-8;
+pub(crate) const EPSILON: f64 = 1e-8;
 
 /// First and second moment of a variable's gradient.
 #[derive(Clone, Debug, PartialEq)]

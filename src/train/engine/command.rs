@@ -146,7 +146,7 @@ impl Worker {
         // Even when no rollbacks are left, the networks are good and can be saved.
         let diverged = self.trainer.ensure_finite().err();
         self.report_recovery();
-        self.trainer.history_mut().log = log;
+        self.trainer.set_log(log);
         let path = checkpoint::save(&self.trainer, to).map_err(CommandError::NotSaved)?;
         if let Some(error) = diverged {
             self.current.phase = Phase::Failed(error.to_string());

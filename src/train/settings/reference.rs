@@ -1,6 +1,7 @@
 //! The reference of all settings: meaning, unit, range and the effect of a change. Errors, the settings dialog,
 //! `--print-config` and the reference page use it.
 
+use super::constants::{Constant, constants};
 use super::{Effect, Settings};
 use crate::train::config::list_settings;
 use crate::train::method::Preset;
@@ -425,6 +426,12 @@ pub fn reference_page() -> String {
             let effect = effect.about();
             page += &format!("| `{name}`{former} | {default} | {paper} | {unit} | {range} | {about} | {effect} |\n");
         }
+    }
+    page += "\n## Constants\n\nThese are not settings: changing them takes another build.\n\n\
+             | constant | value | unit | description |\n|---|---|---|---|\n";
+    for Constant { name, value, unit, about } in constants() {
+        // As the shortest single-precision number: 0.45, not 0.44999998807907104.
+        page += &format!("| `{name}` | {} | {unit} | {about} |\n", value as f32);
     }
     page
 }

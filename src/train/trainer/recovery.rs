@@ -9,13 +9,13 @@ use crate::train::error::TrainError;
 use crate::train::graphs::Graphs;
 
 /// Updates between checks of all weights; networks that pass are kept for rollback.
-const KEEP_EVERY_UPDATES: u64 = 2_000;
+pub(crate) const KEEP_EVERY_UPDATES: u64 = 2_000;
 
 /// Maximum number of rollbacks before the run fails.
-const MAX_RECOVERIES: u32 = 3;
+pub(crate) const MAX_RECOVERIES: u32 = 3;
 
 /// Factor applied to the learning rates at each rollback.
-const LEARNING_RATE_FACTOR: f32 = 0.5;
+pub(crate) const LEARNING_RATE_FACTOR: f32 = 0.5;
 
 /// The last good networks.
 pub(super) struct LastGood {

@@ -237,7 +237,7 @@ impl App {
             Some(mut trainer) if wanted => {
                 let up_to_date = snapshot.saved.as_ref().is_some_and(|(at, _)| *at == trainer.counters().updates);
                 let _ = trainer.ensure_finite();
-                trainer.history_mut().log = log;
+                trainer.set_log(log);
                 if !up_to_date {
                     saved = save_somewhere(&trainer, &saving.to, &mut summary);
                 }

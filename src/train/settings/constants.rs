@@ -1,0 +1,114 @@
+//! The constants that the reference page lists.
+
+use crate::learn::kernel;
+use crate::train::{graphs, trainer};
+use crate::{bridge, env, learn};
+
+/// A number that is the same in every run.
+pub struct Constant {
+    /// Its name in the code.
+    pub name: &'static str,
+    /// Its value.
+    pub value: f64,
+    /// Its unit.
+    pub unit: &'static str,
+    /// Description.
+    pub about: &'static str,
+}
+
+/// Returns the constants that decide how runs learn, plan and are evaluated.
+pub fn constants() -> Vec<Constant> {
+    vec![
+        constant(
+            "MIN_BUDGET_STEPS",
+            env::MIN_BUDGET_STEPS,
+            "steps",
+            "least number of steps to solve an evaluation task",
+        ),
+        constant("BUDGET_FACTOR", env::BUDGET_FACTOR, "", "a task's steps as a multiple of its shortest path"),
+        constant("NEAR_STEPS", env::NEAR_STEPS, "steps", "pairs up to this far apart count as near in errors of D"),
+        constant("BETA1", kernel::BETA.0, "", "Adam's decay of the gradient's mean"),
+        constant("BETA2", kernel::BETA.1, "", "Adam's decay of the squared gradient's mean"),
+        constant("EPSILON", learn::EPSILON, "", "Adam's addend to the denominator"),
+        constant("EXCESS_WEIGHT", learn::EXCESS_WEIGHT, "", "weight of squared actor outputs beyond actor_bound"),
+        constant("RELEARN_N_STEP", learn::RELEARN_N_STEP as f64, "steps", "least n_step during relearn_updates"),
+        constant(
+            "LOSS_AVERAGE_UPDATES",
+            trainer::LOSS_AVERAGE_UPDATES,
+            "updates",
+            "losses are reported as running means over this many",
+        ),
+        constant(
+            "MAX_SPACING_SHARE",
+            bridge::MAX_SPACING_SHARE,
+            "edge_cutoff_steps",
+            "candidate spacing beyond which there may be more candidates",
+        ),
+        constant(
+            "OBSERVED_FACTOR",
+            bridge::OBSERVED_FACTOR,
+            "D",
+            "a trajectory verifies an edge within this multiple of D ...",
+        ),
+        constant("OBSERVED_SLACK_STEPS", bridge::OBSERVED_SLACK_STEPS, "steps", "... plus this many steps"),
+        constant(
+            "OBSERVED_PENALTY_STEPS",
+            bridge::OBSERVED_PENALTY_STEPS,
+            "steps",
+            "added to the cost of an edge of keep_observed_edges",
+        ),
+        constant(
+            "DEMOTED_FACTOR",
+            bridge::DEMOTED_FACTOR,
+            "",
+            "cost multiplier of an edge on which two walks in a row failed",
+        ),
+        constant(
+            "FRONTIER_SAMPLES",
+            bridge::FRONTIER_SAMPLES as f64,
+            "candidates",
+            "random candidates of which the one with the fewest edges is the frontier",
+        ),
+        constant(
+            "LINK_CANDIDATES",
+            bridge::LINK_CANDIDATES as f64,
+            "candidates",
+            "nearest candidates considered for first and last links",
+        ),
+        constant(
+            "MAX_STRIKES",
+            bridge::MAX_STRIKES,
+            "waypoints",
+            "late waypoints in a row after which a walk takes the shortest hop",
+        ),
+        constant(
+            "DISTILLED_GOALS",
+            graphs::DISTILLED_GOALS as f64,
+            "candidates",
+            "goals whose graph distances each graph distils",
+        ),
+        constant(
+            "ACTIVATION_DIVISOR",
+            graphs::ACTIVATION_DIVISOR as f64,
+            "",
+            "a graph takes effect after graph_every_updates divided by this",
+        ),
+        constant(
+            "KEEP_EVERY_UPDATES",
+            trainer::KEEP_EVERY_UPDATES as f64,
+            "updates",
+            "interval between copies of the networks to roll back to",
+        ),
+        constant("MAX_RECOVERIES", trainer::MAX_RECOVERIES, "", "rollbacks before a diverging run stops"),
+        constant(
+            "LEARNING_RATE_FACTOR",
+            trainer::LEARNING_RATE_FACTOR,
+            "",
+            "multiplier of the learning rates at each rollback",
+        ),
+    ]
+}
+
+fn constant(name: &'static str, value: impl Into<f64>, unit: &'static str, about: &'static str) -> Constant {
+    Constant { name, value: value.into(), unit, about }
+}
