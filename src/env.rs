@@ -40,10 +40,14 @@ pub struct WorldKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restart {
+    /// At the world's own start if it has one, else at a random place.
+    Auto,
     /// At a random place.
     Anywhere,
     /// At the world's own start: a map's `S`, or a random one if there are several.
     StartCell,
+    /// Where the episode before ended; the first one as with [`Self::Auto`]. Agents are never moved.
+    Never,
 }
 
 /// Settings common to all worlds.
@@ -57,7 +61,7 @@ pub struct EnvSettings {
 
 impl Default for EnvSettings {
     fn default() -> Self {
-        Self { restart: Restart::Anywhere, noise: 0.0 }
+        Self { restart: Restart::Auto, noise: 0.0 }
     }
 }
 

@@ -117,8 +117,9 @@ fn episodes_can_be_restricted_to_the_start_cell() {
         let all = run(&[&args[..], more].concat());
         all.iter().find(|r| r["event"] == "evaluation").unwrap()["coverage"].as_f64().unwrap()
     };
-    let (anywhere, start) = (coverage(&[]), coverage(&["--set", "restart=start-cell"]));
+    let (anywhere, start) = (coverage(&["--set", "restart=anywhere"]), coverage(&["--set", "restart=start-cell"]));
     assert!(start > 0.0 && start < 0.7 * anywhere, "{start} of the cells from the start, {anywhere} from anywhere");
+    assert_eq!(coverage(&[]), start, "a map's start is the default");
     let no_start = gdg().args(["--no-ui", &file("valid/plain.txt"), "--set", "restart=start-cell"]).output().unwrap();
     assert_eq!(no_start.status.code(), Some(2));
     let error = String::from_utf8_lossy(&no_start.stderr).into_owned();

@@ -30,7 +30,18 @@ fn assert_loads(path: &Path) -> u64 {
 /// Trains a small run and returns its checkpoint.
 fn checkpoint(folder: &Path) -> std::path::PathBuf {
     let path = folder.join("small.safetensors");
-    let args = ["trap", "--max-updates", "350", "--eval-tasks", "1", "--save", "small.safetensors"];
+    let args = [
+        "trap",
+        "--max-updates",
+        "350",
+        "--eval-tasks",
+        "1",
+        "--save",
+        "small.safetensors",
+        // Short episodes, so that some have ended.
+        "--set",
+        "episode_steps=100",
+    ];
     let (status, _, errors) = outcome(&mut headless(folder, &args));
     assert_eq!((status, errors.as_str()), (0, ""));
     path

@@ -183,8 +183,9 @@ fn changing_any_setting_keeps_the_documented_state() {
             ("backend", _) => "tape".to_owned(),
             ("loss", _) => "log".to_owned(),
             ("update_when", _) => "episode-end".to_owned(),
-            // It needs a start on the map.
-            ("restart", _) => continue,
+            ("restart", _) => "anywhere".to_owned(),
+            ("episode_steps", _) => "77".to_owned(),
+            ("frontier_epsilon", _) => "0.3".to_owned(),
             ("critics", "2") => "1".to_owned(),
             ("critics", _) => "2".to_owned(),
             (_, "true") => "false".to_owned(),
@@ -323,7 +324,7 @@ fn the_paper_preset_makes_one_update_per_step_after_each_episode() {
     settings.train.learning_starts = 0;
     let run = Run { method: Method::default(), preset: Preset::Paper, seed: 1, settings };
     let mut run = Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 1).unwrap();
-    let episode = u64::from(run.run().settings.train.episode_steps);
+    let episode = u64::from(run.episode_steps());
     for tick in 0..2 * episode {
         assert_eq!(run.tick().unwrap(), if tick < episode { Tick::Step } else { Tick::Update }, "tick {tick}");
     }

@@ -16,6 +16,18 @@ pub const UNOBSERVED: u16 = u16::MAX;
 /// agents move one goal radius per step.)
 pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 
+/// Distance that candidates keep from each other even where walls separate them, in goal radii.
+pub(crate) const MIN_SPACING_RADII: f32 = 1.0;
+
+/// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
+pub(crate) const WELL_KNOWN_PATHS: usize = 8;
+
+/// A path is a detour round a wall if it takes more than this multiple of the straight line's steps ...
+pub(crate) const DETOUR_FACTOR: f32 = 2.0;
+
+/// ... plus this many steps.
+pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
+
 /// Candidates spread over all visited states, and the fewest steps of any trajectory from near one to near
 /// another.
 ///
@@ -36,6 +48,8 @@ pub struct Candidates {
     max_target_spacing: f32,
     window: usize,
     spacing: f32,
+    /// The spacing that the settings ask for, in goal radii.
+    initial_spacing_radii: f32,
     /// `(candidates, state_dim)`.
     states: Vec<f32>,
     /// `(candidates, goal_dim)`.
@@ -91,6 +105,7 @@ impl Candidates {
             max_target_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
             window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
+            initial_spacing_radii: settings.candidate_spacing,
             states: Vec::new(),
             points: Vec::new(),
             ids: Vec::new(),
@@ -120,6 +135,11 @@ impl Candidates {
     /// attributed to new candidates.
     pub fn reset_to(&mut self, fresh: Self) {
         *self = Self { next_id: self.next_id, ..fresh };
+    }
+
+    /// Returns the number of candidates that have appeared since `earlier`, including those that have retired again.
+    pub fn new_since(&self, earlier: &Self) -> usize {
+        self.next_id.saturating_sub(earlier.next_id) as usize
     }
 
     /// Returns the number of candidates.
@@ -194,17 +214,19 @@ impl Candidates {
 
     /// Adds the next state of `agent`'s episode.
     pub fn visit(&mut self, agent: usize, state: &[f32]) {
-        let (nearest, distance) = self.nearest(state);
-        let mut near = (distance < self.near_radius()).then_some(nearest);
-        if distance > self.spacing {
-            near = self.add(state);
-        }
         let clock = self.clocks[agent];
         self.clocks[agent] += 1;
         let visits = &mut self.visits[agent];
         while visits.front().is_some_and(|(step, _)| clock - step > self.window as u32) {
             visits.pop_front();
         }
+        let latest = visits.back().map(|(step, from)| (*from as usize, clock - step));
+        let (nearest, distance) = self.nearest(state);
+        let mut near = (distance < self.near_radius()).then_some(nearest);
+        if distance > self.spacing || (distance > self.min_spacing() && self.is_behind_a_wall(state, latest)) {
+            near = self.add(state, distance <= self.spacing);
+        }
+        let visits = &mut self.visits[agent];
         let Some(to) = near else { return };
         for (step, from) in visits.iter().filter(|(_, from)| *from as usize != to) {
             KnownPaths::observe(&mut self.paths[*from as usize], to as u32, (clock - step) as u16);
@@ -230,15 +252,47 @@ impl Candidates {
         (best.0, best.1.sqrt())
     }
 
+    /// Returns the distance that candidates keep from each other even where walls separate them.
+    fn min_spacing(&self) -> f32 {
+        MIN_SPACING_RADII.min(self.initial_spacing_radii) * self.spec.goal_radius
+    }
+
+    /// Whether trajectories show that `state` is far from all candidates within the spacing: `latest`, the candidate
+    /// that its agent visited last and the steps since, is not joined to any of them by a short path.
+    fn is_behind_a_wall(&self, state: &[f32], latest: Option<(usize, u32)>) -> bool {
+        let Some((latest, steps)) = latest else { return false };
+        if self.paths[latest].observed.len() < WELL_KNOWN_PATHS {
+            return false;
+        }
+        let g = self.spec.goal_dim();
+        let mut within = (0..self.len()).filter_map(|i| {
+            let distance = self.spec.goal_distance(state, &self.points[i * g..(i + 1) * g]);
+            (distance <= self.spacing).then_some((i, distance))
+        });
+        !within.any(|(i, distance)| self.may_be_joined(latest, i, distance + steps as f32))
+    }
+
+    /// Whether candidates `i` and `j` may be joined by a path that is not much longer than `distance`: such a path has
+    /// been observed, or too little has been observed around them to tell.
+    fn may_be_joined(&self, i: usize, j: usize, distance: f32) -> bool {
+        let well_known = |i: usize| self.paths[i].observed.len() >= WELL_KNOWN_PATHS;
+        let longest = DETOUR_FACTOR * distance / self.spec.goal_radius + DETOUR_SLACK_STEPS;
+        !well_known(i)
+            || !well_known(j)
+            || f32::from(self.observed(i, j)) <= longest
+            || f32::from(self.observed(j, i)) <= longest
+    }
+
     /// Makes `state` a candidate, thinning the others if there is no room, and returns its index; `None` if it is too
-    /// close to another at the new spacing.
-    fn add(&mut self, state: &[f32]) -> Option<usize> {
+    /// close to another at the new spacing. Where it is `behind_a_wall`, only the minimum spacing counts.
+    fn add(&mut self, state: &[f32], behind_a_wall: bool) -> Option<usize> {
         while self.len() >= self.target_count
             && (self.spacing < self.max_target_spacing || self.len() >= self.max_count)
         {
             self.spacing *= 1.1;
             self.thin();
-            if self.nearest(state).1 <= self.spacing {
+            let spacing = if behind_a_wall { self.min_spacing() } else { self.spacing };
+            if self.nearest(state).1 <= spacing {
                 return None;
             }
         }
@@ -250,13 +304,19 @@ impl Candidates {
         Some(self.len() - 1)
     }
 
-    /// Retires candidates closer than the spacing to an older one.
+    /// Retires candidates closer than the spacing to an older one, unless trajectories show that a wall separates them
+    /// and there is room.
     fn thin(&mut self) {
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let full = self.len() >= self.max_count;
         let mut kept: Vec<usize> = Vec::new();
         for i in 0..self.len() {
             let state = &self.states[i * s..(i + 1) * s];
-            if kept.iter().all(|k| self.spec.goal_distance(state, &self.points[k * g..(k + 1) * g]) > self.spacing) {
+            let stays = |k: &usize| {
+                let distance = self.spec.goal_distance(state, &self.points[k * g..(k + 1) * g]);
+                distance > self.spacing || !(full || self.may_be_joined(i, *k, distance))
+            };
+            if kept.iter().all(stays) {
                 kept.push(i);
             }
         }

@@ -147,6 +147,12 @@ impl Walker {
         self.hop
     }
 
+    /// Whether the next action is chosen by one step of lookahead. After a late waypoint the actor takes over until the
+    /// next one, and so on in turns: lookahead exploits errors of the dynamics model, the actor gets stuck elsewhere.
+    pub fn looks_ahead(&self, graph: &BridgeGraph) -> bool {
+        graph.settings().lookahead && self.strikes.is_multiple_of(2)
+    }
+
     /// Returns the route that it follows.
     pub fn route(&self) -> &Route {
         &self.route

@@ -2,7 +2,16 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::learn::OutOfRange;
+use crate::learn::{Auto, OutOfRange};
+
+/// The automatic share of frontier goals is this many times the share of candidates that are new ...
+pub(crate) const FRONTIER_GAIN: f32 = 10.0;
+
+/// ... but at least this, as a door may open at any time ...
+pub(crate) const MIN_FRONTIER_SHARE: f32 = 0.05;
+
+/// ... and at most this.
+pub(crate) const MAX_FRONTIER_SHARE: f32 = 0.5;
 
 /// How agents plan on the learned distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,17 +83,22 @@ pub struct BridgeSettings {
     /// Probability that an episode walks through the bridge graph, which trains the actor on the waypoints it will be
     /// given and confirms or demotes edges.
     pub planned_episodes: f32,
-    /// Probability that an episode's first goal is at the frontier: a candidate with few outgoing edges.
-    pub frontier_epsilon: f32,
+    /// Probability that an episode's first goal is at the frontier: a candidate with few outgoing edges. Automatic: high
+    /// while new candidates appear.
+    pub frontier_epsilon: Auto<f32>,
     /// Whether planning and evaluation use the running averages of critics and actor.
     pub averaged_weights: bool,
+    /// Whether agents that follow a plan choose their actions by one step of lookahead, D(f(s, a), g), over the actor's
+    /// action and a fixed set of others.
+    #[serde(default)]
+    pub lookahead: bool,
 }
 
 impl Default for BridgeSettings {
     fn default() -> Self {
         Self {
-            candidates: 600,
-            candidate_spacing: 2.0,
+            candidates: 1_200,
+            candidate_spacing: 1.0,
             edge_cutoff_steps: 10.0,
             hop_steps: 1.0,
             verify_edges: true,
@@ -98,8 +112,9 @@ impl Default for BridgeSettings {
             search_budget: 64,
             open_loop: false,
             planned_episodes: 0.3,
-            frontier_epsilon: 0.0,
+            frontier_epsilon: Auto::AUTO,
             averaged_weights: true,
+            lookahead: true,
         }
     }
 }
@@ -112,8 +127,12 @@ impl BridgeSettings {
             keep_observed_edges: false,
             progress_check: false,
             averaged_weights: false,
+            lookahead: false,
             hop_steps: 0.0,
             planned_episodes: 0.0,
+            frontier_epsilon: Auto::Given(0.0),
+            candidates: 600,
+            candidate_spacing: 2.0,
             ..Self::default()
         }
     }
@@ -130,6 +149,8 @@ impl BridgeSettings {
             hop_steps: 0.0,
             planned_episodes: 0.0,
             bridge_epsilon: 0.0,
+            lookahead: false,
+            frontier_epsilon: Auto::Given(self.frontier_epsilon.given().unwrap_or(0.0)),
             ..self.clone()
         }
     }
@@ -141,6 +162,14 @@ impl BridgeSettings {
             Planner::Sorb => self.sorb(),
             Planner::None | Planner::Bridges => self.clone(),
         }
+    }
+
+    /// Returns the probability that an episode's first goal is at the frontier, where `new` of `candidates` have appeared
+    /// since the bridge graph was built.
+    pub fn frontier_share(&self, new: usize, candidates: usize) -> f32 {
+        let discovery = new as f32 / candidates.max(1) as f32;
+        let automatic = (FRONTIER_GAIN * discovery).clamp(MIN_FRONTIER_SHARE, MAX_FRONTIER_SHARE);
+        self.frontier_epsilon.given().unwrap_or(automatic)
     }
 
     /// Returns the maximum number of candidates, which only large maps reach.
@@ -169,7 +198,7 @@ impl BridgeSettings {
             ("late_slack_steps", within(self.late_slack_steps, 1.0, 1e6)),
             ("bridge_epsilon", within(self.bridge_epsilon, 0.0, 1.0)),
             ("planned_episodes", within(self.planned_episodes, 0.0, 1.0)),
-            ("frontier_epsilon", within(self.frontier_epsilon, 0.0, 1.0)),
+            ("frontier_epsilon", self.frontier_epsilon.given().is_none_or(|share| within(share, 0.0, 1.0))),
             ("search_budget", (1..=100_000).contains(&self.search_budget)),
         ];
         checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))

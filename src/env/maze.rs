@@ -226,7 +226,9 @@ impl Environment for PointMaze {
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
         let position = match (self.settings.restart, self.map.starts()) {
-            (Restart::StartCell, starts @ [_, ..]) => Self::random_position_in(starts, rng),
+            (Restart::Auto | Restart::StartCell | Restart::Never, starts @ [_, ..]) => {
+                Self::random_position_in(starts, rng)
+            }
             _ => self.random_position(self.largest, rng),
         };
         self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);

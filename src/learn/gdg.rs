@@ -257,10 +257,12 @@ impl Gdg {
     /// Returns candle's error if a tensor operation fails.
     pub fn with_nets<R>(&self, averaged: bool, use_nets: impl FnOnce(Nets) -> R) -> Result<R> {
         let critics: Vec<_> = self.shared.critics.iter().map(Network::lock).collect();
-        let actor = self.shared.actor.lock();
+        let (model, actor) = (self.shared.model.lock(), self.shared.actor.lock());
         Ok(use_nets(Nets {
             shapes: &self.shared.shapes,
             critics: critics.iter().map(|l| l.weights(averaged)).collect::<Result<_>>()?,
+            // The model has no average.
+            model: model.weights(false)?,
             actor: actor.weights(averaged)?,
         }))
     }
@@ -309,8 +311,8 @@ impl Learner for Gdg {
 
     fn policy(&self, averaged: bool) -> std::result::Result<Arc<dyn Policy>, LearnError> {
         let critics = self.shared.critics.iter().map(|c| c.copy(averaged)).collect::<Result<_>>()?;
-        let actor = self.shared.actor.copy(averaged)?;
-        Ok(Arc::new(FrozenNets::new(self.shared.shapes.clone(), critics, actor)))
+        let others = [self.shared.model.copy(false)?, self.shared.actor.copy(averaged)?];
+        Ok(Arc::new(FrozenNets::new(self.shared.shapes.clone(), critics, others)))
     }
 
     fn with_policy(

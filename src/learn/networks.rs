@@ -3,6 +3,7 @@
 pub mod dense;
 pub mod encoder;
 pub mod grid;
+pub mod lookahead;
 pub mod mlp;
 pub mod network;
 pub mod policy;

@@ -26,6 +26,37 @@ pub enum Backend {
     Cuda,
 }
 
+/// A setting that follows from what the run has seen, unless it is given. In JSON, `"auto"` or the value.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum Auto<T> {
+    /// The given value.
+    Given(T),
+    /// Follows from the run.
+    Auto(AutoWord),
+}
+
+/// The word that stands for an automatic setting.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AutoWord {
+    /// `"auto"`.
+    Auto,
+}
+
+impl<T: Copy> Auto<T> {
+    /// The automatic setting.
+    pub const AUTO: Self = Self::Auto(AutoWord::Auto);
+
+    /// Returns the given value, if it is not automatic.
+    pub fn given(self) -> Option<T> {
+        match self {
+            Self::Given(value) => Some(value),
+            Self::Auto(_) => None,
+        }
+    }
+}
+
 /// A setting whose value is out of range, by its name.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("the setting {0} is out of range")]

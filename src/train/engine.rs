@@ -341,7 +341,8 @@ impl Worker {
         // Before the first step of an episode, the replay buffer holds none of its states.
         let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
         let (aim, goal, planned) = (own.goal.clone(), goal.to_vec(), !waypoints.is_empty());
-        Ok(Some(FollowedAgent { agent, start, state, steps: own.steps, aim, goal, distances, planned }))
+        let steps = (own.steps, trainer.episode_steps());
+        Ok(Some(FollowedAgent { agent, start, state, steps, aim, goal, distances, planned }))
     }
 
     fn notify(&mut self, text: String) {

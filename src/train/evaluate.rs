@@ -10,7 +10,7 @@ use super::run::Run;
 use super::score::{DistanceScore, Score, Success, spearman};
 use crate::bridge::{BridgeGraph, Candidates, Edge, LINK_CANDIDATES, Walker};
 use crate::env::{Environment, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
-use crate::learn::{Acting, Policy, Scratch};
+use crate::learn::{Acting, Policy, Scratch, look_ahead};
 
 /// Results of one evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -238,7 +238,13 @@ fn run_tasks(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut C
         }
         chosen.resize(active.len() * a, 0.0);
         match actor.hold_steps {
-            None => actor.policy.actions(&states, &aims, &mut chosen, &mut scratch),
+            None => {
+                actor.policy.actions(&states, &aims, &mut chosen, &mut scratch);
+                if let Some(graph) = actor.graph {
+                    let ahead: Vec<bool> = active.iter().map(|i| walkers[*i].looks_ahead(graph)).collect();
+                    look_ahead(actor.policy, &ahead, (&states, &aims), &mut chosen, &mut scratch);
+                }
+            }
             Some(hold_steps) => {
                 for (&i, action) in active.iter().zip(chosen.chunks_exact_mut(a)) {
                     action.copy_from_slice(&actions[a * i..a * (i + 1)]);

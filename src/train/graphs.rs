@@ -39,6 +39,8 @@ pub struct BuiltGraph {
     pub graph: Arc<BridgeGraph>,
     /// Sample of its distances to distil.
     pub distilled: Arc<DistilledDistances>,
+    /// The longest of these distances.
+    pub longest_steps: f32,
 }
 
 /// The current graph and the next one.
@@ -100,7 +102,7 @@ impl GraphJob {
 impl BuiltGraph {
     fn new(at: u64, graph: BridgeGraph, mut rng: ChaCha8Rng) -> Self {
         let distilled = graph.distil(DISTILLED_GOALS, &mut rng);
-        Self { at, graph: Arc::new(graph), distilled: Arc::new(distilled) }
+        Self { at, graph: Arc::new(graph), longest_steps: distilled.longest_steps(), distilled: Arc::new(distilled) }
     }
 }
 

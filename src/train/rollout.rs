@@ -9,8 +9,8 @@ use serde::{Deserialize, Serialize};
 
 use super::settings::Settings;
 use crate::bridge::{BridgeGraph, Candidates, Hop, SearchOutcome, Walker, WalkerState, search};
-use crate::env::Environment;
-use crate::learn::{Acting, Policy, Replay, Scratch};
+use crate::env::{Environment, Restart};
+use crate::learn::{Acting, Policy, Replay, Scratch, look_ahead};
 use crate::store::StoreError;
 
 /// One agent's episode.
@@ -49,6 +49,10 @@ pub struct StepContext<'a> {
     pub bridges: bool,
     /// How agents act.
     pub acting: Acting,
+    /// Steps per episode.
+    pub episode_steps: u32,
+    /// Probability that an episode's first goal is at the frontier.
+    pub frontier_share: f32,
     /// All settings.
     pub settings: &'a Settings,
     /// The current policy.
@@ -153,7 +157,7 @@ impl Rollout {
     pub fn step(&mut self, context: &mut StepContext) -> Option<RoundResult> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.follow_plans(context);
-        self.choose_actions(context.acting, context.settings, context.policy);
+        self.choose_actions(context);
         if !self.actions.iter().all(|a| a.is_finite()) {
             return None;
         }
@@ -169,7 +173,7 @@ impl Rollout {
             let agent = &mut self.agents[i];
             agent.steps += 1;
             let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
-            if agent.steps >= context.settings.train.episode_steps {
+            if agent.steps >= context.episode_steps {
                 context.replay.end_episode(i, state);
                 context.candidates.visit(i, state);
                 context.candidates.end_episode(i);
@@ -203,7 +207,9 @@ impl Rollout {
     /// Starts an episode with a new start and goal. With given probabilities, a frontier candidate or a bridge point
     /// (Algorithm 1's epsilon) is the first goal, and the agent follows a plan through the bridge graph.
     fn start_episode(&mut self, i: usize, context: &StepContext) {
-        self.env.restart(i, &mut self.rng);
+        if context.settings.train.restart != Restart::Never {
+            self.env.restart(i, &mut self.rng);
+        }
         self.restart_episode(i);
         if !context.bridges {
             return;
@@ -211,7 +217,7 @@ impl Rollout {
         let bridge = &context.settings.bridge;
         let mut chance = |probability: f32| probability > 0.0 && self.rng.random::<f32>() < probability;
         let (frontier, search, planned) =
-            (chance(bridge.frontier_epsilon), chance(bridge.bridge_epsilon), chance(bridge.planned_episodes));
+            (chance(context.frontier_share), chance(bridge.bridge_epsilon), chance(bridge.planned_episodes));
         let first = match context.graph {
             Some(graph) if frontier => graph.frontier(&mut self.rng).map(|c| graph.point(c).to_vec()),
             _ if search => self.search_bridge(i, context),
@@ -314,13 +320,22 @@ impl Rollout {
     }
 
     /// Chooses actions: the actor's with noise, or a random direction held for several steps.
-    fn choose_actions(&mut self, acting: Acting, settings: &Settings, policy: &dyn Policy) {
+    fn choose_actions(&mut self, context: &StepContext) {
+        let StepContext { acting, settings, policy, graph, .. } = *context;
         let a = self.env.spec().action_dim;
         self.actions.resize(self.agents.len() * a, 0.0);
         if acting == Acting::Policy {
             self.goals.clear();
             self.goals.extend(self.agents.iter().flat_map(|agent| agent.goal.iter().copied()));
             policy.actions(self.env.states(), &self.goals, &mut self.actions, &mut self.scratch);
+            if let Some(graph) = graph {
+                let walks_ahead = |(plan, agent): (&Option<Plan>, &Agent)| {
+                    agent.held.is_none() && plan.as_ref().is_some_and(|plan| plan.walker.looks_ahead(graph))
+                };
+                let ahead: Vec<bool> = self.plans.iter().zip(&self.agents).map(walks_ahead).collect();
+                let pairs = (self.env.states(), &self.goals[..]);
+                look_ahead(policy, &ahead, pairs, &mut self.actions, &mut self.scratch);
+            }
         }
         // With a mean hold of h steps, a fraction r of all steps is random if each free step begins a hold with
         // probability r / (r + (1 - r) h).

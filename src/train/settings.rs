@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::bridge::BridgeSettings;
 use crate::env::{EnvSettings, Restart};
-use crate::learn::{LearnSettings, OutOfRange};
+use crate::learn::{Auto, LearnSettings, OutOfRange};
 
 /// All settings, serialised as one flat list of names.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -55,13 +55,22 @@ pub enum UpdateWhen {
     EpisodeEnd,
 }
 
+/// The longest episode, in steps.
+const MAX_EPISODE_STEPS: u32 = 60_000;
+
+/// Automatic episodes are at least this long, in steps ...
+pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
+
+/// ... and this many times the longest distance in the bridge graph.
+pub(crate) const EPISODE_FACTOR: f32 = 3.0;
+
 /// Settings of agents, episodes and exploration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainSettings {
     /// Agents exploring in parallel.
     pub agents: usize,
-    /// Steps per episode.
-    pub episode_steps: u32,
+    /// Steps per episode. Automatic: a multiple of the longest distance in the bridge graph.
+    pub episode_steps: Auto<u32>,
     /// Where episodes begin.
     pub restart: Restart,
     /// Environment steps (summed over all agents) per update.
@@ -88,8 +97,8 @@ impl Default for TrainSettings {
     fn default() -> Self {
         Self {
             agents: 32,
-            episode_steps: 150,
-            restart: Restart::Anywhere,
+            episode_steps: Auto::AUTO,
+            restart: Restart::Auto,
             env_steps_per_update: 16,
             update_when: UpdateWhen::Step,
             learning_starts: 4_000,
@@ -107,6 +116,8 @@ impl TrainSettings {
     pub fn paper() -> Self {
         Self {
             agents: 1,
+            episode_steps: Auto::Given(150),
+            restart: Restart::Anywhere,
             env_steps_per_update: 1,
             update_when: UpdateWhen::EpisodeEnd,
             random_actions: 0.0,
@@ -128,7 +139,7 @@ impl TrainSettings {
         let noise = |v: f32| (0.0..=100.0).contains(&v);
         let checks = [
             ("agents", (1..=4096).contains(&self.agents)),
-            ("episode_steps", (1..=60_000).contains(&self.episode_steps)),
+            ("episode_steps", self.episode_steps.given().is_none_or(|steps| (1..=MAX_EPISODE_STEPS).contains(&steps))),
             ("env_steps_per_update", self.env_steps_per_update > 0),
             ("random_actions", (0.0..=1.0).contains(&self.random_actions)),
             ("random_hold_steps", (1.0..=1e6).contains(&self.random_hold_steps)),
@@ -148,10 +159,24 @@ impl Settings {
         self.learn.validate()?;
         self.bridge.validate()?;
         self.train.validate()?;
-        let longest = self.learn.buffer_size / self.train.agents;
-        if longest <= self.train.episode_steps as usize {
+        let shortest = self.train.episode_steps.given().unwrap_or(MIN_EPISODE_STEPS);
+        if self.max_episode_steps() < shortest {
             return Err(OutOfRange("buffer_size"));
         }
         Ok(())
+    }
+
+    /// Returns the longest episode that fits into each agent's share of the replay buffer.
+    fn max_episode_steps(&self) -> u32 {
+        let share = (self.learn.buffer_size / self.train.agents).saturating_sub(1);
+        u32::try_from(share).unwrap_or(u32::MAX).min(MAX_EPISODE_STEPS)
+    }
+
+    /// Returns the steps of an episode while the longest distance in the bridge graph is `longest_steps`: an agent must
+    /// be able to cross all that is known and go on from there.
+    pub fn episode_steps(&self, longest_steps: f32) -> u32 {
+        let automatic = (EPISODE_FACTOR * longest_steps) as u32;
+        let most = self.max_episode_steps();
+        self.train.episode_steps.given().unwrap_or_else(|| automatic.max(MIN_EPISODE_STEPS).min(most))
     }
 }

@@ -23,7 +23,8 @@ use super::settings::{Settings, UpdateWhen};
 use crate::bridge::{Candidates, CandidatesState, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
-    Acting, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Replay, ReplayState, Stage, TrainingData,
+    Acting, Auto, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Replay, ReplayState, Stage,
+    TrainingData,
 };
 use crate::store::{Store, StoreError};
 pub use change::{KeptState, WorldChange};
@@ -261,14 +262,32 @@ impl Trainer {
         Ok(Tick::Step)
     }
 
+    /// Returns the current length of an episode, in steps.
+    pub fn episode_steps(&self) -> u32 {
+        self.run.settings.episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps))
+    }
+
     /// Calls `act` with the agents and their step context.
     fn with_step_context<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut StepContext) -> R) -> Result<R> {
+        let episode_steps = self.episode_steps();
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
-        let (bridges, acting, settings) = (run.method.bridges(), learner.acting(), &run.settings);
+        let (acting, settings) = (learner.acting(), &run.settings);
+        let new = graph.map_or(0, |graph| candidates.new_since(graph.candidates()));
+        let frontier_share = run.bridge().frontier_share(new, candidates.len());
         let (mut act, mut done) = (Some(act), None);
         learner.with_policy(false, &mut |policy| {
-            let mut context = StepContext { bridges, acting, settings, policy, graph, replay, candidates };
+            let mut context = StepContext {
+                bridges: run.method.bridges(),
+                acting,
+                episode_steps,
+                frontier_share,
+                settings,
+                policy,
+                graph,
+                replay,
+                candidates,
+            };
             done = act.take().map(|act| act(rollout, &mut context));
         })?;
         Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
@@ -305,7 +324,8 @@ impl Trainer {
     /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
     fn refresh_graph(&mut self) -> Result<()> {
         let Settings { learn, bridge, .. } = &self.run.settings;
-        let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon > 0.0;
+        let wanted =
+            learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon != Auto::Given(0.0);
         if !wanted || !self.run.method.bridges() {
             return Ok(());
         }

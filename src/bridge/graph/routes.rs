@@ -24,6 +24,13 @@ pub struct DistilledDistances {
     pub pairs: Vec<(u32, u32, f32)>,
 }
 
+impl DistilledDistances {
+    /// Returns the longest of the distances, in steps; 0 if there are none.
+    pub fn longest_steps(&self) -> f32 {
+        self.pairs.iter().map(|(_, _, steps)| *steps).fold(0.0, f32::max)
+    }
+}
+
 /// Shortest paths to one goal through the graph.
 #[derive(Clone, Debug)]
 pub struct Route {

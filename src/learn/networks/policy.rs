@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use crate::learn::networks::grid::TableView;
+use crate::learn::networks::lookahead::LookaheadBuffers;
 use crate::learn::networks::mlp::{Mlp, Packed};
 use crate::learn::networks::network::Weights;
 use crate::learn::update::losses::{Pairs, Shapes, SharedFeatures, Workspace};
@@ -15,6 +16,7 @@ const ROWS: usize = 128;
 pub struct Scratch {
     plain: SharedFeatures,
     ws: Workspace,
+    lookahead: LookaheadBuffers,
 }
 
 /// The learned D and mu, for inference.
@@ -26,6 +28,12 @@ pub trait Policy: Send + Sync {
     /// Computes the actions mu(s, g), `out` `(rows, action_dim)`.
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
+    /// Computes actions by one step of lookahead, `out` `(rows, action_dim)`: mu(s, g), or another action after which D
+    /// is shorter. A policy without a dynamics model returns mu(s, g).
+    fn lookahead_actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        self.actions(states, goals, out, scratch);
+    }
+
     /// Returns D of a single pair, in steps.
     fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
         let mut out = [0.0];
@@ -34,11 +42,36 @@ pub trait Policy: Send + Sync {
     }
 }
 
-/// Borrowed weights of critics and actor.
+/// Replaces the `actions` `(rows, action_dim)` of the rows that are marked in `ahead` by those of one step of lookahead.
+pub fn look_ahead(
+    policy: &dyn Policy,
+    ahead: &[bool],
+    (states, goals): (&[f32], &[f32]),
+    actions: &mut [f32],
+    scratch: &mut Scratch,
+) {
+    let rows: Vec<usize> = (0..ahead.len()).filter(|row| ahead[*row]).collect();
+    if rows.is_empty() {
+        return;
+    }
+    let width = |numbers: &[f32]| numbers.len() / ahead.len();
+    let (s, g, a) = (width(states), width(goals), width(actions));
+    let chosen = |numbers: &[f32], width: usize| -> Vec<f32> {
+        rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
+    };
+    let mut best = vec![0.0; rows.len() * a];
+    policy.lookahead_actions(&chosen(states, s), &chosen(goals, g), &mut best, scratch);
+    for (row, action) in rows.iter().zip(best.chunks_exact(a)) {
+        actions[row * a..(row + 1) * a].copy_from_slice(action);
+    }
+}
+
+/// Borrowed weights of critics, dynamics model and actor.
 #[derive(Clone)]
 pub struct Nets<'a> {
     pub(in crate::learn) shapes: &'a Shapes,
     pub(in crate::learn) critics: Vec<Weights<'a>>,
+    pub(in crate::learn) model: Weights<'a>,
     pub(in crate::learn) actor: Weights<'a>,
 }
 
@@ -65,13 +98,20 @@ impl Policy for Nets<'_> {
             self.shapes.actions(self.actor, pairs, out, &mut scratch.ws);
         }
     }
+
+    fn lookahead_actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        self.actions(states, goals, out, scratch);
+        let networks = (self.model, &self.critics[..]);
+        self.shapes.improve_actions(networks, (states, goals), out, &mut scratch.lookahead);
+    }
 }
 
-/// A frozen copy of critics and actor.
+/// A frozen copy of critics, dynamics model and actor.
 #[derive(Debug)]
 pub struct FrozenNets {
     shapes: Arc<Shapes>,
     critics: Vec<OwnedWeights>,
+    model: OwnedWeights,
     actor: OwnedWeights,
 }
 
@@ -87,20 +127,25 @@ struct OwnedWeights {
 type CopiedWeights = (Vec<f32>, Vec<f32>);
 
 impl FrozenNets {
-    pub(in crate::learn) fn new(shapes: Arc<Shapes>, critics: Vec<CopiedWeights>, actor: CopiedWeights) -> Self {
+    pub(in crate::learn) fn new(
+        shapes: Arc<Shapes>,
+        critics: Vec<CopiedWeights>,
+        [model, actor]: [CopiedWeights; 2],
+    ) -> Self {
         let own = |(dense, table): CopiedWeights, mlp: &Mlp| {
             let mut packed = Packed::default();
             mlp.pack(&dense, false, &mut packed);
             OwnedWeights { dense, packed, table }
         };
         let critics = critics.into_iter().map(|copied| own(copied, &shapes.critic)).collect();
-        Self { critics, actor: own(actor, &shapes.actor), shapes }
+        Self { critics, model: own(model, &shapes.model), actor: own(actor, &shapes.actor), shapes }
     }
 
     fn nets(&self) -> Nets<'_> {
         Nets {
             shapes: &self.shapes,
             critics: self.critics.iter().map(|w| self.weights(w)).collect(),
+            model: self.weights(&self.model),
             actor: self.weights(&self.actor),
         }
     }
@@ -119,5 +164,9 @@ impl Policy for FrozenNets {
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         self.nets().actions(states, goals, out, scratch);
+    }
+
+    fn lookahead_actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
+        self.nets().lookahead_actions(states, goals, out, scratch);
     }
 }

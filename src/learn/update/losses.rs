@@ -2,6 +2,7 @@
 
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::{GridReads, TableView};
+use crate::learn::networks::lookahead::tried_actions;
 use crate::learn::networks::mlp::{Activations, GradientRequest, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::{LearnSettings, LossScale};
@@ -32,6 +33,8 @@ pub struct Shapes {
     pub expectile: f32,
     /// Bound of the actor's outputs before tanh; infinite for none.
     pub actor_bound: f32,
+    /// Actions that lookahead tries besides the actor's, `(actions, action_dim)`.
+    pub tried_actions: Vec<f32>,
 }
 
 /// Weight of the squared excess of the actor's outputs over their bound.
@@ -50,6 +53,7 @@ impl Shapes {
             loss: settings.loss,
             expectile: settings.expectile,
             actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
+            tried_actions: tried_actions(spec.action_dim),
             encoder,
         }
     }
@@ -285,6 +289,28 @@ impl Shapes {
         }
     }
 
+    /// Predicts the next states f(s, a) of `states` `(rows, state_dim)` after `actions` `(rows, action_dim)` into
+    /// `next`; keeps the activations for the backward pass.
+    pub fn next_states(
+        &self,
+        model: Weights,
+        (states, actions): (&[f32], &[f32]),
+        next: &mut [f32],
+        ws: &mut Workspace,
+    ) {
+        let (s, width) = (self.encoder.spec().state_dim(), self.encoder.plain_state_width());
+        let mut plain = std::mem::take(&mut ws.plain);
+        let rows = resized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
+        plain.states.clear();
+        for (state, row) in states.chunks_exact(s).zip(rows) {
+            self.encoder.plain_state(state, row);
+            self.encoder.locate_state(state, &mut plain.states);
+        }
+        let shared = (&plain.rows[..], width, &plain.states);
+        self.predict(model, (states, actions), shared, next, ws);
+        ws.plain = plain;
+    }
+
     /// Computes the dynamics model's gradient of mean |f(s, a) - s'|^2 (with each component in units of its change
     /// scale) into `gradient`. Returns the part's loss.
     pub fn model_gradient(
@@ -298,16 +324,8 @@ impl Shapes {
         let spec = self.encoder.spec();
         let s = spec.state_dim();
         let rows = states.len() / s;
-        let (plain_width, mut plain) = (self.encoder.plain_state_width(), std::mem::take(&mut ws.plain));
-        let rows_of_states = resized(&mut plain.rows, rows * plain_width).chunks_exact_mut(plain_width);
-        plain.states.clear();
-        for (state, row) in states.chunks_exact(s).zip(rows_of_states) {
-            self.encoder.plain_state(state, row);
-            self.encoder.locate_state(state, &mut plain.states);
-        }
         let mut predicted = std::mem::take(&mut ws.y);
-        let shared = (&plain.rows[..], plain_width, &plain.states);
-        self.predict(model, (states, actions), shared, resized(&mut predicted, rows * s), ws);
+        self.next_states(model, (states, actions), resized(&mut predicted, rows * s), ws);
         let mut loss = 0.0;
         for (predicted, next) in predicted[..rows * s].chunks_exact_mut(s).zip(next.chunks_exact(s)) {
             for ((p, n), scale) in predicted.iter_mut().zip(next).zip(&spec.change_scale) {
@@ -326,7 +344,6 @@ impl Shapes {
         if grid_width > 0 {
             gradient.add_encoded(&ws.dx[..rows * columns], (0, grid_width, columns));
         }
-        ws.plain = plain;
         loss
     }
 

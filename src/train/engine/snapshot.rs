@@ -122,8 +122,8 @@ pub struct FollowedAgent {
     pub start: Vec<f32>,
     /// Current state, `(state_dim)`.
     pub state: Vec<f32>,
-    /// Steps of its episode so far.
-    pub steps: u32,
+    /// Steps of its episode so far, and at most.
+    pub steps: (u32, u32),
     /// Current target: the goal or a waypoint, `(goal_dim)`.
     pub aim: Vec<f32>,
     /// Final goal, `(goal_dim)`.

@@ -110,7 +110,7 @@ const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
-pub const SETTINGS: [Setting; 54] = [
+pub const SETTINGS: [Setting; 55] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
     Setting::new(Networks, "critics", "", "1 or 2", "number of critics; D is their maximum").for_networks(),
@@ -265,13 +265,14 @@ pub const SETTINGS: [Setting; 54] = [
     )
     .for_networks(),
     Setting::new(Agents, "agents", "", "an integer from 1 to 4096", "agents exploring in parallel").for_agents(),
-    Setting::new(Agents, "episode_steps", "steps", "an integer from 1 to 60000", "steps per episode"),
+    Setting::new(Agents, "episode_steps", "steps", "auto, or an integer from 1 to 60000",
+        "steps per episode; auto: three times the longest distance in the bridge graph, and at least 150"),
     Setting::new(
         Agents,
         "restart",
         "",
-        "anywhere or start-cell",
-        "start of an episode: a random position, or the map's start S",
+        "auto, anywhere, start-cell or never",
+        "start of an episode: a random position, the map's start S, or where the last one ended; auto: S if there is one",
     )
     .for_agents(),
     Setting::new(
@@ -335,8 +336,8 @@ pub const SETTINGS: [Setting; 54] = [
         Exploration,
         "frontier_epsilon",
         "",
-        PROBABILITY_RANGE,
-        "probability that an episode's first goal is at the frontier: a candidate with few outgoing edges",
+        "auto, or a probability from 0 to 1",
+        "probability that an episode's first goal is at the frontier: a candidate with few outgoing edges; auto: ten times the fraction of candidates that are new, 0.05 to 0.5",
     ),
     Setting::new(
         Bridges,
@@ -404,6 +405,13 @@ pub const SETTINGS: [Setting; 54] = [
         "",
         SWITCH_VALUES,
         "plan and evaluate with the averaged critics and actor",
+    ),
+    Setting::new(
+        Planning,
+        "lookahead",
+        "",
+        SWITCH_VALUES,
+        "agents that follow a plan take the action a with the smallest D(f(s, a), waypoint), of the actor's and a fixed set",
     ),
 ];
 

@@ -55,7 +55,7 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
         fact("from", format_position(&followed.start)),
         fact("at A", format_position(&followed.state)),
         fact("goal \u{2691}", format_position(&followed.goal)),
-        fact("steps", format!("{} of {}", followed.steps, screen.run().settings.train.episode_steps)),
+        fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
         fact("shortest", screen.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string())),
         fact("D to goal", format_steps(followed.distances.1)),
         fact("target", aim),

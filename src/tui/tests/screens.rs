@@ -61,7 +61,7 @@ fn staged_app(width: u16, height: u16) -> App {
         agent: 2,
         start: vec![2.5, 4.5],
         state: vec![7.5, 1.5],
-        steps: 17,
+        steps: (17, 150),
         aim: vec![10.5, 2.5],
         goal: vec![18.5, 0.5],
         distances: (3.0, 11.0),

@@ -1,0 +1,106 @@
+//! One step of lookahead: the action of a fixed set after which the critics expect the shortest distance.
+
+use crate::learn::networks::network::Weights;
+use crate::learn::update::losses::{Pairs, Shapes, SharedFeatures, Workspaces};
+
+/// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
+const MAX_COMBINED_DIM: usize = 4;
+
+/// Lengths of the tried actions, as fractions of the longest.
+const LENGTHS: [f32; 2] = [1.0, 0.5];
+
+/// Steps by which another action must be better than the actor's: differences below this are noise of D.
+pub const MIN_GAIN_STEPS: f32 = 0.1;
+
+/// Pairs whose actions are tried at a time, few enough for the activations to stay in the cache.
+const PAIRS: usize = 8;
+
+/// Buffers of lookahead.
+#[derive(Clone, Debug, Default)]
+pub struct LookaheadBuffers {
+    states: Vec<f32>,
+    goals: Vec<f32>,
+    actions: Vec<f32>,
+    next: Vec<f32>,
+    distances: Vec<f32>,
+    plain: SharedFeatures,
+    passes: Workspaces,
+}
+
+/// Returns the actions to try, `(actions, dim)`: full and half steps along every combination of axes.
+pub fn tried_actions(dim: usize) -> Vec<f32> {
+    let directions: Vec<Vec<f32>> = if dim <= MAX_COMBINED_DIM {
+        // The digits of a number in base 3, less 1.
+        let count = 3usize.pow(dim as u32);
+        let digits = |i: usize| (0..dim).map(|axis| (i / 3usize.pow(axis as u32) % 3) as f32 - 1.0).collect();
+        (0..count).map(digits).filter(|direction: &Vec<f32>| direction.iter().any(|v| *v != 0.0)).collect()
+    } else {
+        let along = |axis: usize, sign: f32| (0..dim).map(|i| if i == axis { sign } else { 0.0 }).collect();
+        (0..dim).flat_map(|axis| [along(axis, 1.0), along(axis, -1.0)]).collect()
+    };
+    LENGTHS.iter().flat_map(|length| directions.iter().flatten().map(move |v| length * v)).collect()
+}
+
+impl Shapes {
+    /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those of [`tried_actions`]
+    /// with a smaller D(f(s, a), g), the maximum over `critics`, where there is one.
+    ///
+    /// The actor descends the same objective along its gradient (Algorithm 1), which is no help where a wall stops all
+    /// actions that differ little from its own.
+    pub fn improve_actions(
+        &self,
+        (model, critics): (Weights, &[Weights]),
+        (states, goals): (&[f32], &[f32]),
+        actions: &mut [f32],
+        buffers: &mut LookaheadBuffers,
+    ) {
+        let spec = self.encoder.spec();
+        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        let chunks = states.chunks(PAIRS * s).zip(goals.chunks(PAIRS * g)).zip(actions.chunks_mut(PAIRS * a));
+        for ((states, goals), actions) in chunks {
+            let LookaheadBuffers { states: from, goals: to, actions: tried, next, distances, plain, passes } = buffers;
+            [&mut *from, to, tried].into_iter().for_each(Vec::clear);
+            for ((state, goal), own) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(actions.chunks_exact(a)) {
+                let count = 1 + self.tried_actions.len() / a;
+                for _ in 0..count {
+                    from.extend(state);
+                    to.extend(goal);
+                }
+                tried.extend(own);
+                tried.extend(&self.tried_actions);
+            }
+            let rows = tried.len() / a;
+            next.resize(rows * s, 0.0);
+            self.next_states(model, (from, tried), next, &mut passes.model);
+            self.plain_pairs(next, to, plain);
+            distances.resize(rows, 0.0);
+            self.max_distances(critics, Pairs { plain, states: next, goals: to }, distances, &mut passes.critic);
+            let count = rows / (actions.len() / a);
+            let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
+            for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {
+                let mut shortest = distances[0] - MIN_GAIN_STEPS;
+                for (other, distance) in tried.chunks_exact(a).zip(distances).skip(1) {
+                    if *distance < shortest {
+                        shortest = *distance;
+                        action.copy_from_slice(other);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tried_actions_are_full_and_half_steps_along_combinations_of_axes() {
+        assert_eq!(tried_actions(1), [-1.0, 1.0, -0.5, 0.5]);
+        let plane = tried_actions(2);
+        assert_eq!(plane.len(), 2 * 16);
+        assert!(plane.chunks_exact(2).any(|a| a == [1.0, -1.0]) && plane.chunks_exact(2).any(|a| a == [0.0, 0.5]));
+        assert!(plane.chunks_exact(2).all(|a| a != [0.0, 0.0]));
+        assert_eq!(tried_actions(7).len(), 7 * 28);
+    }
+}
