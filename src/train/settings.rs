@@ -145,13 +145,22 @@ impl Settings {
     /// # Errors
     /// The name of the first setting out of range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
+        self.validate_ranges()?;
+        if self.learn.buffer_size < self.needed_buffer_size() { Err(OutOfRange("buffer_size")) } else { Ok(()) }
+    }
+
+    /// Checks every value's own range.
+    ///
+    /// # Errors
+    /// The name of the first setting out of range.
+    pub fn validate_ranges(&self) -> Result<(), OutOfRange> {
         self.learn.validate()?;
         self.bridge.validate()?;
-        self.train.validate()?;
-        let longest = self.learn.buffer_size / self.train.agents;
-        if longest <= self.train.episode_steps as usize {
-            return Err(OutOfRange("buffer_size"));
-        }
-        Ok(())
+        self.train.validate()
+    }
+
+    /// Returns the smallest buffer that holds an episode of every agent.
+    pub fn needed_buffer_size(&self) -> usize {
+        self.train.agents.saturating_mul(self.train.episode_steps as usize + 1)
     }
 }
