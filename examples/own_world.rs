@@ -34,13 +34,15 @@ pub fn registry() -> Arc<Registry> {
     let table = LearnerKind {
         name: "table",
         about: "Q-learning on intervals of a wire",
-        create: |spec, _, _, _| Ok(Box::new(Table::new(spec))),
+        create: |spec, _, _, _| Ok(Box::new(Table::new(spec)?)),
         parameters: |_, _| (BINS * ACTIONS.len() * BINS) as u64,
     };
     Registry::builtin().with_world(bead).with_learner(table)
 }
 
 /// Beads pushed along a wire, with some momentum.
+///
+/// The wire has no start of its own and no noise: both settings of [`Environment::configure`] are ignored.
 struct Bead {
     spec: Spec,
     positions: Vec<f32>,
@@ -89,7 +91,9 @@ impl Environment for Bead {
     }
 
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]) {
-        (self.positions[agent], self.speeds[agent]) = (full_state[0] as f32, full_state[1] as f32);
+        // The numbers may come from a file: keep the bead on the wire, and its speed within what actions can reach.
+        self.positions[agent] = (full_state[0] as f32).clamp(0.0, LENGTH);
+        self.speeds[agent] = (full_state[1] as f32).clamp(-1.0, 1.0);
     }
 
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng) {
@@ -130,8 +134,14 @@ struct Table {
 }
 
 impl Table {
-    fn new(spec: &Spec) -> Self {
-        Self { spec: spec.clone(), steps: vec![0.0; BINS * ACTIONS.len() * BINS] }
+    /// Creates a table for a wire.
+    fn new(spec: &Spec) -> Result<Self, LearnError> {
+        let on_wire = spec.state_centre == [LENGTH / 2.0] && spec.state_half_range == [LENGTH / 2.0];
+        if !on_wire || spec.achieved != [0] || spec.action_dim != 1 {
+            let problem = format!("the learner table requires positions from 0 to {LENGTH} and one action");
+            return Err(LearnError::Other(problem.into()));
+        }
+        Ok(Self { spec: spec.clone(), steps: vec![0.0; BINS * ACTIONS.len() * BINS] })
     }
 
     fn bin(position: f32) -> usize {

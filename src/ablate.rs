@@ -15,7 +15,7 @@ use crate::env::PointMaze;
 use crate::map::Grid;
 use crate::report::from_config_error;
 use crate::setup::{create, find_map, refuse_existing, threads};
-use crate::text::eprint_line;
+use crate::text::{counted, eprint_line};
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 /// The default with one thing changed.
@@ -72,7 +72,7 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
     if let Some(path) = &args.json {
         check_can_create(path, args.overwrite)?;
     }
-    let map = Arc::new(find_map(&args.map)?);
+    let map = Arc::new(find_map(&args.map, &Registry::builtin())?);
     let world = PointMaze::new(map.clone(), 0);
     let runs: Vec<(&Variant, u64)> =
         VARIANTS.iter().flat_map(|v| (1..=args.seeds).map(move |seed| (v, seed))).collect();
@@ -81,14 +81,8 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
         while let Some((variant, seed)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
             let evaluation = train(variant, *seed, &world, args)?;
             let mut outcomes = outcomes.lock();
-            let planned = evaluation.planned.as_ref().map_or(String::new(), |p| format!("planned {:.3}, ", p.success));
-            let done = outcomes.len() + 1;
-            eprint_line(&format!(
-                "{done} of {}: {}, seed {seed}: {planned}greedy {:.3}",
-                runs.len(),
-                variant.name,
-                evaluation.greedy.success
-            ));
+            let (done, success) = (outcomes.len() + 1, evaluation.success(args.updates));
+            eprint_line(&format!("{done} of {}: {}, seed {seed}: {success}", runs.len(), variant.name));
             let (variant, set, method) = (variant.name, variant.set, variant.method);
             outcomes.push(Outcome { variant, set, method, seed: *seed, evaluation });
         }
@@ -143,11 +137,11 @@ fn train(variant: &Variant, seed: u64, world: &PointMaze, args: &AblateArgs) -> 
 
 fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
     let mut out = format!(
-        "{}, {} updates, means of {} seeds (success: worst seed in brackets), {} tasks at each of six distances\n\n",
+        "{}, {}, means of {} (success: worst seed in brackets), {} at each of six distances\n\n",
         map.name(),
-        args.updates,
-        args.seeds,
-        args.eval_tasks
+        counted(args.updates, "update"),
+        counted(args.seeds, "seed"),
+        counted(args.eval_tasks.into(), "task")
     );
     out += "| variant | planned | SPL | greedy | error of D | error of graph | false edges |\n|---|---|---|---|---|---|---|\n";
     for own in outcomes.chunk_by(|a, b| a.variant == b.variant) {
@@ -164,9 +158,9 @@ fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
         out += &format!(
             "| {} | {} | {} | {} | {} | {} | {} |\n",
             own[0].variant,
-            success(&|e| Some(e.planned.as_ref()?.success)),
+            success(&|e| e.planned.as_ref()?.success),
             number(&|e| e.planned.as_ref()?.spl),
-            success(&|e| Some(e.greedy.success)),
+            success(&|e| e.greedy.success),
             number(&|e| Some(e.distance_error?.mape)),
             number(&|e| Some(e.distance_error?.graph?.mape)),
             false_edges.map_or("-".to_owned(), |v| format!("{:.0}", mean(&v))),

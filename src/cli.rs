@@ -4,6 +4,7 @@ use std::ffi::OsStr;
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
 use crate::bridge::Planner;
@@ -315,7 +316,17 @@ impl TypedValueParser for MethodParser {
             return Ok(method);
         }
         // Gives an error that suggests the nearest name.
-        let name = PossibleValuesParser::new(METHODS.map(|named| named.name)).parse_ref(command, arg, value)?;
+        let named = PossibleValuesParser::new(METHODS.map(|named| named.name)).parse_ref(command, arg, value);
+        let name = named.map_err(|mut error| {
+            let list = |names: Vec<&str>| names.join(", ");
+            let tip = format!(
+                "any other method is LEARNER+PLANNER; learners: {}; planners: {}",
+                list(LEARNERS.iter().map(|kind| kind.name).collect()),
+                list(Planner::ALL.iter().map(|planner| planner.name()).collect())
+            );
+            error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
+            error
+        })?;
         Ok(name.parse().unwrap_or_default())
     }
 

@@ -142,10 +142,11 @@ pub trait Environment: Any + Send + Sync {
     /// Returns all agents' states, `(agents, state_dim)`.
     fn states(&self) -> &[f32];
 
-    /// Returns an agent's full state.
+    /// Returns an agent's full state: for every agent the same number of components, at least one.
     fn full_state(&self, agent: usize) -> Vec<f64>;
 
-    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is not allowed.
+    /// Puts `agent` into a full state, or as close to it as the world allows if the state itself is not allowed. The
+    /// numbers are finite and as many as [`Self::full_state`] returns, but come from a file: they may be out of range.
     fn set_full_state(&mut self, agent: usize, full_state: &[f64]);
 
     /// Moves `agent` to a start state.
@@ -154,13 +155,15 @@ pub trait Environment: Any + Send + Sync {
     /// Draws a random goal that `agent` could be asked to reach from its place, into `goal` (`goal_dim`).
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]);
 
-    /// Steps every agent by one action; `actions` is `(agents, action_dim)` and gets clipped to [-1, 1].
+    /// Steps every agent by one action; `actions` is `(agents, action_dim)`. The world clips them to [-1, 1]: the
+    /// trainer has done so during exploration, but not in evaluation and display.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng);
 
-    /// Returns a copy of the world with `agents` new agents, all at some start, and empty statistics.
+    /// Returns a copy of the world with the same settings, `agents` new agents and empty statistics. In which state the
+    /// agents are is up to the world: callers restart them or set their full states.
     fn fork(&self, agents: usize) -> Box<dyn Environment>;
 
-    /// Switches to new settings.
+    /// Switches to new settings. A world must honour both, or document that it ignores them; the default ignores them.
     fn configure(&mut self, _settings: &EnvSettings) {}
 
     /// Writes the data that [`WorldKind::load`] reads, and the exploration statistics if there are any. The trainer
@@ -189,7 +192,7 @@ pub trait Environment: Any + Send + Sync {
     }
 
     /// Returns evaluation tasks, `per_group` in each group; the first call may take seconds. The default draws random
-    /// starts and goals, with unknown shortest paths.
+    /// starts and goals, at unknown distances.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         let mut world = self.fork(1);
         let tasks = (0..per_group).map(|_| {
@@ -198,7 +201,7 @@ pub trait Environment: Any + Send + Sync {
             world.sample_goal(0, rng, &mut goal);
             Task { start: world.full_state(0), goal, shortest: None, group: 0 }
         });
-        TaskSet { tasks: tasks.collect(), distances: vec![0.0] }
+        TaskSet { tasks: tasks.collect(), distances: vec![None] }
     }
 
     /// Returns the task that the world itself defines, from its own start to its own goal, if any.

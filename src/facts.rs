@@ -1,13 +1,15 @@
 //! `gdg-tui maps` and `gdg-tui check`: facts about maps.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::Report;
 
-use crate::map::{self, BUILTIN, Diameter, Grid, MapError, StepSearch};
+use crate::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
 use crate::report::from_map_error;
+use crate::text::counted;
 
 /// Returns the table of built-in maps.
 pub fn list() -> String {
@@ -40,7 +42,8 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     };
     // Report an unreadable scenario before a missing map.
     if !file.is_file() {
-        return Err(from_map_error(map::load_map(file).err().unwrap_or_else(|| {
+        let unreadable = map::load_scenario(file, &Grid::empty("", 1, 1)).err();
+        return Err(from_map_error(unreadable.unwrap_or_else(|| {
             MapError::whole_file(&file.to_string_lossy(), "is not a file", "give a scenario file")
         })));
     }
@@ -48,7 +51,8 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     let grid = map::load_map(&path).map_err(from_map_error)?;
     let tasks = map::load_scenario(file, &grid).map_err(from_map_error)?;
     let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
-    Ok(format!("scenario: {} tasks, longest {longest:.1} cells\n{}", tasks.len(), facts(&grid)))
+    let tasks = counted(tasks.len() as u64, "task");
+    Ok(format!("scenario: {tasks}, longest {longest:.1} cells\n{}", facts(&grid)))
 }
 
 /// Returns the file name of the map that a scenario's first task names.
@@ -67,16 +71,34 @@ fn facts(grid: &Grid) -> String {
         format!("size:       {} x {}", grid.width(), grid.height()),
         format!("free cells: {free} ({:.1} %)", 100.0 * free as f64 / grid.free().len() as f64),
         format!(
-            "components: {}, the largest {largest} cells ({:.1} % of the free cells)",
+            "components: {}, the largest {} ({:.1} % of the free cells)",
             components.sizes.len(),
+            counted(largest as u64, "cell"),
             100.0 * largest as f64 / free as f64
         ),
         format!("farthest:   {} steps", describe_diameter(Diameter::compute_from(grid, &components))),
     ];
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
-        lines.push(format!("marked:     {} starts, {} goals", grid.starts().len(), grid.goals().len()));
+        let (starts, goals) = (grid.starts().len() as u64, grid.goals().len() as u64);
+        lines.push(format!("marked:     {}, {}", counted(starts, "start"), counted(goals, "goal")));
+        lines.extend(unconnected(grid, &components).map(|problem| format!("warning:    {problem}")));
     }
     lines.join("\n") + "\n"
+}
+
+/// Returns what is wrong if starts and goals lie in different components.
+fn unconnected(grid: &Grid, components: &Components) -> Option<String> {
+    let component = |cell: &Cell| components.of_cell[grid.index(*cell)];
+    let (starts, goals) = (grid.starts(), grid.goals());
+    let (start, goal) = (starts.first()?, goals.first()?);
+    let all = |cells: &[Cell]| cells.iter().map(component).collect::<BTreeSet<_>>();
+    let which = match (starts, goals) {
+        _ if all(starts) == all(goals) => return None,
+        ([_], [_]) => "the start S and the goal G",
+        _ if component(start) != component(goal) => "the first start S and the first goal G",
+        _ => "some starts S and goals G",
+    };
+    Some(format!("{which} lie in different components: no path connects them"))
 }
 
 fn describe_diameter(diameter: Diameter) -> String {

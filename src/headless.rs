@@ -54,10 +54,15 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
         return Ok(status);
     }
     match (args.require_success, evaluation) {
-        (Some(required), Some(found)) if success(&found) < required => {
-            eprint_line(&format!("success rate {:.3} is below the required {required}", success(&found)));
-            Ok(EXIT_NOT_REACHED)
-        }
+        (Some(required), Some(found)) => match success(&found) {
+            Some(rate) if rate >= required => Ok(0),
+            Some(rate) => {
+                eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
+                Ok(EXIT_NOT_REACHED)
+            }
+            // A warning has said why.
+            None => Ok(EXIT_NOT_REACHED),
+        },
         _ => Ok(0),
     }
 }
@@ -69,8 +74,8 @@ fn print(record: &Record) -> Result<(), Report> {
     writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
 }
 
-/// Returns the success rate with planning, or of the actor alone if the method does not plan.
-fn success(evaluation: &Evaluation) -> f64 {
+/// Returns the success rate with planning, or of the actor alone if the method does not plan; `None` without tasks.
+fn success(evaluation: &Evaluation) -> Option<f64> {
     evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).success
 }
 
@@ -199,6 +204,9 @@ impl Session<'_> {
             job.run(&tasks)
         };
         let Some(evaluation) = run_interruptibly("evaluation", &self.termination, evaluate)? else { return Ok(None) };
+        if success(&evaluation).is_none() {
+            eprint_line("the evaluation has no tasks, so there is no success rate");
+        }
         let trainer = &mut self.setup.trainer;
         if evaluation.is_finite() {
             let updates = trainer.counters().updates;

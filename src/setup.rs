@@ -81,7 +81,7 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
     if let Some(create) = kind.and_then(|kind| kind.create) {
         return Ok(create());
     }
-    let map = Arc::new(find_map(name)?);
+    let map = Arc::new(find_map(name, registry)?);
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let problem = "has no start S, which restart=start-cell requires";
         return Err(from_map_error(MapError::whole_file(
@@ -98,7 +98,7 @@ fn not_a_maze(option: &str) -> Report {
     miette!(help = "give a map", "{option} applies only to maps")
 }
 
-/// Returns how to save to the path of `--save`: another run's file is not replaced.
+/// Returns how to save to the path of `--save`: neither another run's file nor one that is not a checkpoint is replaced.
 fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
     files::check_writable(path).map_err(|error| {
         let help = "give --save a file in a writable folder";
@@ -106,8 +106,12 @@ fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
     })?;
     let same =
         |other: &PathBuf| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
-    let own = args.overwrite || args.resume.as_ref().is_some_and(same);
-    Ok(if own { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
+    let own = args.resume.as_ref().is_some_and(same);
+    if args.overwrite && !own && path.exists() && !train::is_checkpoint(path) {
+        let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
+        return Err(miette!(help = help, "{}: is not a checkpoint of gdg-tui and is not replaced", path.display()));
+    }
+    Ok(if own || args.overwrite { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
 }
 
 /// Returns the requested number of threads, else the number of cores.
@@ -115,26 +119,33 @@ pub fn threads(requested: Option<u16>) -> usize {
     requested.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
 
-/// Loads the built-in map or the file called `name`.
+/// Loads the built-in map or the file called `name`; errors also list the worlds of `registry` that need no file.
 ///
 /// # Errors
 /// The file is invalid, or `name` is neither a built-in map nor a file.
-pub fn find_map(name: &str) -> Result<Grid, Report> {
+pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
     if let Some(grid) = map::builtin(name) {
         return Ok(grid);
     }
     let path = Path::new(name);
     let looks_like_a_name = !path.exists() && path.extension().is_none() && !name.contains(std::path::is_separator);
     if looks_like_a_name {
-        let names = map::BUILTIN.map(|(known, _)| known);
-        let nearest = names.iter().find(|known| strsim::jaro_winkler(known, name) > 0.8);
-        let help = match nearest {
-            Some(known) => format!("did you mean {known}? Built-in maps: {}; or give a map file", names.join(", ")),
-            None => format!("built-in maps: {}; or give a map file", names.join(", ")),
-        };
+        let maps = map::BUILTIN.map(|(known, _)| known);
+        let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| kind.name);
+        let worlds: Vec<&str> = worlds.collect();
+        let mut names = maps.iter().chain(&worlds);
+        let nearest = names.find(|known| strsim::jaro_winkler(known, name) > 0.8);
+        let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+        let worlds = if worlds.is_empty() { String::new() } else { format!("; worlds: {}", worlds.join(", ")) };
+        let help = format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", "));
         return Err(from_map_error(MapError::whole_file(name, "is neither a built-in map nor a file", help)));
     }
-    map::load_map(path).map_err(from_map_error)
+    map::load_map(path).map_err(|mut error| {
+        if !path.exists() {
+            error.help.push_str(", or a name from 'gdg-tui maps'");
+        }
+        from_map_error(error)
+    })
 }
 
 /// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their updates.

@@ -39,6 +39,11 @@ pub fn sanitized_lines(text: &str) -> String {
     text.chars().map(|c| if is_active(c) && c != '\n' { replacement(c) } else { c }).collect()
 }
 
+/// Returns a number and what it counts: `1 task`, `2 tasks`.
+pub fn counted(n: u64, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
 /// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
 pub fn eprint_line(line: &str) {
     use std::io::Write as _;

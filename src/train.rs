@@ -18,7 +18,8 @@ mod settings;
 mod trainer;
 
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, from_bytes, load, save, with_updated_checksum,
+    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, from_bytes, is_checkpoint, load, save,
+    with_updated_checksum,
 };
 pub use config::{
     ConfigError, Overrides, list_settings, print_settings, settings_from, settings_from_text, with_setting,

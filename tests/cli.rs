@@ -214,6 +214,24 @@ fn missing_the_required_success_is_status_3() {
 }
 
 #[test]
+fn an_evaluation_without_tasks_reports_no_numbers() {
+    let map = file("valid/one-cell.txt");
+    let args = ["--no-ui", &map, "--max-updates", "5", "--require-success", "0.5"];
+    let output = gdg().args(args).args(SMALL).output().unwrap();
+    let errors = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(3), "{errors}");
+    assert!(errors.contains("no tasks"), "{errors}");
+    let all = records(&output.stdout);
+    let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
+    for score in [&evaluation["greedy"], &evaluation["planned"]] {
+        for number in ["success", "spl", "steps_ratio"] {
+            assert!(score[number].is_null() && score.as_object().unwrap().contains_key(number), "{number}: {score}");
+        }
+    }
+    assert!(evaluation["distance_error"].is_null(), "{evaluation}");
+}
+
+#[test]
 fn a_scenario_is_evaluated_in_six_ranges() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("tasks.scen");
@@ -263,9 +281,16 @@ fn signals_end_a_run_gracefully() {
 /// Checks unusable arguments, and what their errors say.
 #[test]
 fn bad_usage_and_input_are_status_2_with_a_hint() {
+    let scenario = file("valid/plain.scen");
     let bad: &[(&[&str], &[&str])] = &[
         (&["--no-ui", "fourroms"], &["neither a built-in map nor a file", "did you mean fourrooms"]),
-        (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read"]),
+        (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read", "or a name from 'gdg-tui maps'"]),
+        (&["--no-ui", "trap", "--scen", "no-such.scen"], &["cannot be read", "give a scenario file"]),
+        (&["--no-ui", "trap", "--edit-at", "5:no-such.txt"], &["cannot be read", "give a map file"]),
+        (&["check", "no-such.txt"], &["cannot be read", "give a map file"]),
+        (&["check", "no-such.scen"], &["cannot be read", "give a scenario file"]),
+        (&["check", &scenario, "--map", &scenario], &["this is a scenario file", "--scen"]),
+        (&["--no-ui", &scenario], &["plain.scen:1:1", "this is a scenario file", "--scen"]),
         (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
         (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
         (&["--no-ui", "--method", "my-own+none"], &["unknown learner \"my-own\"", "gdg, random"]),
@@ -274,7 +299,13 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
         (&["--no-ui", "--config", "no-such.json"], &["no-such.json", "cannot be read"]),
         (&["--no-ui", "--resume", "no-such.safetensors"], &["no-such.safetensors", "cannot be read"]),
+        (
+            &["--no-ui", "--set", "episode_steps=60000"],
+            &["episode_steps=60000", "buffer_size must be at least 1920032"],
+        ),
         (&["--no-ui", "--method", "gpg"], &["gpg", "possible values"]),
+        (&["--no-ui", "--method", "gdg+foo"], &["gdg+foo", "LEARNER+PLANNER", "gdg, random", "none, bridges, sorb"]),
+        (&["--no-ui", "--method", "my-own+none"], &["LEARNER+PLANNER", "none, bridges, sorb"]),
         (&["--no-ui", "--max-updates", "-3"], &["-3"]),
         (&["--no-ui", "--require-success", "2"], &["fraction from 0 to 1"]),
         (&["--no-ui", "--max-seconds", "soon"], &["number of seconds"]),
@@ -282,12 +313,16 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
     ];
     for (args, expected) in bad {
         let output = gdg().args(*args).output().unwrap();
-        let message = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
+        // Without the line breaks of long messages.
+        let message = String::from_utf8_lossy(&output.stderr).into_owned();
+        let message = message.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
         assert_eq!(output.status.code(), Some(2), "{args:?}: {message}");
         assert!(output.stdout.is_empty());
         for part in *expected {
             assert!(message.contains(part), "{args:?}: {part:?} is not in {message}");
         }
+        let name_accepted = expected.iter().any(|part| part.contains("gdg-tui maps"));
+        assert_eq!(message.contains("gdg-tui maps"), name_accepted, "{args:?}: {message}");
     }
 }
 
@@ -307,6 +342,12 @@ fn errors_in_a_settings_file_are_reported_with_their_location() {
     assert!(error("{\n  \"tau\": \"x\"\n}").contains("settings.json:2:10: tau cannot be \"x\""));
     assert!(error("{\n  \"tau\": 0.1\n  \"batch\": 3\n}").contains("settings.json:3:3: expected"));
     assert!(error("[]").contains("settings.json:1:"));
+    let twice = error("{\n  \"tau\": 0.1,\n  \"tau\": 0.2\n}");
+    assert!(twice.contains("settings.json:3:4: tau is given twice"), "{twice}");
+    let both = error("{\n  \"batch_size\": 64,\n  \"batch\": 32\n}");
+    assert!(both.contains("settings.json:3:4: batch_size and batch are names of the same setting"), "{both}");
+    let tab = error("{\n\t\"hiden\": 3\n}");
+    assert!(tab.contains("settings.json:2:3") && !tab.contains("?\"hiden"), "{tab}");
 }
 
 #[test]
@@ -334,7 +375,16 @@ fn maps_lists_maps_and_check_validates_them() {
     let text = String::from_utf8_lossy(&good.stdout).into_owned();
     assert!(text.contains("3 x 3") && text.contains("components: 1") && text.contains("2 starts, 2 goals"), "{text}");
     let scenario = gdg().args(["check", &file("valid/plain.scen")]).output().unwrap();
-    assert!(String::from_utf8_lossy(&scenario.stdout).contains("1 tasks"));
+    assert!(String::from_utf8_lossy(&scenario.stdout).contains("1 task,"));
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("walled.txt");
+    for (text, warns) in [("S#G\n", true), ("S.G\n", false), ("SG#G\n", true), ("G#SG\n", true)] {
+        std::fs::write(&path, text).unwrap();
+        let output = gdg().arg("check").arg(&path).output().unwrap();
+        let facts = String::from_utf8_lossy(&output.stdout).into_owned();
+        assert!(output.status.success() && facts.contains("1 start, "), "{facts}");
+        assert_eq!(facts.contains("warning:") && facts.contains("different components"), warns, "{text}: {facts}");
+    }
     let lost =
         gdg().args(["check", &file("invalid/off-the-map.scen"), "--map", &file("valid/plain.txt")]).output().unwrap();
     assert_eq!(lost.status.code(), Some(2));

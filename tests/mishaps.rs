@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use gdg_tui::train::{self, Registry};
+use gdg_tui::train::{self, Registry, SaveTo};
 use serde_json::Value;
 use support::{Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum};
 
@@ -130,6 +130,33 @@ fn a_new_run_does_not_replace_the_checkpoint_of_another() {
     assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     assert_eq!(assert_loads(&first), 20);
     assert_eq!(checkpoints(folder.path()).len(), 2);
+}
+
+#[test]
+fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
+    let folder = folder();
+    let path = folder.path().join("notes.txt");
+    std::fs::write(&path, "mine").unwrap();
+    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "notes.txt"];
+    let began = Instant::now();
+    let (status, output, errors) = outcome(&mut headless(folder.path(), &[&args[..], &["--overwrite"]].concat()));
+    assert_eq!((status, output.as_str()), (2, ""), "refused before training: {errors}");
+    assert!(errors.contains("is not a checkpoint") && errors.contains("another name"), "{errors}");
+    assert!(began.elapsed() < TIMEOUT);
+    let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
+    assert_eq!(status, 0);
+    assert!(errors.contains("is not a checkpoint") && !errors.contains("another run"), "{errors}");
+    assert!(events(&output).iter().any(|e| e["event"] == "saved" && e["path"] == "notes-2.txt"), "{output}");
+    // Not even one that appeared after the check.
+    let trainer = train::load(&folder.path().join("notes-2.txt"), &Registry::builtin(), 1).unwrap().trainer;
+    assert_eq!(train::save(&trainer, &SaveTo::Replace(path.clone())).unwrap(), folder.path().join("notes-3.txt"));
+    assert_eq!(std::fs::read_to_string(&path).unwrap(), "mine");
+    // A damaged checkpoint is one.
+    let damaged = folder.path().join("notes-2.txt");
+    std::fs::OpenOptions::new().write(true).open(&damaged).unwrap().set_len(100_000).unwrap();
+    let args = ["trap", "--max-updates", "20", "--eval-tasks", "1", "--save", "notes-2.txt", "--overwrite"];
+    assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
+    assert_eq!(assert_loads(&damaged), 20);
 }
 
 #[test]

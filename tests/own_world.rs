@@ -46,12 +46,13 @@ fn a_custom_learner_learns_a_custom_world() {
     let mut run = trainer("table+bridges");
     train_to(&mut run, 3_000);
     let found = run.evaluate(&run.tasks(40)).unwrap();
-    let (planned, greedy) = (found.planned.unwrap().success, found.greedy.success);
+    let (planned, greedy) = (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap());
     assert!(planned >= 0.9 && greedy >= 0.9, "planned {planned}, greedy {greedy}");
     let bridges = found.bridges.unwrap();
     assert!(bridges.candidates > 5 && bridges.edges > bridges.candidates, "{bridges:?}");
     // Metrics that the world does not provide are absent.
     assert!(found.distance_error.is_none() && found.coverage.is_none() && found.greedy.spl.is_none());
+    assert!(found.greedy.by_distance.iter().all(|group| group.distance_steps.is_none() && group.success.is_some()));
 }
 
 #[test]
@@ -108,7 +109,14 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     };
     assert_eq!(run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]), 0);
     assert_eq!(run(&["--resume", path, "--max-updates", "2500"]), 0);
-    let args = Cli::try_parse_from(["own_world", "bead", "--no-ui", "--method", "tabel+none"]).unwrap().train;
-    let error = setup::prepare(&args, &registry()).err().unwrap();
-    assert!(format!("{error:?}").contains("tabel"), "{error:?}");
+    for (world, method, expected) in [
+        ("bead", "tabel+none", &["\"tabel\"", "table, gdg, random", "LEARNER+PLANNER"][..]),
+        ("baed", "gdg", &["did you mean bead", "worlds: bead"]),
+        ("trap", "table+none", &["requires positions"]),
+    ] {
+        let args = Cli::try_parse_from(["own_world", world, "--no-ui", "--method", method]).unwrap().train;
+        let error = format!("{:?}", setup::prepare(&args, &registry()).err().unwrap());
+        let error = error.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ");
+        assert!(expected.iter().all(|part| error.contains(part)), "{error}");
+    }
 }

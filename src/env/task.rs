@@ -31,8 +31,8 @@ impl Task {
 /// Tasks grouped by distance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TaskSet {
-    /// Representative distance of each group, in steps unless the world uses another measure.
-    pub distances: Vec<f64>,
+    /// Representative distance of each group in steps, if known.
+    pub distances: Vec<Option<f64>>,
     /// The tasks, group by group.
     pub tasks: Vec<Task>,
 }

@@ -57,8 +57,13 @@ impl Saver {
         let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
         let requested = self.to.path();
         if path != requested {
+            let why = if train::is_checkpoint(requested) {
+                "belongs to another run (--overwrite replaces it)"
+            } else {
+                "is not a checkpoint of gdg-tui"
+            };
             let (requested, path) = (sanitized(&requested.to_string_lossy()), sanitized(&path.to_string_lossy()));
-            eprint_line(&format!("{requested} belongs to another run (--overwrite replaces it): saving to {path}"));
+            eprint_line(&format!("{requested} {why}: saving to {path}"));
         }
         self.to = SaveTo::Replace(path.clone());
         self.last_saved_state = last_saved_state;

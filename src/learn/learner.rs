@@ -20,13 +20,15 @@ pub struct LearnerKind {
     pub name: &'static str,
     /// Short description.
     pub about: &'static str,
-    /// Creates a new learner.
+    /// Creates a new learner. Checks the [`Spec`] and returns an error for a world that the learner cannot handle, such
+    /// as one with more state components than it supports.
     pub create: CreateLearner,
     /// Number of trainable parameters, for estimating memory.
     pub parameters: fn(&Spec, &LearnSettings) -> u64,
 }
 
-/// Creates a learner whose updates run on this many threads, with parameters drawn from the random stream.
+/// Creates a learner whose updates run on this many threads, with parameters drawn from the random stream. Returns an
+/// error for a [`Spec`] or settings that the learner cannot handle.
 pub type CreateLearner = fn(&Spec, &LearnSettings, usize, &mut ChaCha8Rng) -> Result<Box<dyn Learner>, LearnError>;
 
 /// What an update learns from.
@@ -62,6 +64,10 @@ pub enum Acting {
 }
 
 /// Learns the distance D(s,g) in steps, and a policy that follows it.
+///
+/// For a reward of -1 per step without discount, a learner with a Q function offers D(s,g) = -Q(s, mu(s,g), g). Other
+/// rewards and discounts give other numbers: convert them to steps. D must be finite and at least 0. If a world hides part
+/// of its full state, D(s,g) is an average over what is hidden.
 ///
 /// The same data and random numbers give bit-identical results for any number of threads.
 pub trait Learner: Send {
@@ -115,13 +121,45 @@ pub trait Learner: Send {
 /// Why learning cannot continue.
 #[derive(Debug, thiserror::Error)]
 pub enum LearnError {
-    /// A candle operation failed.
-    #[error(transparent)]
-    Candle(#[from] candle_core::Error),
+    /// A candle operation failed, with this message.
+    #[error("{0}")]
+    Candle(String),
     /// The saved state cannot be restored.
     #[error(transparent)]
     Store(#[from] StoreError),
     /// Anything else.
     #[error(transparent)]
     Other(#[from] Box<dyn Error + Send + Sync>),
+}
+
+impl From<candle_core::Error> for LearnError {
+    fn from(error: candle_core::Error) -> Self {
+        Self::Candle(candle_message(error))
+    }
+}
+
+/// Returns the message of an error without the backtrace that candle adds if `RUST_BACKTRACE` is set.
+pub(in crate::learn) fn candle_message(error: candle_core::Error) -> String {
+    use candle_core::Error;
+    match error {
+        Error::WithBacktrace { inner, .. } => candle_message(*inner),
+        Error::WithPath { inner, path } => format!("{}: {}", path.display(), candle_message(*inner)),
+        Error::Context { inner, context } => format!("{context}: {}", candle_message(*inner)),
+        other => other.to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::backtrace::Backtrace;
+
+    use super::*;
+
+    #[test]
+    fn errors_of_candle_have_no_backtrace() {
+        let backtrace = Box::new(Backtrace::force_capture());
+        let inner = Box::new(candle_core::Error::Msg("no such device".to_owned()));
+        let error = candle_core::Error::WithBacktrace { inner, backtrace }.context("update");
+        assert_eq!(LearnError::from(error).to_string(), "update: no such device");
+    }
 }

@@ -7,7 +7,7 @@ use super::ascii::parse_ascii;
 use super::error::{MapError, MapResult};
 use super::grid::{Grid, MAX_CELLS};
 use super::movingai::{is_movingai, parse_movingai};
-use super::scenario::{ScenarioTask, parse_scenario};
+use super::scenario::{ScenarioTask, is_scenario, parse_scenario};
 use super::text::Text;
 use crate::files;
 
@@ -20,6 +20,11 @@ const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
 /// Fails on malformed input, with its location.
 pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
     let text = Text::new(file, bytes)?;
+    if is_scenario(&text) {
+        let help =
+            "give its map here, and the scenario with --scen, or to 'gdg-tui check' as a file whose name ends in .scen";
+        return Err(text.line_error(0, "this is a scenario file, not a map", help));
+    }
     let name = Path::new(file).file_stem().map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned());
     if is_movingai(&text) { parse_movingai(&name, &text) } else { parse_ascii(&name, &text) }
 }
@@ -29,7 +34,7 @@ pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
 /// # Errors
 /// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
-    parse_map(&path.to_string_lossy(), &read(path)?)
+    parse_map(&path.to_string_lossy(), &read(path, "map")?)
 }
 
 /// Reads and parses a scenario for `grid`.
@@ -37,7 +42,7 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
 /// # Errors
 /// Like [`load_map`]; also if a task does not fit the map.
 pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    parse_scenario_bytes(&path.to_string_lossy(), &read(path)?, grid)
+    parse_scenario_bytes(&path.to_string_lossy(), &read(path, "scenario")?, grid)
 }
 
 /// Parses a scenario for `grid`; errors refer to it as `file`.
@@ -48,17 +53,21 @@ pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<
     parse_scenario(&Text::new(file, bytes)?, grid)
 }
 
-fn read(path: &Path) -> MapResult<Vec<u8>> {
+/// Reads a file that should contain a `kind`: a map or a scenario.
+fn read(path: &Path, kind: &str) -> MapResult<Vec<u8>> {
     files::read(path, MAX_BYTES).map_err(|error| {
-        let (file, help) = (path.to_string_lossy(), "give a map file, or a name from 'gdg-tui maps'".to_owned());
+        let help = format!("give a {kind} file");
         let (problem, help) = match error.kind() {
-            ErrorKind::IsADirectory => ("is a directory".to_owned(), "give a map file".to_owned()),
+            ErrorKind::IsADirectory => ("is a directory".to_owned(), help),
             ErrorKind::FileTooLarge => {
-                let help = format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096");
-                ("the file is too large for a map".to_owned(), help)
+                let help = match kind {
+                    "map" => format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096"),
+                    _ => help,
+                };
+                (format!("the file is too large for a {kind}"), help)
             }
             _ => (format!("cannot be read: {error}"), help),
         };
-        MapError::whole_file(&file, problem, help)
+        MapError::whole_file(&path.to_string_lossy(), problem, help)
     })
 }

@@ -18,6 +18,11 @@ pub struct ScenarioTask {
 const EXPECTED_FIELDS: &str = "a task has 9 fields separated by tabs: bucket, map, map width, map height, start x, start y, \
                       goal x, goal y, optimal length";
 
+/// Returns whether the text starts like a scenario of any version.
+pub fn is_scenario(text: &Text) -> bool {
+    text.lines[0].split_whitespace().next() == Some("version")
+}
+
 /// Parses a scenario for `grid`; scales coordinates if the stated map size differs from the grid's.
 ///
 /// # Errors

@@ -30,6 +30,8 @@ impl Excerpt {
         let shown: String = text.chars().skip(first_column).take(2 * CONTEXT_CHARS).collect();
         let bytes = |until: usize| -> usize { shown.chars().take(until).map(char::len_utf8).sum() };
         let (from, to) = (bytes(columns.start - first_column), bytes(columns.end.max(columns.start) - first_column));
+        // A tab as one column, so that the marks below the text stay in place.
+        let shown = shown.replace('\t', " ");
         Self { file: sanitized(file), line, first_column, text: sanitized(&shown), span: (from, to - from) }
     }
 
@@ -65,6 +67,12 @@ mod tests {
         let (excerpt, place) = Excerpt::from_span("f", text, at..at + 3);
         assert_eq!(place, (2, 10));
         assert_eq!((excerpt.text.as_str(), excerpt.span), ("  \"tau\": \"x\",", (9, 3)));
+    }
+
+    #[test]
+    fn a_tab_is_shown_as_a_space() {
+        let excerpt = Excerpt::new("f", (0, "a\tb\x1b"), 2..3);
+        assert_eq!((excerpt.text.as_str(), excerpt.span), ("a b?", (2, 1)));
     }
 
     #[test]

@@ -8,6 +8,7 @@
 mod content;
 
 use std::collections::BTreeMap;
+use std::fs::Metadata;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -68,16 +69,7 @@ const MAX_HEADER_BYTES: u64 = 64 << 20;
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
-    let read = || {
-        let mut file = files::open(path)?;
-        let facts = file.metadata()?;
-        let mut length = [0; 8];
-        file.read_exact(&mut length)?;
-        let mut header = Vec::new();
-        file.take(u64::from_le_bytes(length).min(MAX_HEADER_BYTES)).read_to_end(&mut header)?;
-        Ok::<_, std::io::Error>((header, facts))
-    };
-    let (header, facts) = read().map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
+    let (header, facts) = read_header(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let describe = || {
         let store = texts_from_header(&header)?;
         Ok::<_, ContentError>(Description {
@@ -94,6 +86,22 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     describe().map_err(|e| unreadable(path, &e.to_string()))
 }
 
+/// Returns whether the file at `path` is a checkpoint of any version of this program, perhaps a damaged one.
+pub fn is_checkpoint(path: &Path) -> bool {
+    read_header(path).is_ok_and(|(header, _)| content::is_header_of_checkpoint(&header))
+}
+
+/// Reads the header of a safetensors file.
+fn read_header(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
+    let mut file = files::open(path)?;
+    let facts = file.metadata()?;
+    let mut length = [0; 8];
+    file.read_exact(&mut length)?;
+    let mut header = Vec::new();
+    file.take(u64::from_le_bytes(length).min(MAX_HEADER_BYTES)).read_to_end(&mut header)?;
+    Ok((header, facts))
+}
+
 fn unreadable(path: &Path, problem: &str) -> CheckpointError {
     let help = "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors".to_owned();
     CheckpointError { file: path.to_owned(), problem: truncated(problem, MAX_REASON_CHARS), help }
@@ -103,7 +111,7 @@ fn unreadable(path: &Path, problem: &str) -> CheckpointError {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum SaveTo {
     /// Replaces the existing file: the run's own, or one that the user agreed to overwrite. Acts like `CreateNew` if
-    /// another program has replaced the file in the meantime.
+    /// another program has replaced the file in the meantime, or if it is not a checkpoint.
     Replace(PathBuf),
     /// Writes to this path, or to the path with the suffix `-2`, `-3` ... if it exists: an existing file belongs to
     /// another run.
@@ -148,10 +156,14 @@ impl FileIdentity {
         }
     }
 
-    /// Whether another program has replaced the file at `path` since this one last read or wrote it.
+    /// Whether the file at `path` must not be replaced: another program has written it since this one last read or
+    /// wrote it, or it is not a checkpoint.
     fn is_foreign(path: &Path) -> bool {
         let known = path.canonicalize().ok().and_then(|path| KNOWN_FILES.lock().get(&path).copied());
-        known.is_some_and(|known| Self::read(path) != Some(known))
+        match known {
+            Some(known) => Self::read(path) != Some(known),
+            None => path.exists() && !is_checkpoint(path),
+        }
     }
 }
 

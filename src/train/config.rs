@@ -2,9 +2,11 @@
 
 use std::borrow::Cow;
 use std::collections::BTreeMap;
+use std::fmt;
 use std::path::Path;
 
-use serde::Deserialize;
+use serde::de::{MapAccess, Visitor};
+use serde::{Deserialize, Deserializer};
 use serde_json::value::RawValue;
 use serde_json::{Map, Value};
 
@@ -158,7 +160,8 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
         ConfigError::new(format!("{name} cannot be {}", truncated(&value.to_string(), MAX_QUOTED_CHARS)), help)
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
-    match settings.validate() {
+    // The constraints between settings are checked once all are known.
+    match settings.validate_ranges() {
         Err(OutOfRange(wrong)) if wrong == setting.name => Err(out_of_range(setting, value)),
         _ => Ok(()),
     }
@@ -166,6 +169,19 @@ fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(
 
 /// Checks all values together: some ranges involve several settings.
 fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<ConfigError>> {
+    let needed = settings.needed_buffer_size();
+    if settings.validate_ranges().is_ok() && settings.learn.buffer_size < needed {
+        let Settings { learn, train, .. } = settings;
+        return Err(ConfigError::new(
+            format!(
+                "buffer_size={} has no room for episodes of episode_steps={} with agents={}",
+                learn.buffer_size,
+                settings.min_episode_steps(),
+                train.agents
+            ),
+            format!("buffer_size must be at least {needed}: agents x (episode_steps + 1)"),
+        ));
+    }
     settings.validate().map_err(|OutOfRange(name)| match Setting::named(name) {
         Some(setting) => out_of_range(setting, &values[name]),
         None => ConfigError::new(format!("{name} is out of range"), "see --print-config".to_owned()),
@@ -190,12 +206,36 @@ fn unknown(name: &str) -> Box<ConfigError> {
     ConfigError::new(format!("unknown setting {:?}", truncated(name, MAX_QUOTED_CHARS)), help)
 }
 
-/// Names and values of a settings file, borrowed from its text so that errors can locate them.
-#[derive(Deserialize)]
-struct Entries<'a>(#[serde(borrow)] BTreeMap<Key<'a>, &'a RawValue>);
+/// Names and values of a settings file in its order, borrowed from its text so that errors can locate them. Names can
+/// occur twice.
+struct Entries<'a>(Vec<(Key<'a>, &'a RawValue)>);
 
-#[derive(Deserialize, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Deserialize)]
 struct Key<'a>(#[serde(borrow)] Cow<'a, str>);
+
+impl<'de> Deserialize<'de> for Entries<'de> {
+    fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+        struct All;
+
+        impl<'de> Visitor<'de> for All {
+            type Value = Entries<'de>;
+
+            fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                f.write_str("a map")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
+                let mut entries = Vec::new();
+                while let Some(entry) = map.next_entry()? {
+                    entries.push(entry);
+                }
+                Ok(Entries(entries))
+            }
+        }
+
+        from.deserialize_map(All)
+    }
+}
 
 fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
     let file = path.to_string_lossy();
@@ -213,18 +253,30 @@ fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result
         let problem = truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS);
         ConfigError::new(problem, help).in_file(file, text, (offset_of(text, e.line(), e.column()), 0))
     })?;
+    let mut given: BTreeMap<&str, &str> = BTreeMap::new();
     for (Key(name), raw) in &entries.0 {
         let location = |part: &str| {
             let offset = (part.as_ptr() as usize).wrapping_sub(text.as_ptr() as usize);
             if offset <= text.len() { (offset, part.len()) } else { (0, 0) }
         };
-        let known = Setting::named(name).is_some();
+        let known = Setting::named(name);
+        if let Some(setting) = known
+            && let Some(earlier) = given.insert(setting.name, name)
+        {
+            let (problem, help) = if earlier == name {
+                (format!("{name} is given twice"), format!("remove one {name}"))
+            } else {
+                let problem = format!("{earlier} and {name} are names of the same setting");
+                (problem, format!("give only {}", setting.name))
+            };
+            return Err(ConfigError::new(problem, help).in_file(file, text, location(name)));
+        }
         let value = serde_json::from_str(raw.get()).map_err(|e| {
             ConfigError::new(truncated(&e.to_string(), MAX_QUOTED_CHARS), "write a JSON value".to_owned())
         });
         value
             .and_then(|value| apply(values, name, &value))
-            .map_err(|e| e.in_file(file, text, location(if known { raw.get() } else { name })))?;
+            .map_err(|e| e.in_file(file, text, location(if known.is_some() { raw.get() } else { name })))?;
     }
     Ok(())
 }

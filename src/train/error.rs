@@ -26,11 +26,11 @@ pub enum TrainError {
     #[error(transparent)]
     Env(#[from] EnvError),
     /// The learner is not registered.
-    #[error("unknown learner {name:?}; known learners: {known}")]
+    #[error("unknown learner {name:?}; {known}")]
     UnknownLearner {
         /// The requested name.
         name: String,
-        /// The registered names.
+        /// The methods with the registered learners.
         known: String,
     },
     /// The run diverged again after the maximum number of rollbacks.

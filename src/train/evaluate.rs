@@ -19,7 +19,7 @@ pub struct Evaluation {
     pub greedy: Score,
     /// Score with planning over bridge points, if the method plans.
     pub planned: Option<Score>,
-    /// Error of D against ground truth, if that is known.
+    /// Error of D against ground truth, if that is known for any pair of states.
     pub distance_error: Option<DistanceError>,
     /// The bridge graph against ground truth, if there is a graph.
     pub bridges: Option<BridgeFacts>,
@@ -32,7 +32,7 @@ pub struct Evaluation {
 impl Evaluation {
     /// Returns the summary for checkpoint lists of an evaluation made after `updates`.
     pub fn success(&self, updates: u64) -> Success {
-        Success { updates, greedy: self.greedy.success, planned: self.planned.as_ref().map(|score| score.success) }
+        Success { updates, greedy: self.greedy.success, planned: self.planned.as_ref().and_then(|score| score.success) }
     }
 
     /// Whether every number is finite: D may have diverged.
@@ -40,9 +40,9 @@ impl Evaluation {
         let scores = std::iter::once(&self.greedy).chain(&self.planned);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
-            let of_distance = |d: &DistanceScore| [d.distance_steps, d.success, d.spl.unwrap_or(0.0)];
-            let ratios = [*success, spl.unwrap_or(0.0), steps_ratio.unwrap_or(0.0)];
-            by_distance.iter().flat_map(of_distance).chain(ratios).collect::<Vec<_>>()
+            let of_distance = |d: &DistanceScore| [d.distance_steps, d.success, d.spl];
+            let ratios = [*success, *spl, *steps_ratio];
+            by_distance.iter().flat_map(of_distance).chain(ratios).flatten().collect::<Vec<_>>()
         };
         let errors = self.distance_error.iter().flat_map(|error| {
             let DistanceError { mape, near_mape, bias, spearman, graph } = error;
@@ -147,7 +147,7 @@ impl EvaluationJob {
         let greedy_score = score(&greedy);
         let mut truth = world.ground_truth();
         Evaluation {
-            distance_error: truth.as_mut().map(|truth| distance_error(&truth.pairs(rng), policy, graph.as_ref())),
+            distance_error: truth.as_mut().and_then(|truth| distance_error(&truth.pairs(rng), policy, graph.as_ref())),
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
             coverage,
             marked: marked_task(&*world, truth.as_deref_mut(), (&greedy, planned.as_ref()), rng),
@@ -263,8 +263,11 @@ fn run_tasks(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut C
     TaskRuns { taken, env }
 }
 
-/// Compares D, and D along `graph`, with ground truth.
-fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&BridgeGraph>) -> DistanceError {
+/// Compares D, and D along `graph`, with ground truth; returns `None` if there are no pairs.
+fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&BridgeGraph>) -> Option<DistanceError> {
+    if groups.iter().all(|group| group.steps.is_empty()) {
+        return None;
+    }
     let (mut composed, mut scratch) = (Vec::new(), Scratch::default());
     for TruePairs { goal, states, .. } in groups {
         if let Some(graph) = graph {
@@ -294,7 +297,7 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
     let (drawn, true_steps): (Vec<f64>, Vec<f64>) = kept.iter().map(|i| (f64::from(learned[*i]), truth[*i])).unzip();
     let ComposedError { mape, near_mape, bias } = errors(&learned);
     let graph = graph.map(|_| errors(&composed));
-    DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph }
+    Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
 }
 
 /// Returns the true distance in steps above which an edge of length D is false.

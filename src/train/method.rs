@@ -7,7 +7,7 @@ use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
 use super::settings::{Settings, TrainSettings};
 use crate::bridge::{BridgeSettings, Planner};
-use crate::learn::LearnSettings;
+use crate::learn::{LEARNERS, LearnSettings};
 
 /// A learner, which learns D and acts, and a planner, which plans over D.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -61,8 +61,18 @@ pub const METHODS: [NamedMethod; 4] = [
 
 /// Error for a text that does not name a method.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-#[error("unknown method {0:?}")]
+#[error("unknown method {0:?}; {help}", help = method_names(LEARNERS.iter().map(|kind| kind.name)))]
 pub struct UnknownMethod(String);
+
+/// Lists all methods with these learners.
+pub fn method_names(learners: impl Iterator<Item = &'static str>) -> String {
+    format!(
+        "methods: {}, or LEARNER+PLANNER with a learner ({}) and a planner ({})",
+        METHODS.map(|named| named.name).join(", "),
+        learners.collect::<Vec<_>>().join(", "),
+        Planner::ALL.map(Planner::name).join(", ")
+    )
+}
 
 impl Default for Method {
     fn default() -> Self {
@@ -192,5 +202,9 @@ mod tests {
         assert_eq!(Method::default().name(), "gdg-bridge");
         assert_eq!("gdg+none".parse::<Method>().map(|m| m.name()), Ok("gdg".to_owned()));
         assert!("gdg+walls".parse::<Method>().is_err() && "gdgg".parse::<Method>().is_err());
+        let error = "gdg+walls".parse::<Method>().expect_err("no such planner").to_string();
+        for part in ["\"gdg+walls\"", "gdg-bridge", "LEARNER+PLANNER", "gdg, random", "none, bridges, sorb"] {
+            assert!(error.contains(part), "{part}: {error}");
+        }
     }
 }

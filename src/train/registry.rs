@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::error::TrainError;
+use super::method::method_names;
 use crate::env::{Environment, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
 use crate::store::{Store, StoreError};
@@ -53,8 +54,8 @@ impl Registry {
     pub fn learner(&self, name: &str) -> Result<&LearnerKind, TrainError> {
         let found = self.learners.iter().find(|kind| kind.name == name);
         found.ok_or_else(|| {
-            let known: Vec<&str> = self.learners.iter().map(|kind| kind.name).collect();
-            TrainError::UnknownLearner { name: name.to_owned(), known: known.join(", ") }
+            let known = method_names(self.learners.iter().map(|kind| kind.name));
+            TrainError::UnknownLearner { name: name.to_owned(), known }
         })
     }
 

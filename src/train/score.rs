@@ -4,37 +4,41 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::TaskSet;
+use crate::env::{Task, TaskSet};
 
 /// Summary of a run's latest evaluation, as shown in checkpoint lists.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Success {
     /// The update at which it was evaluated.
     pub updates: u64,
-    /// Success rate of the actor alone.
-    pub greedy: f64,
-    /// Success rate with planning, if the method plans.
+    /// Success rate of the actor alone; `None` if there were no tasks.
+    pub greedy: Option<f64>,
+    /// Success rate with planning, if the method plans and there were tasks.
     pub planned: Option<f64>,
 }
 
 impl fmt::Display for Success {
-    /// Formats as `planned 0.98, greedy 0.91`.
+    /// Formats as `planned 0.98, greedy 0.91`, or `no tasks`.
     fn fmt(&self, f: &mut fmt::Formatter) -> fmt::Result {
         if let Some(planned) = self.planned {
             write!(f, "planned {planned:.2}, ")?;
         }
-        write!(f, "greedy {:.2}", self.greedy)
+        match self.greedy {
+            Some(greedy) => write!(f, "greedy {greedy:.2}"),
+            None => f.write_str("no tasks"),
+        }
     }
 }
 
 /// Scores on a set of tasks.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Score {
-    /// Fraction of all tasks whose goal was reached in time.
-    pub success: f64,
-    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), if the shortest paths are known.
+    /// Fraction of all tasks whose goal was reached in time; `None` if there are no tasks.
+    pub success: Option<f64>,
+    /// Mean of success * shortest / max(steps, shortest) (Anderson et al. 2018), if there are tasks and their
+    /// shortest paths are known.
     pub spl: Option<f64>,
-    /// Mean of steps / shortest over the successful tasks; 0 if there are none.
+    /// Mean of steps / shortest over the successful tasks, if there are any and their shortest paths are known.
     pub steps_ratio: Option<f64>,
     /// Scores at each distance.
     pub by_distance: Vec<DistanceScore>,
@@ -43,56 +47,75 @@ pub struct Score {
 /// Scores on the tasks at one distance.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct DistanceScore {
-    /// Shortest-path length of these tasks in steps (for a range: the mean).
-    pub distance_steps: f64,
+    /// Shortest-path length of these tasks in steps (for a range: the mean), if known.
+    pub distance_steps: Option<f64>,
     /// Number of tasks.
     pub tasks: usize,
-    /// Fraction reached in time.
-    pub success: f64,
-    /// Success weighted by path length, if the shortest paths are known.
+    /// Fraction reached in time; `None` if there are no tasks.
+    pub success: Option<f64>,
+    /// Success weighted by path length, if there are tasks and their shortest paths are known.
     pub spl: Option<f64>,
+}
+
+/// Sums over tasks.
+#[derive(Clone, Copy, Default)]
+struct Sums {
+    tasks: usize,
+    reached: usize,
+    /// Sum of shortest / max(steps, shortest) over the tasks reached.
+    weights: f64,
+    /// Sum of steps / shortest over the tasks reached.
+    ratios: f64,
+}
+
+impl Sums {
+    /// Adds a task reached in `steps`, if it was.
+    fn add(&mut self, task: &Task, steps: Option<u32>) {
+        self.tasks += 1;
+        let Some(steps) = steps else { return };
+        // A goal at the start takes 0 steps, which is optimal.
+        let shortest = task.shortest.unwrap_or_default().max(1);
+        self.reached += 1;
+        self.weights += f64::from(shortest) / f64::from(steps.max(shortest));
+        self.ratios += f64::from(steps.max(1)) / f64::from(shortest);
+    }
+
+    fn success(self) -> Option<f64> {
+        (self.tasks > 0).then(|| self.reached as f64 / self.tasks as f64)
+    }
+
+    fn spl(self) -> Option<f64> {
+        (self.tasks > 0).then(|| self.weights / self.tasks as f64)
+    }
+
+    fn steps_ratio(self) -> Option<f64> {
+        (self.reached > 0).then(|| self.ratios / self.reached as f64)
+    }
 }
 
 impl Score {
     /// Scores the tasks of `set` by their `steps`, which are `None` if the goal was not reached in time.
     pub fn new(set: &TaskSet, steps: &[Option<u32>]) -> Self {
         let known = set.tasks.iter().all(|task| task.shortest.is_some());
-        let group = |distance_steps: &f64| DistanceScore {
-            distance_steps: *distance_steps,
-            spl: known.then_some(0.0),
-            ..DistanceScore::default()
-        };
-        let mut by_distance: Vec<DistanceScore> = set.distances.iter().map(group).collect();
-        let (mut success, mut spl, mut ratios) = (0.0, 0.0, 0.0);
+        let (mut all, mut groups) = (Sums::default(), vec![Sums::default(); set.distances.len()]);
         for (task, steps) in set.tasks.iter().zip(steps) {
-            let group = &mut by_distance[task.group];
-            group.tasks += 1;
-            let Some(steps) = steps else { continue };
-            group.success += 1.0;
-            success += 1.0;
-            // A goal at the start takes 0 steps, which is optimal.
-            let shortest = task.shortest.unwrap_or_default().max(1);
-            let weight = f64::from(shortest) / f64::from((*steps).max(shortest));
-            group.spl = group.spl.map(|spl| spl + weight);
-            spl += weight;
-            ratios += f64::from((*steps).max(1)) / f64::from(shortest);
+            all.add(task, *steps);
+            groups[task.group].add(task, *steps);
         }
-        for group in &mut by_distance {
-            let tasks = group.tasks.max(1) as f64;
-            group.success /= tasks;
-            group.spl = group.spl.map(|spl| spl / tasks);
-        }
-        let tasks = set.tasks.len().max(1) as f64;
-        let steps_ratio = if success > 0.0 { ratios / success } else { 0.0 };
+        let by_distance = set.distances.iter().zip(&groups).map(|(distance, group)| DistanceScore {
+            distance_steps: *distance,
+            tasks: group.tasks,
+            success: group.success(),
+            spl: group.spl().filter(|_| known),
+        });
         Self {
-            success: success / tasks,
-            spl: known.then_some(spl / tasks),
-            steps_ratio: known.then_some(steps_ratio),
-            by_distance,
+            success: all.success(),
+            spl: all.spl().filter(|_| known),
+            steps_ratio: all.steps_ratio().filter(|_| known),
+            by_distance: by_distance.collect(),
         }
     }
 }
-
 /// Returns Spearman's rank correlation; ties share their mean rank. 0 if either input is constant.
 pub fn spearman(a: &[f64], b: &[f64]) -> f64 {
     let (ra, rb) = (ranks(a), ranks(b));
@@ -125,6 +148,31 @@ fn ranks(values: &[f64]) -> Vec<f64> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn scores_without_tasks_or_successes_are_unknown() {
+        let task = |group| Task { start: vec![0.0], goal: vec![0.0], shortest: Some(4), group };
+        let set = TaskSet { distances: vec![Some(4.0), None], tasks: vec![task(0), task(0)] };
+        let score = Score::new(&set, &[Some(8), None]);
+        assert_eq!((score.success, score.spl, score.steps_ratio), (Some(0.5), Some(0.25), Some(2.0)));
+        let [near, unknown] = score.by_distance[..] else { panic!("two groups") };
+        assert_eq!((near.tasks, near.success, near.spl), (2, Some(0.5), Some(0.25)));
+        assert_eq!((unknown.tasks, unknown.distance_steps, unknown.success, unknown.spl), (0, None, None, None));
+        let lost = Score::new(&set, &[None, None]);
+        assert_eq!((lost.success, lost.spl, lost.steps_ratio), (Some(0.0), Some(0.0), None));
+        assert_eq!(Score::new(&TaskSet::default(), &[]), Score::default());
+    }
+
+    #[test]
+    fn scores_of_earlier_versions_load() {
+        let text = r#"{"success":0.0,"spl":0.0,"steps_ratio":0.0,"by_distance":
+            [{"distance_steps":0.0,"tasks":2,"success":0.5,"spl":null}]}"#;
+        let score: Score = serde_json::from_str(text).expect("a score");
+        assert_eq!((score.success, score.steps_ratio, score.by_distance[0].success), (Some(0.0), Some(0.0), Some(0.5)));
+        let success: Success = serde_json::from_str(r#"{"updates":7,"greedy":0.5,"planned":null}"#).expect("a summary");
+        assert_eq!(success.to_string(), "greedy 0.50");
+        assert_eq!(Success { greedy: None, ..success }.to_string(), "no tasks");
+    }
 
     #[test]
     fn spearman_depends_on_order_alone_and_ties_share_their_mean_rank() {

@@ -156,14 +156,28 @@ impl Settings {
     /// # Errors
     /// The name of the first setting out of range.
     pub fn validate(&self) -> Result<(), OutOfRange> {
+        self.validate_ranges()?;
+        if self.learn.buffer_size < self.needed_buffer_size() { Err(OutOfRange("buffer_size")) } else { Ok(()) }
+    }
+
+    /// Checks every value's own range.
+    ///
+    /// # Errors
+    /// The name of the first setting out of range.
+    pub fn validate_ranges(&self) -> Result<(), OutOfRange> {
         self.learn.validate()?;
         self.bridge.validate()?;
-        self.train.validate()?;
-        let shortest = self.train.episode_steps.given().unwrap_or(MIN_EPISODE_STEPS);
-        if self.max_episode_steps() < shortest {
-            return Err(OutOfRange("buffer_size"));
-        }
-        Ok(())
+        self.train.validate()
+    }
+
+    /// Returns the smallest buffer that holds an episode of every agent.
+    pub fn needed_buffer_size(&self) -> usize {
+        self.train.agents.saturating_mul(self.min_episode_steps() as usize + 1)
+    }
+
+    /// Returns the least that `episode_steps` may come to.
+    pub fn min_episode_steps(&self) -> u32 {
+        self.train.episode_steps.given().unwrap_or(MIN_EPISODE_STEPS)
     }
 
     /// Returns the longest episode that fits into each agent's share of the replay buffer.

@@ -35,7 +35,7 @@ pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut Ch
     let mut set = TaskSet::default();
     for i in 1..=DISTANCE_GROUPS {
         let distance = (MAX_DISTANCE_SHARE * f64::from(diameter) * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
-        if distance == 0 || set.distances.contains(&f64::from(distance)) {
+        if distance == 0 || set.distances.contains(&Some(f64::from(distance))) {
             continue;
         }
         let group = set.distances.len();
@@ -44,7 +44,7 @@ pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut Ch
             Some(task(start, goal, shortest, group))
         });
         set.tasks.extend(tasks);
-        set.distances.push(f64::from(distance));
+        set.distances.push(Some(f64::from(distance)));
     }
     set
 }
@@ -65,7 +65,8 @@ pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) ->
     for group in 0..groups {
         let own = &found[group * found.len() / groups..(group + 1) * found.len() / groups];
         set.tasks.extend(own.iter().map(|(shortest, start, goal)| task(*start, *goal, *shortest, group)));
-        set.distances.push(own.iter().map(|(shortest, ..)| f64::from(*shortest)).sum::<f64>() / own.len() as f64);
+        let mean = own.iter().map(|(shortest, ..)| f64::from(*shortest)).sum::<f64>() / own.len() as f64;
+        set.distances.push(Some(mean));
     }
     set
 }

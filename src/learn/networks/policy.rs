@@ -20,12 +20,15 @@ pub struct Scratch {
 }
 
 /// The learned D and mu, for inference.
+///
+/// D is a number of steps, finite and at least 0. In a world with a hidden state, it is an average over what is hidden.
 pub trait Policy: Send + Sync {
     /// Computes D(s, g) of each pair in steps, finite and at least 0. `states` `(rows, state_dim)`, `goals`
     /// `(rows, goal_dim)`, `out` `(rows)`.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
-    /// Computes the actions mu(s, g), `out` `(rows, action_dim)`.
+    /// Computes the actions mu(s, g), `out` `(rows, action_dim)`. They should lie in [-1, 1]: during exploration
+    /// the trainer clips what does not, otherwise the world.
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
     /// Computes actions by one step of lookahead, `out` `(rows, action_dim)`: mu(s, g), or another action after which D

@@ -7,6 +7,7 @@ use candle_core::{Device, Result, Tensor, Var, bail};
 
 use crate::learn::data::batch::Batch;
 use crate::learn::kernels::kernel::{AdamRate, BETA};
+use crate::learn::learner::candle_message;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::state::NetworkState;
 use crate::learn::settings::Backend;
@@ -49,7 +50,10 @@ impl Tape {
             Backend::Tape => (Device::Cpu, Layers::Fused),
             Backend::Cuda => match Device::new_cuda(0) {
                 Ok(device) => (device, Layers::Linear),
-                Err(e) => bail!("backend=cuda needs an NVIDIA GPU and a build with --features cuda: {e}"),
+                Err(error) => {
+                    let why = candle_message(error);
+                    bail!("backend=cuda needs an NVIDIA GPU and a build with --features cuda: {why}");
+                }
             },
         };
         let networks = networks.map(|network| TapeNetwork::new(network, &device)).collect::<Result<_>>()?;

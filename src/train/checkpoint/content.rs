@@ -7,6 +7,9 @@ use serde::Deserialize;
 
 use crate::store::{Array, Store, StoreError};
 
+/// Beginning of the name of every format.
+const FORMAT_PREFIX: &str = "gdg-tui checkpoint ";
+
 /// Format name in the metadata. Format 1 had neither checksum nor history; formats 1 and 2 did not name the world.
 const FORMAT: &str = "gdg-tui checkpoint 3";
 const FORMAT_WITHOUT_WORLD: &str = "gdg-tui checkpoint 2";
@@ -160,16 +163,26 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
 /// # Errors
 /// The header is not from a checkpoint of this program, or the format is unknown.
 pub fn texts_from_header(header: &[u8]) -> Result<Store, ContentError> {
+    let mut store = Store::default();
+    texts_of(metadata(header)?)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
+    Ok(store)
+}
+
+/// Returns whether a header is from a checkpoint of any version of this program.
+pub fn is_header_of_checkpoint(header: &[u8]) -> bool {
+    let texts = metadata(header).ok().flatten().unwrap_or_default();
+    texts.get(FORMAT_KEY).is_some_and(|format| format.starts_with(FORMAT_PREFIX))
+}
+
+/// Parses the metadata in a header.
+fn metadata(header: &[u8]) -> Result<Option<HashMap<String, String>>, ContentError> {
     #[derive(Deserialize)]
     struct Header {
         #[serde(rename = "__metadata__")]
         metadata: Option<HashMap<String, String>>,
     }
     // The safetensors library needs the whole file to read the header.
-    let header: Header = serde_json::from_slice(header).map_err(|_| ContentError::Header)?;
-    let mut store = Store::default();
-    texts_of(header.metadata)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
-    Ok(store)
+    serde_json::from_slice::<Header>(header).map(|header| header.metadata).map_err(|_| ContentError::Header)
 }
 
 fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String, String>, ContentError> {

@@ -47,10 +47,11 @@ pub fn presets(now: Preset) -> Picker {
 pub fn settings(settings: &Settings) -> Picker {
     let values = list_settings(settings).into_iter().zip(list_settings(&Settings::default()));
     let items = SETTINGS.iter().zip(values).map(|(setting, ((name, value), (_, default)))| {
-        let Setting { group, about, unit, range, effect, .. } = setting;
+        let Setting { group, about, unit, range, effect, former, .. } = setting;
+        let former = former.map_or(String::new(), |former| format!("; was {former}"));
         let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
         let changed = if value == default { String::new() } else { format!(" (default {default})") };
-        let detail = format!("{value}{unit}{changed}  {about}; {range}; {}; {}", effect.about(), group.name());
+        let detail = format!("{value}{unit}{changed}  {about}; {range}; {}; {}{former}", effect.about(), group.name());
         Item::new(name.clone(), detail, Choice::Setting(name))
     });
     Picker::new("change a setting", items.collect())
@@ -142,9 +143,10 @@ pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &
 
 /// Describes a checkpoint.
 fn about(d: &Description, zone: &TimeZone) -> String {
-    let success = d.success.map_or("not evaluated".to_owned(), |s| match s.planned {
-        Some(planned) => format!("success {planned:.2}/{:.2}", s.greedy),
-        None => format!("success {:.2}", s.greedy),
+    let success = d.success.map_or("not evaluated".to_owned(), |s| match (s.planned, s.greedy) {
+        (Some(planned), Some(greedy)) => format!("success {planned:.2}/{greedy:.2}"),
+        (_, Some(greedy)) => format!("success {greedy:.2}"),
+        (_, None) => "no tasks".to_owned(),
     });
     let written = d.written.and_then(|at| Timestamp::try_from(at).ok());
     let date = written.map_or(String::new(), |at| at.to_zoned(zone.clone()).strftime("%F %R").to_string());

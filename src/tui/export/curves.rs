@@ -64,8 +64,8 @@ fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option
 }
 
 fn success(snapshot: &Snapshot) -> Vec<Series> {
-    let planned = series("planned", snapshot, |e| e.planned.as_ref().map(|s| s.success));
-    let greedy = series("greedy", snapshot, |e| Some(e.greedy.success));
+    let planned = series("planned", snapshot, |e| e.planned.as_ref()?.success);
+    let greedy = series("greedy", snapshot, |e| e.greedy.success);
     vec![planned, greedy]
 }
 
@@ -88,7 +88,10 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     head.extend(["critic_loss", "model_loss", "actor_loss"].map(str::to_owned));
     head.extend(["greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
     for kind in ["greedy", "planned"] {
-        head.extend(distances.iter().map(|d| format!("{kind}_at_{:.0}_steps", d.distance_steps)));
+        head.extend(distances.iter().enumerate().map(|(i, d)| match d.distance_steps {
+            Some(steps) => format!("{kind}_at_{steps:.0}_steps"),
+            None => format!("{kind}_of_group_{}", i + 1),
+        }));
     }
     let width = head.len();
     let mut lines: Vec<(u64, Vec<String>)> = Vec::new();
@@ -100,13 +103,13 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     }
     for (updates, e) in screen.snapshot.evaluations.iter() {
         let mut line = vec![updates.to_string(), String::new(), String::new(), String::new()];
-        line.push(e.greedy.success.to_string());
-        line.push(e.planned.as_ref().map_or(String::new(), |s| s.success.to_string()));
         let number = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
+        line.push(number(e.greedy.success));
+        line.push(number(e.planned.as_ref().and_then(|s| s.success)));
         line.push(number(e.distance_error.map(|e| e.mape)));
         line.push(number(e.distance_error.and_then(|e| Some(e.graph?.mape))));
-        line.extend(e.greedy.by_distance.iter().map(|d| d.success.to_string()));
-        line.extend(e.planned.iter().flat_map(|s| &s.by_distance).map(|d| d.success.to_string()));
+        line.extend(e.greedy.by_distance.iter().map(|d| number(d.success)));
+        line.extend(e.planned.iter().flat_map(|s| &s.by_distance).map(|d| number(d.success)));
         line.resize(width, String::new());
         lines.push((*updates, line));
     }

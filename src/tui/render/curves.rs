@@ -65,12 +65,11 @@ fn plots(screen: &Screen) -> Vec<Plot> {
         }
     };
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
-    let each = distances
-        .iter()
-        .enumerate()
-        .map(|(i, d)| of(&format!("{:.0}", d.distance_steps), &|e| by_distance(e).get(i).map(|d| d.success)));
-    let success =
-        vec![of("planned", &|e| e.planned.as_ref().map(|s| s.success)), of("greedy", &|e| Some(e.greedy.success))];
+    let each = distances.iter().enumerate().map(|(i, d)| {
+        let name = d.distance_steps.map_or("all".to_owned(), |steps| format!("{steps:.0}"));
+        of(&name, &|e| by_distance(e).get(i)?.success)
+    });
+    let success = vec![of("planned", &|e| e.planned.as_ref()?.success), of("greedy", &|e| e.greedy.success)];
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
     vec![

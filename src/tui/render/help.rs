@@ -9,13 +9,14 @@ use super::{BOLD, DIM, legend, middle};
 use crate::tui::action::{SECTIONS, When};
 use crate::tui::screen::Screen;
 
-/// Columns of the help.
+/// Columns of the help, if no line needs more.
 const HELP_WIDTH: u16 = 76;
 
 /// Draws the help in the middle of `area`, from line `first` or early enough to fill it; returns the first line shown.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
     let lines = lines(screen);
-    let dialog_area = middle(area, HELP_WIDTH, (lines.len() as u16 + 2).min(area.height));
+    let widest = lines.iter().map(Line::width).max().unwrap_or(0) as u16;
+    let dialog_area = middle(area, HELP_WIDTH.max(widest + 2), (lines.len() as u16 + 2).min(area.height));
     let height = usize::from(dialog_area.height.saturating_sub(2));
     let first = first.min(lines.len().saturating_sub(height));
     let more = lines.len() > height;

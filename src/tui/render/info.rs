@@ -20,9 +20,13 @@ const BAR_WIDTH: usize = 12;
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let cell = screen.inspecting.or(screen.hovered);
-    let line = match cell {
-        Some(_) => cell_facts(screen),
-        None => scale(screen, BAR_WIDTH),
+    let line = if cell.is_some() {
+        cell_facts(screen)
+    } else {
+        let mut line = scale(screen, BAR_WIDTH);
+        let interval = contour_text(screen).filter(|text| line.width() + text.len() <= usize::from(area.width));
+        line.extend(interval.map(|text| Span::styled(text, DIM)));
+        line
     };
     frame.render_widget(Paragraph::new(line), area);
 }
@@ -72,8 +76,11 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
         }
     }
     line.push_span(Span::styled(format!(" {high}"), DIM));
-    if screen.field.is_distance() && screen.overlays.has(Overlay::Contours) && bar >= BAR_WIDTH {
-        line.push_span(Span::styled(format!(", a line every {:.0}", contour_interval(farthest)), DIM));
-    }
     line
+}
+
+/// Returns the distance between contour lines, if they are shown.
+fn contour_text(screen: &Screen) -> Option<String> {
+    let shown = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
+    shown.then(|| format!(", a line every {:.0}", contour_interval(screen.view.farthest.max(1.0))))
 }

@@ -49,8 +49,10 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
         return vec![fact("evaluated", "not yet")];
     };
     let mut lines = Vec::new();
-    let score =
-        |name: &str, score: &Score| fact(name, format!("{:.2}  {}", score.success, success_bars(&score.by_distance)));
+    let score = |name: &str, score: &Score| match score.success {
+        Some(success) => fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance))),
+        None => fact(name, "no tasks"),
+    };
     lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
     lines.push(score("greedy", &evaluation.greedy));
     if let Some(error) = evaluation.distance_error {
@@ -61,10 +63,10 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
     lines
 }
 
-/// Returns one bar per distance, near to far. Even the tallest bar leaves a gap to the line above.
+/// Returns one bar per distance that has tasks, near to far. Even the tallest bar leaves a gap to the line above.
 fn success_bars(by_distance: &[DistanceScore]) -> String {
     const BARS: [char; 8] = [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
-    by_distance.iter().map(|d| BARS[(d.success * 7.0).round() as usize]).collect()
+    by_distance.iter().filter_map(|d| d.success).map(|success| BARS[(success * 7.0).round() as usize]).collect()
 }
 
 fn bridges(screen: &Screen) -> Vec<Line<'static>> {

@@ -16,7 +16,7 @@ use crate::train::{
     Snapshot, Success,
 };
 use crate::tui::action::Action;
-use crate::tui::dialog::lists;
+use crate::tui::dialog::{Choice, lists};
 use crate::tui::export::contents;
 use crate::tui::layers::Overlay;
 use crate::tui::output::ExportKind;
@@ -26,12 +26,12 @@ use crate::view::{Candidate, View, Walk};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
-        distance_steps: f64::from(5 * i),
+        distance_steps: Some(f64::from(5 * i)),
         tasks: 10,
-        success: (success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0),
+        success: Some((success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0)),
         spl: Some(success),
     });
-    Score { success, spl: Some(success), steps_ratio: Some(1.1), by_distance: by_distance.collect() }
+    Score { success: Some(success), spl: Some(success), steps_ratio: Some(1.1), by_distance: by_distance.collect() }
 }
 
 fn evaluation(at: f64) -> Evaluation {
@@ -261,7 +261,7 @@ fn lists_of_files_match_their_snapshots() {
         title: "rooms".to_owned(),
         run: staged_app(80, 24).screen.run().clone(),
         updates: 20_000,
-        success: Some(Success { updates: 20_000, greedy: 0.91, planned }),
+        success: Some(Success { updates: 20_000, greedy: Some(0.91), planned }),
         bytes: 2_345_678,
         written: Some(SystemTime::UNIX_EPOCH + Duration::from_secs(86_400 * days)),
     };
@@ -316,6 +316,27 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
                 }
             }
         }
+    }
+}
+
+#[test]
+fn the_line_below_the_map_is_never_cut_off() {
+    for width in 80..=120 {
+        let shown = text(&draw(&mut staged_app(width, 24), width, 24));
+        let line = shown.lines().nth(22).expect("the line above the footer");
+        let interval =
+            line.split_once(", a line every ").map(|(_, rest)| rest.starts_with(|c: char| c.is_ascii_digit()));
+        assert_eq!(interval.unwrap_or(false), line.contains(", a"), "{width} columns: {line}");
+        assert!(width < 100 || interval.is_some(), "{width} columns: {line}");
+    }
+}
+
+#[test]
+fn settings_are_found_by_their_former_names() {
+    for (former, name) in [("replay_capacity", "buffer_size"), ("warmup_env_steps", "learning_starts")] {
+        let mut picker = lists::settings(&Settings::default());
+        picker.paste(former);
+        assert_eq!(picker.choice(), Some(&Choice::Setting(name.to_owned())));
     }
 }
 
