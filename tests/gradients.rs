@@ -210,3 +210,50 @@ fn updates_on_the_tape_lead_to_the_same_weights() {
     });
     assert!((distances[0][0] - distances[1][0]).abs() < 1e-3 * distances[0][0], "{distances:?}");
 }
+
+#[test]
+fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
+    for spec in [spec(2, 2, true), spec(5, 3, false)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut learner = Gdg::new(&spec, &LearnSettings { critics: 2, ..settings(32, 24, 2) }, 1, &mut rng).unwrap();
+        for _ in 0..200 {
+            let mut moves = batch(&spec, 32, &mut rng);
+            // Actions move the first components by ten times what is usual.
+            moves.next.clone_from(&moves.from);
+            for (next, action) in
+                moves.next.chunks_exact_mut(spec.state_dim()).zip(moves.actions.chunks_exact(spec.action_dim))
+            {
+                next.iter_mut().zip(action).for_each(|(next, action)| *next += 4.0 * action);
+            }
+            learner.update_on(&moves, &mut Profile::default()).unwrap();
+        }
+        let pairs = batch(&spec, 40, &mut rng);
+        let (mut own, mut best) = (vec![0.0; 40 * spec.action_dim], vec![0.0; 40 * spec.action_dim]);
+        learner
+            .with_nets(false, |nets| {
+                nets.actions(&pairs.states, &pairs.goals, &mut own, &mut Scratch::default());
+                nets.lookahead_actions(&pairs.states, &pairs.goals, &mut best, &mut Scratch::default());
+            })
+            .unwrap();
+        let reference = learner.reference(Layers::Linear).unwrap();
+        let tensor = |numbers: &[f32], width: usize| {
+            Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
+        };
+        let (states, goals) = (tensor(&pairs.states, spec.state_dim()), tensor(&pairs.goals, spec.goal_dim()));
+        let after = |actions: &[f32]| -> Vec<f32> {
+            let next = reference.predictions(&states, &tensor(actions, spec.action_dim)).unwrap();
+            let [first, second] = [0, 1].map(|k| reference.distances(k, &next, &goals).unwrap());
+            first.maximum(&second).unwrap().to_vec1().unwrap()
+        };
+        let (after_own, after_best) = (after(&own), after(&best));
+        let corner = after(&vec![1.0; own.len()]);
+        let mut changed = 0;
+        for i in 0..40 {
+            assert!(after_best[i] <= after_own[i] + 1e-3, "row {i}: {} after {}", after_best[i], after_own[i]);
+            // Better by more than what counts as noise.
+            assert!(after_best[i] <= corner[i] + 0.1 + 1e-3, "row {i}: {} after {}", after_best[i], corner[i]);
+            changed += usize::from(after_best[i] < after_own[i] - 0.05);
+        }
+        assert!(changed > 5, "the actor leaves room for improvement: {changed} of 40");
+    }
+}

@@ -5,8 +5,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use gdg_tui::env::PointMaze;
-use gdg_tui::learn::Scratch;
+use gdg_tui::env::{PointMaze, Restart};
+use gdg_tui::learn::{Auto, Scratch};
 use gdg_tui::map::{Grid, parse_map};
 use gdg_tui::store::{Array, Store};
 use gdg_tui::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
@@ -412,4 +412,41 @@ fn a_run_on_an_edited_map_resumes_on_that_map() {
     train_to(&mut run, 700);
     train_to(&mut resumed, 700);
     assert_same(&run, &resumed);
+}
+
+#[test]
+fn without_restarts_no_agent_is_ever_moved() {
+    let mut settings = settings();
+    settings.train.agents = 4;
+    settings.train.restart = Restart::Never;
+    settings.train.episode_steps = Auto::Given(20);
+    let mut run = trainer(settings, 3, 1);
+    let mut before = run.world().states().to_vec();
+    while run.counters().episodes < 40 {
+        run.tick().unwrap();
+        let jump = |(a, b): (&f32, &f32)| (a - b).abs();
+        let farthest = before.iter().zip(run.world().states()).map(jump).fold(0.0, f32::max);
+        assert!(farthest <= 1.001, "moved by {farthest} in one step");
+        before = run.world().states().to_vec();
+    }
+}
+
+#[test]
+fn from_one_start_everything_is_explored() {
+    let text = format!("S{}", &TWO_ROOMS[1..]);
+    let map = parse_map("one-start", text.as_bytes()).unwrap();
+    let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings: settings() };
+    let mut run = Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 2).unwrap();
+    assert!(
+        run.world().states().iter().all(|v| *v < 1.0),
+        "all agents start in the corner: {:?}",
+        run.world().states()
+    );
+    train_to(&mut run, 3_000);
+    let found = run.evaluate(&run.tasks(20)).unwrap();
+    assert!(
+        found.coverage.unwrap() > 0.95 && found.planned.unwrap().success > Some(0.9),
+        "coverage {:?}",
+        found.coverage
+    );
 }

@@ -343,6 +343,9 @@ impl Candidates {
 
 #[cfg(test)]
 pub(super) mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
 
     /// Returns the spec of a line of a hundred goal radii, and settings for `candidates` candidates.
@@ -367,6 +370,48 @@ pub(super) mod tests {
             at += 0.5;
         }
         candidates.end_episode(0);
+    }
+
+    /// Walks an agent back and forth along a corridor at `y`, several times.
+    fn walk_corridor(candidates: &mut Candidates, y: f32, (from, to): (i32, i32)) {
+        for _ in 0..30 {
+            (from..=to).chain((from..to).rev()).for_each(|x| candidates.visit(0, &[x as f32, y]));
+        }
+        candidates.end_episode(0);
+    }
+
+    #[test]
+    fn states_behind_a_wall_become_candidates_although_others_are_near() {
+        let (spec, settings) = line(200);
+        let settings = BridgeSettings { candidate_spacing: 2.5, edge_cutoff_steps: 20.0, ..settings };
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        // Two corridors two units apart; the second begins where there is no wall between it and the first.
+        walk_corridor(&mut candidates, 0.5, (40, 80));
+        walk_corridor(&mut candidates, 2.5, (0, 80));
+        let behind = |at: &&[f32]| at[1] == 2.5 && at[0] > 45.0;
+        assert!(candidates.points().chunks_exact(2).filter(behind).count() > 8, "{:?}", candidates.points());
+        let radius = spec.goal_radius;
+        for (i, a) in candidates.points().chunks_exact(2).enumerate() {
+            let near = |b: &[f32]| spec.goal_distance(a, b) <= MIN_SPACING_RADII * radius;
+            assert!(!candidates.points()[2 * (i + 1)..].chunks_exact(2).any(near), "some lie within the least spacing");
+        }
+    }
+
+    #[test]
+    fn open_space_is_not_crowded() {
+        let (spec, settings) = line(200);
+        let mut candidates = Candidates::new(&spec, 1, &BridgeSettings { candidate_spacing: 2.5, ..settings });
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut at = [6.0f32, 6.0];
+        for _ in 0..6_000 {
+            let direction = [rng.random_range(-1.0..1.0f32), rng.random_range(-1.0..1.0f32)];
+            for _ in 0..10 {
+                at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
+                candidates.visit(0, &at);
+            }
+        }
+        // At the least spacing there would be room for more than a hundred.
+        assert!((20..40).contains(&candidates.len()), "{} candidates", candidates.len());
     }
 
     #[test]

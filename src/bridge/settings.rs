@@ -204,3 +204,18 @@ impl BridgeSettings {
         checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_share_of_frontier_goals_follows_the_share_of_new_candidates() {
+        let automatic = BridgeSettings::default();
+        let shares = [(0, 64), (2, 64), (60, 64)].map(|(new, all)| automatic.frontier_share(new, all));
+        assert_eq!(shares, [0.05, 0.3125, 0.5]);
+        assert_eq!(automatic.frontier_share(0, 0), 0.05);
+        let given = BridgeSettings { frontier_epsilon: Auto::Given(0.2), ..automatic };
+        assert_eq!(given.frontier_share(90, 100), 0.2);
+    }
+}

@@ -194,3 +194,18 @@ impl Settings {
         self.train.episode_steps.given().unwrap_or_else(|| automatic.max(MIN_EPISODE_STEPS).min(most))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn episodes_grow_with_what_is_known_as_far_as_the_buffer_allows() {
+        let mut settings = Settings::default();
+        assert_eq!([0.0, 40.0, 240.0].map(|longest| settings.episode_steps(longest)), [150, 150, 720]);
+        settings.learn.buffer_size = 32 * 201;
+        assert_eq!(settings.episode_steps(240.0), 200);
+        settings.train.episode_steps = Auto::Given(77);
+        assert_eq!(settings.episode_steps(240.0), 77);
+    }
+}
