@@ -30,7 +30,7 @@ const fn without(name: &'static str, set: &'static str) -> Variant {
     Variant { name, method: "gdg-bridge", set }
 }
 
-const VARIANTS: [Variant; 21] = [
+const VARIANTS: [Variant; 25] = [
     without("default", ""),
     without("1-step targets", "n_step=1"),
     without("targets from behaviour alone", "greedy_targets=false"),
@@ -50,6 +50,10 @@ const VARIANTS: [Variant; 21] = [
     without("current weights, no averages", "averaged_weights=false"),
     without("no bridge goals in exploration", "bridge_epsilon=0"),
     without("no planned episodes", "planned_episodes=0"),
+    without("no lookahead", "lookahead=false"),
+    without("episodes from anywhere", "restart=anywhere"),
+    without("episodes of 150 steps", "episode_steps=150"),
+    without("no frontier goals", "frontier_epsilon=0"),
     Variant { name: "method sorb", method: "sorb", set: "" },
     Variant { name: "method gdg (no bridges)", method: "gdg", set: "" },
 ];

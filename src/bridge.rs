@@ -10,8 +10,10 @@ mod planner;
 mod search;
 mod settings;
 
-pub(crate) use candidates::MAX_SPACING_SHARE;
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
+pub(crate) use candidates::{
+    DETOUR_FACTOR, DETOUR_SLACK_STEPS, MAX_SPACING_SHARE, MIN_SPACING_RADII, WELL_KNOWN_PATHS,
+};
 pub use graph::{BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
 pub(crate) use graph::{
     DEMOTED_FACTOR, FRONTIER_SAMPLES, OBSERVED_FACTOR, OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS,
@@ -20,3 +22,4 @@ pub(crate) use planner::MAX_STRIKES;
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};
+pub(crate) use settings::{FRONTIER_GAIN, MAX_FRONTIER_SHARE, MIN_FRONTIER_SHARE};

@@ -27,6 +27,7 @@ pub use gdg::{FullGradient, Gdg};
 pub use kernels::{kernel, product};
 pub use learner::{Acting, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
 pub use networks::encoder::Encoder;
+pub(crate) use networks::lookahead::MIN_GAIN_STEPS;
 pub use networks::network::Network;
 pub use networks::policy::{FrozenNets, Nets, Policy, Scratch, look_ahead};
 pub use networks::state::NetworkState;

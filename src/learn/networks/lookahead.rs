@@ -6,9 +6,6 @@ use crate::learn::update::losses::{Pairs, Shapes, SharedFeatures, Workspaces};
 /// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
 const MAX_COMBINED_DIM: usize = 4;
 
-/// Lengths of the tried actions, as fractions of the longest.
-const LENGTHS: [f32; 2] = [1.0, 0.5];
-
 /// Steps by which another action must be better than the actor's: differences below this are noise of D.
 pub const MIN_GAIN_STEPS: f32 = 0.1;
 
@@ -27,18 +24,18 @@ pub struct LookaheadBuffers {
     passes: Workspaces,
 }
 
-/// Returns the actions to try, `(actions, dim)`: full and half steps along every combination of axes.
+/// Returns the actions to try, `(actions, dim)`: full steps along every combination of axes. (Half steps as well are no
+/// better in mazes with corridors one cell wide.)
 pub fn tried_actions(dim: usize) -> Vec<f32> {
-    let directions: Vec<Vec<f32>> = if dim <= MAX_COMBINED_DIM {
+    if dim <= MAX_COMBINED_DIM {
         // The digits of a number in base 3, less 1.
         let count = 3usize.pow(dim as u32);
         let digits = |i: usize| (0..dim).map(|axis| (i / 3usize.pow(axis as u32) % 3) as f32 - 1.0).collect();
-        (0..count).map(digits).filter(|direction: &Vec<f32>| direction.iter().any(|v| *v != 0.0)).collect()
+        (0..count).map(digits).filter(|action: &Vec<f32>| action.iter().any(|v| *v != 0.0)).flatten().collect()
     } else {
-        let along = |axis: usize, sign: f32| (0..dim).map(|i| if i == axis { sign } else { 0.0 }).collect();
-        (0..dim).flat_map(|axis| [along(axis, 1.0), along(axis, -1.0)]).collect()
-    };
-    LENGTHS.iter().flat_map(|length| directions.iter().flatten().map(move |v| length * v)).collect()
+        let along = |axis: usize, sign: f32| (0..dim).map(|i| if i == axis { sign } else { 0.0 }).collect::<Vec<f32>>();
+        (0..dim).flat_map(|axis| [along(axis, 1.0), along(axis, -1.0)].concat()).collect()
+    }
 }
 
 impl Shapes {
@@ -95,12 +92,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_tried_actions_are_full_and_half_steps_along_combinations_of_axes() {
-        assert_eq!(tried_actions(1), [-1.0, 1.0, -0.5, 0.5]);
+    fn the_tried_actions_are_steps_along_combinations_of_axes() {
+        assert_eq!(tried_actions(1), [-1.0, 1.0]);
         let plane = tried_actions(2);
-        assert_eq!(plane.len(), 2 * 16);
-        assert!(plane.chunks_exact(2).any(|a| a == [1.0, -1.0]) && plane.chunks_exact(2).any(|a| a == [0.0, 0.5]));
+        assert_eq!(plane.len(), 2 * 8);
+        assert!(plane.chunks_exact(2).any(|a| a == [1.0, -1.0]) && plane.chunks_exact(2).any(|a| a == [0.0, 1.0]));
         assert!(plane.chunks_exact(2).all(|a| a != [0.0, 0.0]));
-        assert_eq!(tried_actions(7).len(), 7 * 28);
+        assert_eq!(tried_actions(7).len(), 7 * 14);
     }
 }

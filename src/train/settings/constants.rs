@@ -45,6 +45,25 @@ pub fn constants() -> Vec<Constant> {
             "candidate spacing beyond which there may be more candidates",
         ),
         constant(
+            "MIN_SPACING_RADII",
+            bridge::MIN_SPACING_RADII,
+            "goal radii",
+            "distance that candidates keep from each other even where walls separate them",
+        ),
+        constant(
+            "WELL_KNOWN_PATHS",
+            bridge::WELL_KNOWN_PATHS as f64,
+            "paths",
+            "observed paths from a candidate that make a missing path evidence of a wall",
+        ),
+        constant(
+            "DETOUR_FACTOR",
+            bridge::DETOUR_FACTOR,
+            "",
+            "a path goes round a wall if it takes more than this multiple of the straight line ...",
+        ),
+        constant("DETOUR_SLACK_STEPS", bridge::DETOUR_SLACK_STEPS, "steps", "... plus this many steps"),
+        constant(
             "OBSERVED_FACTOR",
             bridge::OBSERVED_FACTOR,
             "D",
@@ -68,6 +87,27 @@ pub fn constants() -> Vec<Constant> {
             bridge::FRONTIER_SAMPLES as f64,
             "candidates",
             "random candidates of which the one with the fewest edges is the frontier",
+        ),
+        constant(
+            "FRONTIER_GAIN",
+            bridge::FRONTIER_GAIN,
+            "",
+            "automatic frontier_epsilon as a multiple of the fraction of candidates that are new ...",
+        ),
+        constant("MIN_FRONTIER_SHARE", bridge::MIN_FRONTIER_SHARE, "", "... at least"),
+        constant("MAX_FRONTIER_SHARE", bridge::MAX_FRONTIER_SHARE, "", "... and at most"),
+        constant(
+            "EPISODE_FACTOR",
+            super::EPISODE_FACTOR,
+            "",
+            "automatic episode_steps as a multiple of the longest distance in the bridge graph ...",
+        ),
+        constant("MIN_EPISODE_STEPS", super::MIN_EPISODE_STEPS, "steps", "... and at least"),
+        constant(
+            "MIN_GAIN_STEPS",
+            learn::MIN_GAIN_STEPS,
+            "steps",
+            "steps by which an action of lookahead must be better than the actor's",
         ),
         constant(
             "LINK_CANDIDATES",
