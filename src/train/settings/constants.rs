@@ -18,6 +18,10 @@ pub struct Constant {
 
 /// Returns the constants that decide how runs learn, plan and are evaluated.
 pub fn constants() -> Vec<Constant> {
+    [evaluation(), learning(), candidates(), edges_and_plans(), exploration()].into_iter().flatten().collect()
+}
+
+fn evaluation() -> Vec<Constant> {
     vec![
         constant(
             "MIN_BUDGET_STEPS",
@@ -27,17 +31,46 @@ pub fn constants() -> Vec<Constant> {
         ),
         constant("BUDGET_FACTOR", env::BUDGET_FACTOR, "", "a task's steps as a multiple of its shortest path"),
         constant("NEAR_STEPS", env::NEAR_STEPS, "steps", "pairs up to this far apart count as near in errors of D"),
-        constant("BETA1", kernel::BETA.0, "", "Adam's decay of the gradient's mean"),
-        constant("BETA2", kernel::BETA.1, "", "Adam's decay of the squared gradient's mean"),
-        constant("EPSILON", learn::EPSILON, "", "Adam's addend to the denominator"),
-        constant("EXCESS_WEIGHT", learn::EXCESS_WEIGHT, "", "weight of squared actor outputs beyond actor_bound"),
-        constant("RELEARN_N_STEP", learn::RELEARN_N_STEP as f64, "steps", "least n_step during relearn_updates"),
         constant(
             "LOSS_AVERAGE_UPDATES",
             trainer::LOSS_AVERAGE_UPDATES,
             "updates",
             "losses are reported as running means over this many",
         ),
+    ]
+}
+
+fn learning() -> Vec<Constant> {
+    vec![
+        constant("BETA1", kernel::BETA.0, "", "Adam's decay of the gradient's mean"),
+        constant("BETA2", kernel::BETA.1, "", "Adam's decay of the squared gradient's mean"),
+        constant("EPSILON", learn::EPSILON, "", "Adam's addend to the denominator"),
+        constant("EXCESS_WEIGHT", learn::EXCESS_WEIGHT, "", "weight of squared actor outputs beyond actor_bound"),
+        constant("RELEARN_N_STEP", learn::RELEARN_N_STEP as f64, "steps", "least n_step during relearn_updates"),
+        constant(
+            "DISTILLED_GOALS",
+            graphs::DISTILLED_GOALS as f64,
+            "candidates",
+            "goals whose graph distances each graph distils",
+        ),
+        constant(
+            "KEEP_EVERY_UPDATES",
+            trainer::KEEP_EVERY_UPDATES as f64,
+            "updates",
+            "interval between copies of the networks to roll back to",
+        ),
+        constant("MAX_RECOVERIES", trainer::MAX_RECOVERIES, "", "rollbacks before a diverging run stops"),
+        constant(
+            "LEARNING_RATE_FACTOR",
+            trainer::LEARNING_RATE_FACTOR,
+            "",
+            "multiplier of the learning rates at each rollback",
+        ),
+    ]
+}
+
+fn candidates() -> Vec<Constant> {
+    vec![
         constant(
             "MAX_SPACING_SHARE",
             bridge::MAX_SPACING_SHARE,
@@ -63,6 +96,11 @@ pub fn constants() -> Vec<Constant> {
             "a path goes round a wall if it takes more than this multiple of the straight line ...",
         ),
         constant("DETOUR_SLACK_STEPS", bridge::DETOUR_SLACK_STEPS, "steps", "... plus this many steps"),
+    ]
+}
+
+fn edges_and_plans() -> Vec<Constant> {
+    vec![
         constant(
             "OBSERVED_FACTOR",
             bridge::OBSERVED_FACTOR,
@@ -89,21 +127,6 @@ pub fn constants() -> Vec<Constant> {
             "random candidates of which the one with the fewest edges is the frontier",
         ),
         constant(
-            "FRONTIER_GAIN",
-            bridge::FRONTIER_GAIN,
-            "",
-            "automatic frontier_epsilon as a multiple of the fraction of candidates that are new ...",
-        ),
-        constant("MIN_FRONTIER_SHARE", bridge::MIN_FRONTIER_SHARE, "", "... at least"),
-        constant("MAX_FRONTIER_SHARE", bridge::MAX_FRONTIER_SHARE, "", "... and at most"),
-        constant(
-            "EPISODE_FACTOR",
-            super::EPISODE_FACTOR,
-            "",
-            "automatic episode_steps as a multiple of the longest distance in the bridge graph ...",
-        ),
-        constant("MIN_EPISODE_STEPS", super::MIN_EPISODE_STEPS, "steps", "... and at least"),
-        constant(
             "MIN_GAIN_STEPS",
             learn::MIN_GAIN_STEPS,
             "steps",
@@ -122,30 +145,31 @@ pub fn constants() -> Vec<Constant> {
             "late waypoints in a row after which a walk takes the shortest hop",
         ),
         constant(
-            "DISTILLED_GOALS",
-            graphs::DISTILLED_GOALS as f64,
-            "candidates",
-            "goals whose graph distances each graph distils",
-        ),
-        constant(
             "ACTIVATION_DIVISOR",
             graphs::ACTIVATION_DIVISOR as f64,
             "",
             "a graph takes effect after graph_every_updates divided by this",
         ),
+    ]
+}
+
+fn exploration() -> Vec<Constant> {
+    vec![
         constant(
-            "KEEP_EVERY_UPDATES",
-            trainer::KEEP_EVERY_UPDATES as f64,
-            "updates",
-            "interval between copies of the networks to roll back to",
-        ),
-        constant("MAX_RECOVERIES", trainer::MAX_RECOVERIES, "", "rollbacks before a diverging run stops"),
-        constant(
-            "LEARNING_RATE_FACTOR",
-            trainer::LEARNING_RATE_FACTOR,
+            "FRONTIER_GAIN",
+            bridge::FRONTIER_GAIN,
             "",
-            "multiplier of the learning rates at each rollback",
+            "automatic frontier_epsilon as a multiple of the fraction of candidates that are new ...",
         ),
+        constant("MIN_FRONTIER_SHARE", bridge::MIN_FRONTIER_SHARE, "", "... at least"),
+        constant("MAX_FRONTIER_SHARE", bridge::MAX_FRONTIER_SHARE, "", "... and at most"),
+        constant(
+            "EPISODE_FACTOR",
+            super::EPISODE_FACTOR,
+            "",
+            "automatic episode_steps as a multiple of the longest distance in the bridge graph ...",
+        ),
+        constant("MIN_EPISODE_STEPS", super::MIN_EPISODE_STEPS, "steps", "... and at least"),
     ]
 }
 
