@@ -111,7 +111,7 @@ impl PointMaze {
         Self { settings, ..self }
     }
 
-    /// Downcasts `world` mutably, like [`Self::of`].
+    /// Downcasts `world` mutably, like [`Self::downcast_ref`].
     pub fn downcast_mut(world: &mut dyn Environment) -> Option<&mut Self> {
         (world as &mut dyn Any).downcast_mut()
     }

@@ -27,7 +27,7 @@ pub struct Parameters {
 pub enum Layers {
     /// With candle-nn's Linear, one operation at a time; on any device.
     Linear,
-    /// As one operation ([`fused_mlp`]); on the CPU only.
+    /// As one operation (`fused_mlp`); on the CPU only.
     Fused,
 }
 
