@@ -59,7 +59,8 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
         let graph = error.graph.map_or(String::new(), |g| format!(", graph {:.0} %", 100.0 * g.mape));
         lines.push(fact("D error", format!("{:.0} %{graph}", 100.0 * error.mape)));
     }
-    lines.push(fact("at update", short(*updates as f64)));
+    let seen = evaluation.coverage.map_or(String::new(), |coverage| format!(", {:.0} % seen", 100.0 * coverage));
+    lines.push(fact("at update", format!("{}{seen}", short(*updates as f64))));
     lines
 }
 
