@@ -228,11 +228,13 @@ fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
             learner.update_on(&moves, &mut Profile::default()).unwrap();
         }
         let pairs = batch(&spec, 40, &mut rng);
-        let (mut own, mut best) = (vec![0.0; 40 * spec.action_dim], vec![0.0; 40 * spec.action_dim]);
+        let mut own = vec![0.0; 40 * spec.action_dim];
+        let mut best = Vec::new();
         learner
             .with_nets(false, |nets| {
                 nets.actions(&pairs.states, &pairs.goals, &mut own, &mut Scratch::default());
-                nets.lookahead_actions(&pairs.states, &pairs.goals, &mut best, &mut Scratch::default());
+                best.clone_from(&own);
+                nets.improve_actions(&pairs.states, &pairs.goals, &mut best, &mut Scratch::default());
             })
             .unwrap();
         let reference = learner.reference(Layers::Linear).unwrap();

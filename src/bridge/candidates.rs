@@ -48,8 +48,8 @@ pub struct Candidates {
     max_target_spacing: f32,
     window: usize,
     spacing: f32,
-    /// The spacing that the settings ask for, in goal radii.
-    initial_spacing_radii: f32,
+    /// Distance that candidates keep from each other even where walls separate them.
+    min_spacing: f32,
     /// `(candidates, state_dim)`.
     states: Vec<f32>,
     /// `(candidates, goal_dim)`.
@@ -105,7 +105,7 @@ impl Candidates {
             max_target_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
             window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
-            initial_spacing_radii: settings.candidate_spacing,
+            min_spacing: MIN_SPACING_RADII.min(settings.candidate_spacing) * spec.goal_radius,
             states: Vec::new(),
             points: Vec::new(),
             ids: Vec::new(),
@@ -223,7 +223,7 @@ impl Candidates {
         let latest = visits.back().map(|(step, from)| (*from as usize, clock - step));
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
-        if distance > self.spacing || (distance > self.min_spacing() && self.is_behind_a_wall(state, latest)) {
+        if distance > self.spacing || (distance > self.min_spacing && self.is_behind_a_wall(state, latest)) {
             near = self.add(state, distance <= self.spacing);
         }
         let visits = &mut self.visits[agent];
@@ -250,11 +250,6 @@ impl Candidates {
             }
         }
         (best.0, best.1.sqrt())
-    }
-
-    /// Returns the distance that candidates keep from each other even where walls separate them.
-    fn min_spacing(&self) -> f32 {
-        MIN_SPACING_RADII.min(self.initial_spacing_radii) * self.spec.goal_radius
     }
 
     /// Whether trajectories show that `state` is far from all candidates within the spacing: `latest`, the candidate
@@ -291,7 +286,7 @@ impl Candidates {
         {
             self.spacing *= 1.1;
             self.thin();
-            let spacing = if behind_a_wall { self.min_spacing() } else { self.spacing };
+            let spacing = if behind_a_wall { self.min_spacing } else { self.spacing };
             if self.nearest(state).1 <= spacing {
                 return None;
             }

@@ -137,11 +137,11 @@ impl Worker {
         self.view.walk.distances.1 = policy.distance(&at, &target, &mut self.scratch);
         self.view.walk.waypoint = (target != goal).then_some(target);
         let mut action = [0.0; 2];
-        match (&self.walker, &self.graph) {
-            (Some(walker), Some(graph)) if walker.looks_ahead(graph) => {
-                policy.lookahead_actions(&at, &target, &mut action, &mut self.scratch);
-            }
-            _ => policy.actions(&at, &target, &mut action, &mut self.scratch),
+        policy.actions(&at, &target, &mut action, &mut self.scratch);
+        if let (Some(walker), Some(graph)) = (&self.walker, &self.graph)
+            && walker.looks_ahead(graph)
+        {
+            policy.improve_actions(&at, &target, &mut action, &mut self.scratch);
         }
         self.world.step(&action, &mut self.rng);
         self.view.walk.steps += 1;

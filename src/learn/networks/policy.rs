@@ -31,11 +31,9 @@ pub trait Policy: Send + Sync {
     /// the trainer clips what does not, otherwise the world.
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch);
 
-    /// Computes actions by one step of lookahead, `out` `(rows, action_dim)`: mu(s, g), or another action after which D
-    /// is shorter. A policy without a dynamics model returns mu(s, g).
-    fn lookahead_actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        self.actions(states, goals, out, scratch);
-    }
+    /// Replaces `actions` `(rows, action_dim)`, which are mu(s, g), by one step of lookahead: by other actions after
+    /// which D is shorter. A policy without a dynamics model leaves them.
+    fn improve_actions(&self, _states: &[f32], _goals: &[f32], _actions: &mut [f32], _scratch: &mut Scratch) {}
 
     /// Returns D of a single pair, in steps.
     fn distance(&self, state: &[f32], goal: &[f32], scratch: &mut Scratch) -> f32 {
@@ -45,7 +43,7 @@ pub trait Policy: Send + Sync {
     }
 }
 
-/// Replaces the `actions` `(rows, action_dim)` of the rows that are marked in `ahead` by those of one step of lookahead.
+/// Improves the actor's `actions` `(rows, action_dim)` in the rows that are marked in `ahead` by one step of lookahead.
 pub fn look_ahead(
     policy: &dyn Policy,
     ahead: &[bool],
@@ -62,8 +60,8 @@ pub fn look_ahead(
     let chosen = |numbers: &[f32], width: usize| -> Vec<f32> {
         rows.iter().flat_map(|row| &numbers[row * width..(row + 1) * width]).copied().collect()
     };
-    let mut best = vec![0.0; rows.len() * a];
-    policy.lookahead_actions(&chosen(states, s), &chosen(goals, g), &mut best, scratch);
+    let mut best = chosen(actions, a);
+    policy.improve_actions(&chosen(states, s), &chosen(goals, g), &mut best, scratch);
     for (row, action) in rows.iter().zip(best.chunks_exact(a)) {
         actions[row * a..(row + 1) * a].copy_from_slice(action);
     }
@@ -102,10 +100,9 @@ impl Policy for Nets<'_> {
         }
     }
 
-    fn lookahead_actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        self.actions(states, goals, out, scratch);
+    fn improve_actions(&self, states: &[f32], goals: &[f32], actions: &mut [f32], scratch: &mut Scratch) {
         let networks = (self.model, &self.critics[..]);
-        self.shapes.improve_actions(networks, (states, goals), out, &mut scratch.lookahead);
+        self.shapes.improve_actions(networks, (states, goals), actions, &mut scratch.lookahead);
     }
 }
 
@@ -169,7 +166,7 @@ impl Policy for FrozenNets {
         self.nets().actions(states, goals, out, scratch);
     }
 
-    fn lookahead_actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        self.nets().lookahead_actions(states, goals, out, scratch);
+    fn improve_actions(&self, states: &[f32], goals: &[f32], actions: &mut [f32], scratch: &mut Scratch) {
+        self.nets().improve_actions(states, goals, actions, scratch);
     }
 }
