@@ -20,7 +20,7 @@ mod settings;
 #[forbid(unsafe_code)]
 mod update;
 
-pub(crate) use data::batch::RELEARN_N_STEP;
+pub(crate) use data::batch::{GRAPH_LOWER_FACTOR, GRAPH_LOWER_SLACK_STEPS, RELEARN_N_STEP};
 pub use data::batch::{Batch, BatchSampler};
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub use gdg::{FullGradient, Gdg};

@@ -37,6 +37,7 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         batch.steps.push(i as f32 % 7.0 * 9.0);
         batch.bootstrap.push((i % 2) as f32);
         batch.bound.push(if i % 5 == 1 { 30.0 } else { f32::INFINITY });
+        batch.lower.push(if i % 7 == 2 { 12.0 } else { 0.0 });
         batch.from.extend(state(rng));
         batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
         batch.next.extend(state(rng));

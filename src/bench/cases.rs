@@ -41,6 +41,7 @@ fn batch(rows: usize) -> Batch {
         steps: vec![1.0; rows],
         bootstrap: vec![1.0; rows],
         bound: vec![f32::INFINITY; rows],
+        lower: vec![0.0; rows],
         greedy_targets: false,
         from,
         actions,

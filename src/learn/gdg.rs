@@ -267,7 +267,7 @@ impl Gdg {
         }))
     }
 
-    /// Replaces a share of the batch with pairs of known distance (distillation).
+    /// Replaces a share of the batch with pairs of candidates whose distance in the graph is known (distillation).
     fn distil(&mut self, known: Option<&KnownDistances>, rng: &mut ChaCha8Rng) {
         let Some(known) = known.filter(|known| self.distillation > 0.0 && !known.pairs.is_empty()) else { return };
         let spec = self.shared.shapes.encoder.spec();
@@ -277,7 +277,7 @@ impl Gdg {
             let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
             let (from, to) = (from as usize, to as usize);
             let (state, goal) = (&known.states[from * s..(from + 1) * s], &known.goals[to * g..(to + 1) * g]);
-            self.batch.set_known_distance(i, state, goal, steps);
+            self.batch.set_graph_distance(i, state, goal, steps);
         }
     }
 

@@ -120,8 +120,8 @@ pub struct LearnSettings {
     pub grid_channels: usize,
     /// Adam's step size for the grid encoding.
     pub grid_learning_rate: f32,
-    /// Share of a batch that consists of pairs of bridge candidates with their graph distance as the target, once there
-    /// is a graph.
+    /// Share of a batch that consists of pairs of bridge candidates whose targets are bounded by their graph distance,
+    /// once there is a graph.
     pub distillation: f32,
     /// Number of transitions kept for replay.
     #[serde(alias = "replay_capacity")]

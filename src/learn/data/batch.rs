@@ -11,6 +11,12 @@ use crate::learn::settings::LearnSettings;
 /// this much.
 pub(crate) const RELEARN_N_STEP: usize = 20;
 
+/// Lower bound on a distance that the bridge graph knows, as a multiple of the graph's distance ...
+pub(crate) const GRAPH_LOWER_FACTOR: f32 = 0.6;
+
+/// ... less this many steps: while few paths are known, those through the graph make long detours between near places.
+pub(crate) const GRAPH_LOWER_SLACK_STEPS: f32 = 6.0;
+
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]
 pub struct Batch {
@@ -26,6 +32,8 @@ pub struct Batch {
     pub bootstrap: Vec<f32>,
     /// Upper bound of the target, `(batch)`; infinite if unknown.
     pub bound: Vec<f32>,
+    /// Lower bound of the target, no higher than the upper one, `(batch)`; 0 if unknown.
+    pub lower: Vec<f32>,
     /// Whether targets are capped at the actor's one-step lookahead (see [`LearnSettings::greedy_targets`]).
     pub greedy_targets: bool,
     /// States of the dynamics model's transitions, `(batch, state_dim)`.
@@ -47,14 +55,19 @@ impl Batch {
         self.steps.is_empty()
     }
 
-    /// Replaces pair `i` with one of known distance (distillation).
-    pub fn set_known_distance(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
+    /// Replaces pair `i` with one that is `steps` apart along the bridge graph (distillation).
+    ///
+    /// A path through the graph exists, so its length is an upper bound. A part of it is a lower bound, which raises D
+    /// where it is far too short. In between, the actor's one-step lookahead decides: if D followed the graph, it would
+    /// inherit the graph's detours, and so would the next graph, whose edges are as long as D says.
+    pub fn set_graph_distance(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
         self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.bootstrap_states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);
-        self.steps[i] = steps;
-        self.bootstrap[i] = 0.0;
-        self.bound[i] = f32::INFINITY;
+        self.steps[i] = 0.0;
+        self.bootstrap[i] = 1.0;
+        self.bound[i] = steps;
+        self.lower[i] = (GRAPH_LOWER_FACTOR * steps - GRAPH_LOWER_SLACK_STEPS).max(0.0);
     }
 
     fn clear(&mut self) {
@@ -63,7 +76,7 @@ impl Batch {
         {
             numbers.clear();
         }
-        for numbers in [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound] {
+        for numbers in [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound, &mut self.lower] {
             numbers.clear();
         }
     }
@@ -99,6 +112,7 @@ impl BatchSampler {
             batch.steps.push(steps as f32);
             batch.bootstrap.push(if reached { 0.0 } else { 1.0 });
             batch.bound.push(if self.settings.hindsight_bound { bound } else { f32::INFINITY });
+            batch.lower.push(0.0);
             batch.from.extend(state);
             batch.actions.extend(replay.action(moment));
             batch.next.extend(replay.state(later(moment, 1)));

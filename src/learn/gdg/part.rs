@@ -36,8 +36,8 @@ impl Part {
     }
 
     /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
-    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]). Both are capped at the hindsight
-    /// bound. D' and mu' use running averages.
+    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]). Both are kept within the
+    /// bounds that hindsight or the bridge graph give. D' and mu' use running averages.
     pub fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
         shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
         shapes.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
@@ -54,7 +54,7 @@ impl Part {
         }
         for (i, x) in self.targets.iter_mut().enumerate() {
             let known = rows.bootstrap[i] == 0.0;
-            *x = if known { rows.steps[i] } else { *x }.min(rows.bound[i]);
+            *x = if known { rows.steps[i] } else { *x }.min(rows.bound[i]).max(rows.lower[i]);
         }
     }
 
@@ -79,6 +79,7 @@ pub struct Rows<'a> {
     steps: &'a [f32],
     bootstrap: &'a [f32],
     bound: &'a [f32],
+    lower: &'a [f32],
     pub from: &'a [f32],
     pub actions: &'a [f32],
     pub next: &'a [f32],
@@ -102,6 +103,7 @@ impl<'a> Rows<'a> {
             steps: cut(&batch.steps, 1),
             bootstrap: cut(&batch.bootstrap, 1),
             bound: cut(&batch.bound, 1),
+            lower: cut(&batch.lower, 1),
             from: cut(&batch.from, s),
             actions: cut(&batch.actions, spec.action_dim),
             next: cut(&batch.next, s),

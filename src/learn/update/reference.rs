@@ -139,7 +139,8 @@ impl<'a> Reference<'a> {
             far = far.minimum(&(self.max_distances(&next, &goals)? + 1.0)?)?;
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
-        Ok(known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?.detach())
+        let targets = known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?;
+        Ok(targets.maximum(&column(&batch.lower)?)?.detach())
     }
 
     /// Returns the maximum of D(s, g) over the critics, `(rows)`.

@@ -48,6 +48,13 @@ fn learning() -> Vec<Constant> {
         constant("EXCESS_WEIGHT", learn::EXCESS_WEIGHT, "", "weight of squared actor outputs beyond actor_bound"),
         constant("RELEARN_N_STEP", learn::RELEARN_N_STEP as f64, "steps", "least n_step during relearn_updates"),
         constant(
+            "GRAPH_LOWER_FACTOR",
+            learn::GRAPH_LOWER_FACTOR,
+            "",
+            "a graph distance bounds D from below by this multiple ...",
+        ),
+        constant("GRAPH_LOWER_SLACK_STEPS", learn::GRAPH_LOWER_SLACK_STEPS, "steps", "... less this many steps"),
+        constant(
             "DISTILLED_GOALS",
             graphs::DISTILLED_GOALS as f64,
             "candidates",

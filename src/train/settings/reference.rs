@@ -221,7 +221,7 @@ pub const SETTINGS: [Setting; 55] = [
         "distillation",
         "",
         SHARE_RANGE,
-        "fraction of pairs that are bridge candidates with their graph distance as target",
+        "fraction of pairs that are bridge candidates, whose distance in the graph bounds the target",
     ),
     Setting::new(
         Batches,
