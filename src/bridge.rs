@@ -16,7 +16,8 @@ pub(crate) use candidates::{
 };
 pub use graph::{BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
 pub(crate) use graph::{
-    DEMOTED_FACTOR, FRONTIER_SAMPLES, OBSERVED_FACTOR, OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS,
+    CHANGED_GOALS, CHANGED_MARGIN, DEMOTED_FACTOR, FRONTIER_SAMPLES, GROWN_FACTOR, GROWN_SLACK_STEPS, OBSERVED_FACTOR,
+    OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, SHRUNK_SLACK_STEPS,
 };
 pub(crate) use planner::MAX_STRIKES;
 pub use planner::{Hop, Target, Walker, WalkerState};

@@ -20,12 +20,16 @@ mod settings;
 #[forbid(unsafe_code)]
 mod update;
 
-pub(crate) use data::batch::{GRAPH_LOWER_FACTOR, GRAPH_LOWER_SLACK_STEPS, RELEARN_N_STEP};
 pub use data::batch::{Batch, BatchSampler};
+pub(crate) use data::batch::{
+    GRAPH_LOWER_FACTOR, GRAPH_LOWER_SLACK_STEPS, RELEARN_N_STEP, RELEARN_RECENT, STUCK_BOUND, STUCK_PROGRESS_STEPS,
+};
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub use gdg::{FullGradient, Gdg};
 pub use kernels::{kernel, product};
-pub use learner::{Acting, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
+pub use learner::{
+    Acting, ChangedDistances, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, Relearning, TrainingData,
+};
 pub use networks::encoder::Encoder;
 pub(crate) use networks::lookahead::MIN_GAIN_STEPS;
 pub use networks::network::Network;

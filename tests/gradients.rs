@@ -58,15 +58,18 @@ const UPDATES_BEFORE: usize = 20;
 
 fn check(spec: &Spec, settings: &LearnSettings) {
     for layers in [Layers::Linear, Layers::Fused] {
-        check_against(spec, settings, layers);
+        for frees_stuck_actor in [false, true] {
+            check_against(spec, settings, layers, frees_stuck_actor);
+        }
     }
 }
 
-fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
+fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers, frees_stuck_actor: bool) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Gdg::new(spec, settings, 2, &mut rng).unwrap();
     let mut batch = batch(spec, settings.batch_size, &mut rng);
     batch.greedy_targets = settings.greedy_targets;
+    batch.frees_stuck_actor = frees_stuck_actor;
     let tensor = |numbers: &[f32], width: usize| {
         Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
     };
@@ -90,9 +93,10 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers) {
     let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    let (actor, excess) = reference.actor_loss(&states, &goals).unwrap();
+    let (actor, excess) = reference.actor_loss(&states, &goals, batch.frees_stuck_actor).unwrap();
     let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
-    let actor_and_excess = if settings.actor_bound > 0.0 { (actor + excess).unwrap() } else { actor };
+    let actor_and_excess =
+        if settings.actor_bound > 0.0 || frees_stuck_actor { (actor + excess).unwrap() } else { actor };
     let grads = [&critic, &model, &actor_and_excess].map(|loss| loss.backward().unwrap());
     let expected: Vec<(Tensor, Option<Tensor>)> = {
         let (critic, model, actor) = (learner.critic(0), learner.model(), learner.actor());

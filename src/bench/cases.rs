@@ -43,6 +43,7 @@ fn batch(rows: usize) -> Batch {
         bound: vec![f32::INFINITY; rows],
         lower: vec![0.0; rows],
         greedy_targets: false,
+        frees_stuck_actor: false,
         from,
         actions,
         next,

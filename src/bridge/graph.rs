@@ -2,6 +2,7 @@
 
 mod routes;
 
+pub(crate) use routes::{CHANGED_GOALS, CHANGED_MARGIN, GROWN_FACTOR, GROWN_SLACK_STEPS, SHRUNK_SLACK_STEPS};
 pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
 
 use std::sync::Arc;

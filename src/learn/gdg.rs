@@ -8,13 +8,12 @@ use std::time::Instant;
 
 use candle_core::{Device, Error, Result, Tensor};
 use parking_lot::{Mutex, RwLock};
-use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::batch::{Batch, BatchSampler};
 use crate::learn::kernels::kernel;
-use crate::learn::learner::{KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
+use crate::learn::learner::{LearnError, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
@@ -23,7 +22,7 @@ use crate::learn::networks::state::NetworkState;
 use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::settings::{Backend, LearnSettings};
 use crate::learn::update::gradient::{Gradient, LearningRates};
-use crate::learn::update::losses::{ActorLossNetworks, Losses, MAX_STATE_DIM, Pairs, Shapes};
+use crate::learn::update::losses::{ActorLossNetworks, ActorLossOptions, Losses, MAX_STATE_DIM, Pairs, Shapes};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::reference::{Layers, Parameters, Reference};
@@ -49,8 +48,6 @@ pub struct Gdg {
     sampler: BatchSampler,
     /// The latest batch.
     batch: Batch,
-    /// Share of a batch that is replaced with pairs of known distance.
-    distillation: f32,
     shared: Arc<Shared>,
     pool: ThreadPool,
     backend: Backend,
@@ -101,7 +98,6 @@ impl Gdg {
         Ok(Self {
             sampler: BatchSampler::new(spec, settings),
             batch: Batch::default(),
-            distillation: settings.distillation,
             shared: Arc::new(shared),
             pool: ThreadPool::new(threads)?,
             backend: settings.backend,
@@ -267,20 +263,6 @@ impl Gdg {
         }))
     }
 
-    /// Replaces a share of the batch with pairs of candidates whose distance in the graph is known (distillation).
-    fn distil(&mut self, known: Option<&KnownDistances>, rng: &mut ChaCha8Rng) {
-        let Some(known) = known.filter(|known| self.distillation > 0.0 && !known.pairs.is_empty()) else { return };
-        let spec = self.shared.shapes.encoder.spec();
-        let (s, g) = (spec.state_dim(), spec.goal_dim());
-        let count = (self.distillation * self.batch.len() as f32).round() as usize;
-        for i in 0..count {
-            let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
-            let (from, to) = (from as usize, to as usize);
-            let (state, goal) = (&known.states[from * s..(from + 1) * s], &known.goals[to * g..(to + 1) * g]);
-            self.batch.set_graph_distance(i, state, goal, steps);
-        }
-    }
-
     /// Returns the state of each network, by name.
     ///
     /// # Errors
@@ -301,7 +283,9 @@ impl Learner for Gdg {
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
-        self.distil(data.known.as_ref(), data.rng);
+        if let Some(known) = &data.known {
+            self.sampler.add_known(known, data.rng, &mut self.batch);
+        }
         profile.lap(Stage::Sample, began);
         let batch = std::mem::take(&mut self.batch);
         let losses = self.update_on(&batch, profile);
@@ -441,7 +425,8 @@ impl Shared {
         part.actor.prepare(self.shapes.actor.parameters());
         let buffers = &mut part.buffers;
         let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
-        part.losses.actor = self.shapes.actor_gradient(&path, pairs, rows.share, &mut part.actor, buffers);
+        let options = ActorLossOptions { share: rows.share, frees_stuck: rows.frees_stuck_actor };
+        part.losses.actor = self.shapes.actor_gradient(&path, pairs, options, &mut part.actor, buffers);
         Ok(())
     }
 

@@ -37,10 +37,20 @@ pub struct TrainingData<'a> {
     pub replay: &'a Replay,
     /// Distances from the bridge graph, if there is one.
     pub known: Option<KnownDistances<'a>>,
-    /// Whether distances may have grown recently, so that the learned ones are too short.
-    pub relearning: bool,
+    /// Set for some time after distances may have changed, so that the learned ones are too short or too long.
+    pub relearning: Option<Relearning>,
     /// Random stream for drawing batches.
     pub rng: &'a mut ChaCha8Rng,
+}
+
+/// How to relearn distances that may have changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Relearning {
+    /// Slots that each agent has filled in the replay buffer since the change, about.
+    pub recent_slots: u64,
+    /// Whether a bridge graph finds out which distances have changed (see [`KnownDistances::changed`]), as soon as there
+    /// is one. Otherwise all distances have to be doubted.
+    pub graph_finds_changed: bool,
 }
 
 /// Distances known from a source other than transitions.
@@ -52,6 +62,19 @@ pub struct KnownDistances<'a> {
     pub goals: &'a [f32],
     /// Start, goal, and the steps between them.
     pub pairs: &'a [(u32, u32, f32)],
+    /// Distances that have changed, while they are relearned.
+    pub changed: Option<&'a ChangedDistances>,
+}
+
+/// Bounds on distances of which D is far too short or too long.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ChangedDistances {
+    /// The places that are goals.
+    pub goals: Vec<u32>,
+    /// Fewest steps from each place to each goal, `(goals, places)`; 0 where D is long enough.
+    pub lower: Vec<f32>,
+    /// Most steps from each place to each goal, `(goals, places)`; `f32::MAX` where D is short enough.
+    pub upper: Vec<f32>,
 }
 
 /// How agents act.

@@ -88,8 +88,10 @@ pub struct LearnSettings {
     /// whereas the behaviour alone (Algorithm 1) makes detours. An expectile of 0.95 also corrects for detours, but
     /// makes distances that are too short hardly grow.
     pub greedy_targets: bool,
-    /// Updates after walls are added during which targets follow the behaviour alone, over many steps: distances have
-    /// grown, and the dynamics model has yet to learn that the walls block the path.
+    /// Updates after an edit during which distances that have changed are relearned: those that are far longer or shorter
+    /// along the bridge graph are bounded by it, the dynamics model sees more recent transitions (it has yet to learn
+    /// that new walls block the path), and a stuck actor is freed. Without a graph, targets follow the behaviour
+    /// alone, over many steps, which all distances suffer from.
     pub relearn_updates: u64,
     /// Whether a goal that was reached j steps later bounds the target by j.
     pub hindsight_bound: bool,

@@ -11,7 +11,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, DistilledDistances, GraphState};
 use crate::env::Spec;
-use crate::learn::{Policy, Scratch};
+use crate::learn::{ChangedDistances, Policy, Scratch};
 use crate::store::{Store, StoreError};
 
 /// Number of candidates per build whose graph distances are distilled.
@@ -20,12 +20,17 @@ pub(crate) const DISTILLED_GOALS: usize = 32;
 /// A build takes effect after the interval between builds divided by this.
 pub(crate) const ACTIVATION_DIVISOR: u64 = 4;
 
+/// The same after an edit: plans and what has to be relearned depend on the graph, so training waits for it.
+pub(crate) const EDIT_ACTIVATION_DIVISOR: u64 = 20;
+
 /// Inputs of a build.
 pub struct GraphJob {
     pub spec: Spec,
     pub settings: BridgeSettings,
     pub policy: Arc<dyn Policy>,
     pub candidates: Arc<Candidates>,
+    /// Whether to find the distances that have changed.
+    pub finds_changed: bool,
     /// RNG for the distilled distances.
     pub rng: ChaCha8Rng,
 }
@@ -41,6 +46,8 @@ pub struct BuiltGraph {
     pub distilled: Arc<DistilledDistances>,
     /// The longest of these distances.
     pub longest_steps: f32,
+    /// The distances that have changed, if these were asked for.
+    pub changed: Option<Arc<ChangedDistances>>,
 }
 
 /// The current graph and the next one.
@@ -65,6 +72,8 @@ pub struct StoredGraph {
     pub due: u64,
     /// The graph.
     pub state: GraphState,
+    /// The distances that have changed, if these were asked for.
+    pub changed: Option<ChangedDistances>,
 }
 
 impl StoredGraph {
@@ -72,6 +81,11 @@ impl StoredGraph {
     pub fn write(self, store: &mut Store, prefix: &str) {
         store.put(format!("{prefix}.when"), vec![self.at, self.due]);
         self.state.write(store, prefix);
+        if let Some(ChangedDistances { goals, lower, upper }) = self.changed {
+            store.put(format!("{prefix}.changed.goals"), goals);
+            store.put(format!("{prefix}.changed.lower"), lower);
+            store.put(format!("{prefix}.changed.upper"), upper);
+        }
     }
 
     /// Reads the graph written by [`Self::write`], if there is one.
@@ -86,23 +100,60 @@ impl StoredGraph {
         let [at, due] = store.u64(&when)? else {
             return Err(StoreError::inconsistent(format!("its {when} does not have length 2")));
         };
-        Ok(Some(Self { at: *at, due: *due, state: GraphState::read(store, prefix)? }))
+        let names = ["goals", "lower", "upper"].map(|part| format!("{prefix}.changed.{part}"));
+        let changed = match store.has(&names[0]) {
+            true => Some(ChangedDistances {
+                goals: store.u32(&names[0])?.to_vec(),
+                lower: store.f32(&names[1])?.to_vec(),
+                upper: store.f32(&names[2])?.to_vec(),
+            }),
+            false => None,
+        };
+        Ok(Some(Self { at: *at, due: *due, state: GraphState::read(store, prefix)?, changed }))
     }
 }
 
 impl GraphJob {
     fn run(&self, at: u64) -> BuiltGraph {
         crate::faults::point("graph");
-        let graph =
-            BridgeGraph::build(&self.spec, &self.settings, &self.candidates, &*self.policy, &mut Scratch::default());
-        BuiltGraph::new(at, graph, self.rng.clone())
+        let (mut scratch, mut rng) = (Scratch::default(), self.rng.clone());
+        let graph = BridgeGraph::build(&self.spec, &self.settings, &self.candidates, &*self.policy, &mut scratch);
+        let built = BuiltGraph::new(at, graph, &mut rng);
+        let changed = || Arc::new(built.graph.changed_distances(&*self.policy, &mut rng, &mut scratch));
+        BuiltGraph { changed: self.finds_changed.then(changed), ..built }
     }
 }
 
 impl BuiltGraph {
-    fn new(at: u64, graph: BridgeGraph, mut rng: ChaCha8Rng) -> Self {
-        let distilled = graph.distil(DISTILLED_GOALS, &mut rng);
-        Self { at, graph: Arc::new(graph), longest_steps: distilled.longest_steps(), distilled: Arc::new(distilled) }
+    fn new(at: u64, graph: BridgeGraph, rng: &mut ChaCha8Rng) -> Self {
+        let distilled = graph.distil(DISTILLED_GOALS, rng);
+        let longest_steps = distilled.longest_steps();
+        Self { at, graph: Arc::new(graph), longest_steps, distilled: Arc::new(distilled), changed: None }
+    }
+
+    fn stored(&self, due: u64) -> StoredGraph {
+        StoredGraph { at: self.at, due, state: self.graph.state(), changed: self.changed.as_deref().cloned() }
+    }
+
+    /// # Errors
+    /// `stored` was not saved from a matching run.
+    fn restore(
+        (spec, settings): (&Spec, &BridgeSettings),
+        stored: &StoredGraph,
+        mut rng: ChaCha8Rng,
+    ) -> Result<Self, StoreError> {
+        let graph = BridgeGraph::from_state(spec, settings, &stored.state)?;
+        let count = graph.candidates().len();
+        if let Some(ChangedDistances { goals, lower, upper }) = &stored.changed
+            && (lower.len() != goals.len() * count
+                || upper.len() != lower.len()
+                || goals.iter().any(|goal| *goal as usize >= count)
+                || lower.iter().any(|steps| !steps.is_finite())
+                || upper.iter().any(|steps| !steps.is_finite() || *steps < 0.0))
+        {
+            return Err(StoreError::inconsistent("the stored changes of distances do not fit their bridge graph"));
+        }
+        Ok(Self { changed: stored.changed.clone().map(Arc::new), ..Self::new(stored.at, graph, &mut rng) })
     }
 }
 
@@ -112,15 +163,15 @@ impl Graphs {
         self.current.as_ref()
     }
 
-    /// Starts a build at update `at`; builds start every `every` updates.
+    /// Starts a build at update `at` that takes effect `delay` updates later.
     ///
     /// # Errors
     /// The thread cannot be started.
-    pub fn start_build(&mut self, at: u64, every: u64, job: GraphJob) -> std::io::Result<()> {
+    pub fn start_build(&mut self, at: u64, delay: u64, job: GraphJob) -> std::io::Result<()> {
         let job = Arc::new(job);
         let own = job.clone();
         let result = std::thread::Builder::new().name("bridge graph".to_owned()).spawn(move || own.run(at))?;
-        self.next = Some((at + (every / ACTIVATION_DIVISOR).max(1), PendingGraph::Building { at, job, result }));
+        self.next = Some((at + delay.max(1), PendingGraph::Building { at, job, result }));
         Ok(())
     }
 
@@ -138,13 +189,12 @@ impl Graphs {
 
     /// Returns the current and the next graph, for a checkpoint.
     pub fn state(&self) -> [Option<StoredGraph>; 2] {
-        let stored = |due: u64, built: &BuiltGraph| StoredGraph { at: built.at, due, state: built.graph.state() };
         let next = self.next.as_ref().map(|(due, next)| match next {
-            PendingGraph::Ready(built) => stored(*due, built),
+            PendingGraph::Ready(built) => built.stored(*due),
             // Repeats the build, with the same result: saving can wait for it, training cannot.
-            PendingGraph::Building { at, job, .. } => stored(*due, &job.run(*at)),
+            PendingGraph::Building { at, job, .. } => job.run(*at).stored(*due),
         });
-        [self.current.as_ref().map(|built| stored(built.at, built)), next]
+        [self.current.as_ref().map(|built| built.stored(built.at)), next]
     }
 
     /// Restores the graphs that [`Self::state`] returned; `rng` gives the RNG for the distilled distances of a build at
@@ -159,13 +209,7 @@ impl Graphs {
         state: &[Option<StoredGraph>; 2],
         rng: impl Fn(u64) -> ChaCha8Rng,
     ) -> Result<(), StoreError> {
-        let built = |stored: &StoredGraph| {
-            Ok::<_, StoreError>(BuiltGraph::new(
-                stored.at,
-                BridgeGraph::from_state(spec, settings, &stored.state)?,
-                rng(stored.at),
-            ))
-        };
+        let built = |stored: &StoredGraph| BuiltGraph::restore((spec, settings), stored, rng(stored.at));
         let [current, next] = state;
         self.current = current.as_ref().map(built).transpose()?;
         self.next = match next {

@@ -44,8 +44,11 @@ pub struct Counters {
     /// Environment steps whose updates become due when an episode ends.
     #[serde(rename = "waiting")]
     pub(super) deferred_steps: u64,
-    /// The last update whose targets follow behaviour alone.
+    /// The last update at which changed distances are relearned.
     pub(super) relearns_until: u64,
+    /// Environment steps at the latest change of the world.
+    #[serde(default)]
+    pub(super) changed_at_step: u64,
     /// Running means of the losses.
     pub(super) losses: [f64; 3],
     /// Number of rollbacks to earlier networks.

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
-use super::graphs::{BuiltGraph, GraphJob, Graphs, StoredGraph};
+use super::graphs::{ACTIVATION_DIVISOR, BuiltGraph, GraphJob, Graphs, StoredGraph};
 use super::history::{History, LogEntry};
 use super::memory;
 use super::registry::Registry;
@@ -23,7 +23,7 @@ use super::settings::{Settings, UpdateWhen};
 use crate::bridge::{Candidates, CandidatesState, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
-    Acting, Auto, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Replay, ReplayState, Stage,
+    Acting, Auto, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Relearning, Replay, ReplayState, Stage,
     TrainingData,
 };
 use crate::store::{Store, StoreError};
@@ -302,13 +302,17 @@ impl Trainer {
         let began = Instant::now();
         self.refresh_graph()?;
         self.profile.lap(Stage::Graph, began);
+        let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
-        let known = graphs.current().map(|BuiltGraph { graph, distilled, .. }| KnownDistances {
+        let known = graphs.current().map(|BuiltGraph { graph, distilled, changed, .. }| KnownDistances {
             states: graph.candidates().states(),
             goals: graph.candidates().points(),
             pairs: &distilled.pairs,
+            changed: changed.as_deref().filter(|_| relearns),
         });
-        let relearning = self.counters.updates <= self.counters.relearns_until;
+        let agents = self.run.settings.train.agents as u64;
+        let recent_slots = self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
+        let relearning = relearns.then_some(Relearning { recent_slots, graph_finds_changed });
         self.in_update = true;
         let losses = learner.update(TrainingData { replay, known, relearning, rng: batch_rng }, profile)?;
         self.in_update = false;
@@ -321,29 +325,47 @@ impl Trainer {
         Ok(Tick::Update)
     }
 
-    /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
-    fn refresh_graph(&mut self) -> Result<()> {
+    /// Whether distances that may have changed are being relearned.
+    fn relearns(&self) -> bool {
+        self.counters.updates <= self.counters.relearns_until
+    }
+
+    /// Whether training uses bridge graphs.
+    fn needs_graph(&self) -> bool {
         let Settings { learn, bridge, .. } = &self.run.settings;
         let wanted =
             learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon != Auto::Given(0.0);
-        if !wanted || !self.run.method.bridges() {
+        wanted && self.run.method.bridges()
+    }
+
+    /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
+    fn refresh_graph(&mut self) -> Result<()> {
+        if !self.needs_graph() {
             return Ok(());
         }
-        let (now, every) = (self.counters.updates, bridge.graph_every_updates);
+        let now = self.counters.updates;
         if self.graphs.activate_due(now) {
             self.with_step_context(|rollout, context| rollout.replan(context))?;
         }
-        if now.is_multiple_of(every) {
-            let job = GraphJob {
-                spec: self.spec().clone(),
-                settings: self.run.bridge(),
-                policy: self.policy()?,
-                candidates: self.candidates.frozen(),
-                rng: self.graph_rng(now),
-            };
-            self.graphs.start_build(now, every, job)?;
+        if now.is_multiple_of(self.run.settings.bridge.graph_every_updates) {
+            self.start_graph(ACTIVATION_DIVISOR)?;
         }
         Ok(())
+    }
+
+    /// Starts building a bridge graph, which takes effect after the interval between builds divided by
+    /// `activation_divisor`.
+    fn start_graph(&mut self, activation_divisor: u64) -> Result<()> {
+        let now = self.counters.updates;
+        let job = GraphJob {
+            spec: self.spec().clone(),
+            settings: self.run.bridge(),
+            policy: self.policy()?,
+            candidates: self.candidates.frozen(),
+            finds_changed: self.relearns(),
+            rng: self.graph_rng(now),
+        };
+        Ok(self.graphs.start_build(now, self.run.settings.bridge.graph_every_updates / activation_divisor, job)?)
     }
 
     /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.

@@ -5,7 +5,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{BridgeGraph, nearest};
-use crate::learn::{Policy, Scratch};
+use crate::learn::{ChangedDistances, Policy, Scratch};
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
 /// every machine.
@@ -16,6 +16,21 @@ pub const LINK_CANDIDATES: usize = 48;
 
 /// States per batch when composing distances.
 const DISTANCE_BATCH: usize = 64;
+
+/// Candidates whose distances, as goals, are checked for changes.
+pub(crate) const CHANGED_GOALS: usize = 128;
+
+/// A distance has changed if D is longer or shorter than its bound by more than this factor.
+pub(crate) const CHANGED_MARGIN: f32 = 1.15;
+
+/// Lower bound on a distance that has grown, as a multiple of the graph's distance ...
+pub(crate) const GROWN_FACTOR: f32 = 0.85;
+
+/// ... less this many steps.
+pub(crate) const GROWN_SLACK_STEPS: f32 = 2.0;
+
+/// Slack on the graph's distance as an upper bound, in steps.
+pub(crate) const SHRUNK_SLACK_STEPS: f32 = 1.0;
 
 /// Graph distances as training targets.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -200,6 +215,34 @@ impl BridgeGraph {
             pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
         }
         DistilledDistances { pairs }
+    }
+
+    /// Finds the distances that have changed since the networks learned them: those to a few random goals that are far
+    /// longer or shorter along the graph than D says.
+    pub fn changed_distances(
+        &self,
+        policy: &dyn Policy,
+        rng: &mut ChaCha8Rng,
+        scratch: &mut Scratch,
+    ) -> ChangedDistances {
+        let count = self.candidates.len();
+        let goals = (0..CHANGED_GOALS.min(count)).map(|_| rng.random_range(0..count) as u32);
+        let mut changed = ChangedDistances { goals: goals.collect(), ..ChangedDistances::default() };
+        let mut distances = vec![0.0; count];
+        for goal in &changed.goals {
+            let route = self.route_to_candidate(*goal as usize);
+            policy.distances(self.candidates.states(), &route.goal.repeat(count), &mut distances, scratch);
+            for (steps, distance) in route.steps.iter().zip(&distances) {
+                // These paths start exactly at a candidate, so their first hop has no overhead.
+                let steps = (steps - self.settings.hop_steps).max(0.0);
+                let lower = GROWN_FACTOR * steps - GROWN_SLACK_STEPS;
+                let grown = steps.is_finite() && lower > CHANGED_MARGIN * distance;
+                let shrunk = *distance > CHANGED_MARGIN * steps + SHRUNK_SLACK_STEPS;
+                changed.lower.push(if grown { lower } else { 0.0 });
+                changed.upper.push(if shrunk { steps } else { f32::MAX });
+            }
+        }
+        changed
     }
 }
 

@@ -5,17 +5,27 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::replay::{Moment, Replay};
+use crate::learn::learner::{KnownDistances, Relearning};
 use crate::learn::settings::LearnSettings;
 
-/// Minimum n-step horizon of targets while relearning distances that have grown: each update raises them by at most
-/// this much.
+/// Minimum n-step horizon of targets while all distances are doubted: each update raises them by at most this much.
 pub(crate) const RELEARN_N_STEP: usize = 20;
+
+/// Share of the dynamics model's transitions that are recent while distances are relearned.
+pub(crate) const RELEARN_RECENT: f32 = 0.5;
 
 /// Lower bound on a distance that the bridge graph knows, as a multiple of the graph's distance ...
 pub(crate) const GRAPH_LOWER_FACTOR: f32 = 0.6;
 
 /// ... less this many steps: while few paths are known, those through the graph make long detours between near places.
 pub(crate) const GRAPH_LOWER_SLACK_STEPS: f32 = 6.0;
+
+/// Bound of the actor's outputs before tanh where its action makes less progress than [`STUCK_PROGRESS_STEPS`], while
+/// distances are relearned: a saturated actor has hardly any gradient with which to turn round.
+pub(crate) const STUCK_BOUND: f32 = 1.0;
+
+/// Least progress of an action, in steps: D(s, g) - D(f(s, a), g) is 1 for a step on the shortest path.
+pub(crate) const STUCK_PROGRESS_STEPS: f32 = 0.2;
 
 /// Training data of one update.
 #[derive(Clone, Debug, Default)]
@@ -36,6 +46,8 @@ pub struct Batch {
     pub lower: Vec<f32>,
     /// Whether targets are capped at the actor's one-step lookahead (see [`LearnSettings::greedy_targets`]).
     pub greedy_targets: bool,
+    /// Whether the actor is pulled out of saturation where its action makes no progress (see [`STUCK_BOUND`]).
+    pub frees_stuck_actor: bool,
     /// States of the dynamics model's transitions, `(batch, state_dim)`.
     pub from: Vec<f32>,
     /// Actions of these transitions, `(batch, action_dim)`.
@@ -95,13 +107,16 @@ impl BatchSampler {
         Self { spec: spec.clone(), settings: settings.clone() }
     }
 
-    /// Refills `batch`. While relearning distances that have `grown`, targets follow the behaviour alone, over many
-    /// steps.
-    pub fn sample(&self, replay: &Replay, grown: bool, rng: &mut ChaCha8Rng, batch: &mut Batch) {
+    /// Refills `batch`. While relearning, the dynamics model sees more of the recent transitions; if there is no graph
+    /// that finds the distances that have changed, targets follow the behaviour alone, over many steps.
+    pub fn sample(&self, replay: &Replay, relearning: Option<Relearning>, rng: &mut ChaCha8Rng, batch: &mut Batch) {
         batch.clear();
-        batch.greedy_targets = self.settings.greedy_targets && !grown;
-        let n_step = if grown { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
-        for _ in 0..self.settings.batch_size {
+        let doubt_all = relearning.is_some_and(|r| !r.graph_finds_changed);
+        batch.greedy_targets = self.settings.greedy_targets && !doubt_all;
+        batch.frees_stuck_actor = relearning.is_some();
+        let n_step = if doubt_all { RELEARN_N_STEP.max(self.settings.n_step) } else { self.settings.n_step };
+        let recent_rows = (RELEARN_RECENT * self.settings.batch_size as f32) as usize;
+        for row in 0..self.settings.batch_size {
             let (moment, left) = replay.sample(rng);
             let bound = self.push_goal(replay, moment, left, rng, &mut batch.goals);
             let state = replay.state(moment);
@@ -113,9 +128,42 @@ impl BatchSampler {
             batch.bootstrap.push(if reached { 0.0 } else { 1.0 });
             batch.bound.push(if self.settings.hindsight_bound { bound } else { f32::INFINITY });
             batch.lower.push(0.0);
-            batch.from.extend(state);
+            let recent = relearning.filter(|_| row < recent_rows);
+            let moment = recent.and_then(|r| replay.sample_recent(r.recent_slots, rng)).unwrap_or(moment);
+            batch.from.extend(replay.state(moment));
             batch.actions.extend(replay.action(moment));
             batch.next.extend(replay.state(later(moment, 1)));
+        }
+    }
+
+    /// Replaces a share of the pairs with pairs of places whose distance is known (distillation), and bounds the
+    /// targets of distances that have changed.
+    pub fn add_known(&self, known: &KnownDistances, rng: &mut ChaCha8Rng, batch: &mut Batch) {
+        if known.pairs.is_empty() {
+            return;
+        }
+        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let count = (self.settings.distillation * batch.len() as f32).round() as usize;
+        for i in 0..count {
+            let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
+            let (from, to) = (from as usize, to as usize);
+            let (state, goal) = (&known.states[from * s..(from + 1) * s], &known.goals[to * g..(to + 1) * g]);
+            batch.set_graph_distance(i, state, goal, steps);
+        }
+        let Some(changed) = known.changed else { return };
+        let places = known.goals.len() / g;
+        let point = |place: usize| &known.goals[place * g..(place + 1) * g];
+        for i in 0..batch.len() {
+            let state: Vec<f32> = self.spec.achieved(&batch.states[i * s..(i + 1) * s]).collect();
+            let goal = &batch.goals[i * g..(i + 1) * g];
+            let from = nearest(&state, (0..places).map(point));
+            let to = nearest(goal, changed.goals.iter().map(|place| point(*place as usize)));
+            if let (Some((from, off_start)), Some((to, off_goal))) = (from, to) {
+                // The triangle inequality, with straight lines for the short distances to the nearest places.
+                let (pair, off) = (to * places + from, off_start + off_goal);
+                batch.bound[i] = batch.bound[i].min(changed.upper[pair] + off);
+                batch.lower[i] = batch.lower[i].max(changed.lower[pair] - off).min(batch.bound[i]);
+            }
         }
     }
 
@@ -162,6 +210,86 @@ impl BatchSampler {
     }
 }
 
+/// Returns the index of the point nearest to `at`, and the straight-line distance to it.
+fn nearest<'a>(at: &[f32], points: impl Iterator<Item = &'a [f32]>) -> Option<(usize, f32)> {
+    let squared = |p: &[f32]| at.iter().zip(p).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
+    let nearest = points.map(squared).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
+    nearest.map(|(i, squared)| (i, squared.sqrt()))
+}
+
 fn later(moment: Moment, steps: usize) -> Moment {
     Moment { slot: moment.slot + steps as u64, ..moment }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+    use crate::learn::learner::ChangedDistances;
+
+    /// Positions on a line, and a replay of one walk along it.
+    fn line() -> (Spec, Replay) {
+        let spec = Spec {
+            state_centre: vec![50.0],
+            state_half_range: vec![50.0],
+            change_scale: vec![1.0],
+            achieved: vec![0],
+            action_dim: 1,
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        };
+        let mut replay = Replay::new((1, 1, 1).into(), 1, 200);
+        (0..100).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[99.0]));
+        replay.end_episode(0, &[100.0]);
+        (spec, replay)
+    }
+
+    #[test]
+    fn graph_distances_bound_targets_and_changed_distances_raise_them() {
+        let (spec, replay) = line();
+        let settings = LearnSettings { batch_size: 64, distillation: 0.25, ..LearnSettings::default() };
+        let sampler = BatchSampler::new(&spec, &settings);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut batch = Batch::default();
+        sampler.sample(&replay, None, &mut rng, &mut batch);
+        assert!(batch.greedy_targets && !batch.frees_stuck_actor && batch.lower.iter().all(|steps| *steps == 0.0));
+        // Places at both ends; from the first to the second it is much farther than D says.
+        let (places, pairs) = ([10.0, 90.0], [(0, 1, 200.0), (1, 0, 80.0)]);
+        let changed = ChangedDistances { goals: vec![1], lower: vec![150.0, 0.0], upper: vec![f32::MAX, 7.0] };
+        let known = KnownDistances { states: &places, goals: &places, pairs: &pairs, changed: None };
+        sampler.add_known(&known, &mut rng, &mut batch);
+        for i in 0..16 {
+            let (upper, lower) = if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };
+            assert_eq!(batch.bound[i], upper);
+            assert!((batch.lower[i] - lower).abs() < 1e-3, "{}", batch.lower[i]);
+            assert_eq!((batch.steps[i], batch.bootstrap[i]), (0.0, 1.0), "lookahead decides in between");
+        }
+        assert!(batch.lower[16..].iter().all(|steps| *steps == 0.0), "other pairs stay as they are");
+        sampler.add_known(&KnownDistances { changed: Some(&changed), ..known }, &mut rng, &mut batch);
+        for i in 16..64 {
+            let (state, goal) = (batch.states[i], batch.goals[i]);
+            let off = if state < 50.0 { (state - 10.0).abs() } else { (state - 90.0).abs() } + (goal - 90.0).abs();
+            let lower = if state < 50.0 { 150.0 - off } else { 0.0 };
+            assert!((batch.lower[i] - lower.max(0.0).min(batch.bound[i])).abs() < 1e-3, "{state} to {goal}");
+            assert!(state < 50.0 || batch.bound[i] <= 7.0 + off + 1e-3, "{state} to {goal}: {}", batch.bound[i]);
+        }
+    }
+
+    #[test]
+    fn relearning_looks_at_recent_transitions_and_doubts_all_distances_only_without_a_graph() {
+        let (spec, replay) = line();
+        let sampler = BatchSampler::new(&spec, &LearnSettings { batch_size: 64, ..LearnSettings::default() });
+        let mut batch = Batch::default();
+        let mut relearn = |graph_finds_changed| {
+            let relearning = Some(Relearning { recent_slots: 11, graph_finds_changed });
+            sampler.sample(&replay, relearning, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
+            let recent = batch.from[..32].iter().filter(|state| **state >= 90.0).count();
+            assert!(recent >= 30, "{recent} recent transitions");
+            assert!(batch.frees_stuck_actor);
+            batch.greedy_targets
+        };
+        assert!(relearn(true));
+        assert!(!relearn(false));
+    }
 }

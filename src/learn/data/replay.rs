@@ -5,6 +5,9 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::store::{Store, StoreError};
 
+/// Draws of a recent moment before giving up.
+const RECENT_DRAWS: usize = 8;
+
 /// Transitions of many agents: one ring buffer per agent, with episodes one after the other.
 ///
 /// A slot holds a state and the action taken in it towards a goal; the next slot holds the next state. An episode's
@@ -145,25 +148,28 @@ impl Replay {
         moment.agent * self.capacity + (moment.slot % self.capacity as u64) as usize
     }
 
-    /// Removes transitions (state, action, next state) that are not `possible`, splitting their episodes there. Every
-    /// agent's episode must have ended. Returns the number of transitions removed.
-    pub fn retain_possible(&mut self, possible: impl Fn(&[f32], &[f32], &[f32]) -> bool) -> usize {
-        let mut gone = 0;
+    /// Removes transitions (state, action, next state) that are not `possible`, splitting their episodes there, and
+    /// restores transitions removed earlier that are possible again. Every agent's episode must have ended. Returns the
+    /// numbers of transitions removed and restored.
+    pub fn retain_possible(&mut self, possible: impl Fn(&[f32], &[f32], &[f32]) -> bool) -> (usize, usize) {
+        let (mut removed, mut restored) = (0, 0);
         for agent in 0..self.agents {
-            let mut left_behind = 0;
+            let mut left_behind: u16 = 0;
             for slot in (self.oldest(agent)..self.written[agent]).rev() {
                 let moment = Moment { agent, slot };
                 let at = self.slot_index(moment);
-                if self.left[at] > 0 {
-                    let next = Moment { agent, slot: slot + 1 };
-                    let kept = possible(self.state(moment), self.action(moment), self.state(next));
-                    gone += usize::from(!kept);
-                    self.left[at] = if kept { left_behind + 1 } else { 0 };
-                }
+                let before = self.left[at] > 0;
+                // Only the last state of an episode has no action, or one of zeros.
+                let moved = slot + 1 < self.written[agent] && self.action(moment).iter().any(|a| *a != 0.0);
+                let next = Moment { agent, slot: slot + 1 };
+                let kept = (before || moved) && possible(self.state(moment), self.action(moment), self.state(next));
+                removed += usize::from(before && !kept);
+                restored += usize::from(!before && kept);
+                self.left[at] = if kept { left_behind.saturating_add(1) } else { 0 };
                 left_behind = self.left[at];
             }
         }
-        gone
+        (removed, restored)
     }
 
     /// Visits all stored episodes, agent by agent: calls `visit(agent, Some(state))` for each state, and
@@ -260,6 +266,18 @@ impl Replay {
                 return (moment, left);
             }
         }
+    }
+
+    /// Draws a random moment, followed by a stored step, among the latest `slots` of an agent; `None` if a few draws
+    /// find no such step.
+    pub fn sample_recent(&self, slots: u64, rng: &mut ChaCha8Rng) -> Option<Moment> {
+        (0..RECENT_DRAWS).find_map(|_| {
+            let agent = rng.random_range(0..self.agents);
+            let to = self.written[agent];
+            let from = self.oldest(agent).max(to.saturating_sub(slots));
+            let moment = Moment { agent, slot: if from < to { rng.random_range(from..to) } else { return None } };
+            (self.steps_left(moment) > 0).then_some(moment)
+        })
     }
 
     /// Draws a random stored moment, ends of episodes included.
@@ -403,5 +421,37 @@ mod tests {
         let floats = replay.states.capacity() + replay.actions.capacity() + replay.goals.capacity();
         let bytes = 4 * floats + 2 * replay.left.capacity();
         assert!(replay.capacity() >= 1_000_000 && bytes <= 48 << 20, "{bytes} bytes");
+    }
+
+    #[test]
+    fn transitions_that_become_possible_again_are_restored() {
+        let mut replay = Replay::new((1, 1, 1).into(), 1, 100);
+        (0..5).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
+        replay.end_episode(0, &[5.0]);
+        (6..8).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
+        replay.end_episode(0, &[8.0]);
+        let left =
+            |replay: &Replay| (0..9).map(|slot| replay.steps_left(Moment { agent: 0, slot })).collect::<Vec<_>>();
+        let before = left(&replay);
+        assert_eq!(before, [5, 4, 3, 2, 1, 0, 2, 1, 0]);
+        assert_eq!(replay.retain_possible(|s, _, _| s[0] != 2.0), (1, 0));
+        assert_eq!(left(&replay), [2, 1, 0, 2, 1, 0, 2, 1, 0]);
+        assert_eq!(replay.retain_possible(|s, _, _| s[0] != 7.0), (1, 1));
+        assert_eq!(replay.retain_possible(|_, _, _| true), (0, 1));
+        assert_eq!(left(&replay), before, "ends of episodes stay ends");
+    }
+
+    #[test]
+    fn recent_moments_are_among_the_latest_slots_and_have_a_next_step() {
+        let mut replay = Replay::new((1, 1, 1).into(), 2, 100);
+        let mut rng = <ChaCha8Rng as rand::SeedableRng>::seed_from_u64(1);
+        assert_eq!(replay.sample_recent(10, &mut rng), None, "it is empty");
+        for agent in 0..2 {
+            (0..20).for_each(|i| replay.push(agent, &[i as f32], &[1.0], &[0.0]));
+            replay.end_episode(agent, &[20.0]);
+        }
+        let drawn: Vec<Moment> = (0..200).filter_map(|_| replay.sample_recent(5, &mut rng)).collect();
+        assert!(drawn.len() > 150 && drawn.iter().all(|m| (16..20).contains(&m.slot)), "{drawn:?}");
+        assert_eq!(replay.sample_recent(0, &mut rng), None);
     }
 }

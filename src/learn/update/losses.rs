@@ -1,5 +1,6 @@
 //! Hand-written losses and gradients of one part of a batch (see [`crate::learn::Reference`] for the autograd version).
 
+use crate::learn::data::batch::{STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::{GridReads, TableView};
 use crate::learn::networks::lookahead::tried_actions;
@@ -91,6 +92,15 @@ pub struct ActorLossNetworks<'a> {
     pub critic: Weights<'a>,
 }
 
+/// Options of the actor's loss.
+#[derive(Clone, Copy)]
+pub struct ActorLossOptions {
+    /// 1 / batch size.
+    pub share: f32,
+    /// See [`crate::learn::Batch::frees_stuck_actor`].
+    pub frees_stuck: bool,
+}
+
 /// Buffers of one pass, grown to the largest batch seen.
 #[derive(Clone, Debug, Default)]
 pub struct Workspace {
@@ -112,6 +122,8 @@ pub struct Workspaces {
     pub model: Workspace,
     /// Of the critic that evaluates the model's prediction.
     pub critic: Workspace,
+    /// D(s, g) of each row, then the bound of its actor's outputs.
+    before: Vec<f32>,
 }
 
 fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
@@ -354,7 +366,7 @@ impl Shapes {
         &self,
         path: &ActorLossNetworks,
         pairs: Pairs,
-        share: f32,
+        ActorLossOptions { share, frees_stuck }: ActorLossOptions,
         gradient: &mut Gradient,
         buffers: &mut Workspaces,
     ) -> f32 {
@@ -367,6 +379,10 @@ impl Shapes {
         let mut next = std::mem::take(&mut buffers.model.y);
         self.step_with_actor((actor, model), pairs, &mut next, buffers);
         let mut action = std::mem::take(&mut buffers.actor.y);
+        let mut before = std::mem::take(&mut buffers.before);
+        if frees_stuck {
+            self.distances(critic, pairs, resized(&mut before, rows), &mut buffers.critic);
+        }
         let mut next_plain = std::mem::take(&mut buffers.critic.plain);
         self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
         self.rows(Pairs { plain: &next_plain, states: &next[..rows * s], goals }, critic.table, &mut buffers.critic.x);
@@ -377,8 +393,13 @@ impl Shapes {
         self.critic.forward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts);
         // Backward, in reverse order.
         let mut loss = 0.0;
-        for z in z.iter_mut() {
-            loss += share * self.distance_scale * softplus(*z);
+        for (i, z) in z.iter_mut().enumerate() {
+            let distance = self.distance_scale * softplus(*z);
+            loss += share * distance;
+            if frees_stuck {
+                let stuck = before[i] - distance < STUCK_PROGRESS_STEPS;
+                before[i] = if stuck { self.actor_bound.min(STUCK_BOUND) } else { self.actor_bound };
+            }
             *z = share * self.distance_scale * sigmoid(*z);
         }
         let dx = resized(&mut buffers.critic.dx, rows * width);
@@ -398,11 +419,14 @@ impl Shapes {
         let x = &buffers.model.x[..rows * self.model.inputs];
         self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut buffers.model.acts, wanted);
         buffers.model.y = next;
-        let bound = self.actor_bound;
-        for ((action, d), z) in action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs) {
+        for (i, ((action, d), z)) in
+            action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs).enumerate()
+        {
+            let bound = if frees_stuck { before[i / a] } else { self.actor_bound };
             let excess = z - z.clamp(-bound, bound);
             *action = d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess;
         }
+        buffers.before = before;
         let from = self.encoder.plain_pair_width();
         let dx = (from < self.actor.inputs)
             .then(|| (from, resized(&mut buffers.actor.dx, rows * (self.actor.inputs - from))));

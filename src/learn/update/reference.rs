@@ -4,7 +4,7 @@
 use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
 
-use crate::learn::data::batch::Batch;
+use crate::learn::data::batch::{Batch, STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::kernels::fused::fused_mlp;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::GridShape;
@@ -178,16 +178,26 @@ impl<'a> Reference<'a> {
     }
 
     /// Returns the actor's loss, mean D(f(s, mu(s, g)), g) by the first critic, and separately the weighted squared
-    /// excess of its outputs over their bound.
+    /// excess of its outputs over their bound, which is lower for a stuck actor if `frees_stuck` (see
+    /// [`Batch::frees_stuck_actor`]).
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn actor_loss(&self, states: &Tensor, goals: &Tensor) -> Result<(Tensor, Tensor)> {
-        let bound = f64::from(self.shapes().actor_bound);
-        let excess = (self.actor_outputs(states, goals)?.abs()? - bound)?.relu()?;
-        let excess = (excess.sqr()?.sum(D::Minus1)?.mean_all()? * f64::from(EXCESS_WEIGHT))?;
+    pub fn actor_loss(&self, states: &Tensor, goals: &Tensor, frees_stuck: bool) -> Result<(Tensor, Tensor)> {
         let next = self.predictions(states, &self.actions(states, goals)?)?;
-        Ok((self.distances(0, &next, goals)?.mean_all()?, excess))
+        let after = self.distances(0, &next, goals)?;
+        let outputs = self.actor_outputs(states, goals)?.abs()?;
+        let bound = self.shapes().actor_bound;
+        let excess = if frees_stuck {
+            let progress = (self.distances(0, states, goals)? - &after)?.detach();
+            let full = |value: f32| Tensor::full(value, progress.shape(), progress.device());
+            let stuck = progress.lt(f64::from(STUCK_PROGRESS_STEPS))?;
+            outputs.broadcast_sub(&stuck.where_cond(&full(bound.min(STUCK_BOUND))?, &full(bound)?)?.unsqueeze(1)?)?
+        } else {
+            (outputs - f64::from(bound))?
+        };
+        let excess = (excess.relu()?.sqr()?.sum(D::Minus1)?.mean_all()? * f64::from(EXCESS_WEIGHT))?;
+        Ok((after.mean_all()?, excess))
     }
 
     fn pair_rows(&self, network: &Parameters, states: &Tensor, goals: &Tensor) -> Result<Tensor> {

@@ -85,7 +85,8 @@ impl Tape {
         let model_loss = now.model_loss(&from, &actions, &next)?;
         self.step(critics.clone(), &critic_loss, steps, rates)?;
         self.step(model..model + 1, &model_loss, steps, rates)?;
-        let (actor_loss, excess) = self.reference(shapes, false)?.actor_loss(&states, &goals)?;
+        let (actor_loss, excess) =
+            self.reference(shapes, false)?.actor_loss(&states, &goals, batch.frees_stuck_actor)?;
         self.step(actor..actor + 1, &(&actor_loss + excess)?, steps, rates)?;
         Ok(Losses {
             critic: critic_loss.to_scalar::<f32>()? / critics.len() as f32,

@@ -46,7 +46,40 @@ fn learning() -> Vec<Constant> {
         constant("BETA2", kernel::BETA.1, "", "Adam's decay of the squared gradient's mean"),
         constant("EPSILON", learn::EPSILON, "", "Adam's addend to the denominator"),
         constant("EXCESS_WEIGHT", learn::EXCESS_WEIGHT, "", "weight of squared actor outputs beyond actor_bound"),
-        constant("RELEARN_N_STEP", learn::RELEARN_N_STEP as f64, "steps", "least n_step during relearn_updates"),
+        constant(
+            "RELEARN_RECENT",
+            learn::RELEARN_RECENT,
+            "",
+            "fraction of the dynamics model's transitions since the edit, during relearn_updates",
+        ),
+        constant(
+            "STUCK_BOUND",
+            learn::STUCK_BOUND,
+            "",
+            "actor_bound during relearn_updates where actions bring less than",
+        ),
+        constant("STUCK_PROGRESS_STEPS", learn::STUCK_PROGRESS_STEPS, "steps", "... this progress"),
+        constant(
+            "RELEARN_N_STEP",
+            learn::RELEARN_N_STEP as f64,
+            "steps",
+            "least n_step during relearn_updates of methods without a bridge graph",
+        ),
+        constant(
+            "CHANGED_GOALS",
+            bridge::CHANGED_GOALS as f64,
+            "candidates",
+            "goals whose graph distances are compared with D during relearn_updates",
+        ),
+        constant("CHANGED_MARGIN", bridge::CHANGED_MARGIN, "", "factor above which D is too long or too short"),
+        constant(
+            "GROWN_FACTOR",
+            bridge::GROWN_FACTOR,
+            "",
+            "a D too short is raised to this multiple of the graph's ...",
+        ),
+        constant("GROWN_SLACK_STEPS", bridge::GROWN_SLACK_STEPS, "steps", "... less this many steps"),
+        constant("SHRUNK_SLACK_STEPS", bridge::SHRUNK_SLACK_STEPS, "steps", "a D too long exceeds the graph's by this"),
         constant(
             "GRAPH_LOWER_FACTOR",
             learn::GRAPH_LOWER_FACTOR,
@@ -156,6 +189,12 @@ fn edges_and_plans() -> Vec<Constant> {
             graphs::ACTIVATION_DIVISOR as f64,
             "",
             "a graph takes effect after graph_every_updates divided by this",
+        ),
+        constant(
+            "EDIT_ACTIVATION_DIVISOR",
+            graphs::EDIT_ACTIVATION_DIVISOR as f64,
+            "",
+            "the same for the graph that is built after an edit",
         ),
     ]
 }

@@ -182,7 +182,7 @@ pub const SETTINGS: [Setting; 55] = [
         "relearn_updates",
         "updates",
         "an integer, 0 or more",
-        "updates after walls are added during which targets follow behaviour alone",
+        "updates after an edit during which distances that have changed are relearned",
     ),
     Setting::new(Targets, "loss", "", "squared, sqrt or log", "scale on which the critic error is measured"),
     Setting::new(Targets, "tau", "", "a number above 0, at most 1", "Polyak factor of target networks and averages"),

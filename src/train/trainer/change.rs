@@ -6,10 +6,10 @@ use serde_json::{Map, Value};
 use super::recovery::LastGood;
 use super::{Result, Stream, Trainer, fork_world, new_learner, new_replay, stream};
 use crate::bridge::Candidates;
-use crate::env::Environment;
+use crate::env::{Change, Environment};
 use crate::store::Store;
 use crate::train::config::list_settings;
-use crate::train::graphs::Graphs;
+use crate::train::graphs::{EDIT_ACTIVATION_DIVISOR, Graphs};
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
 use crate::train::settings::reference::SETTINGS;
@@ -29,6 +29,8 @@ pub struct WorldChange {
     pub facts: Map<String, Value>,
     /// Transitions removed from the replay buffer because they are no longer possible.
     pub transitions_removed: usize,
+    /// Transitions removed by an earlier change that are possible again.
+    pub transitions_restored: usize,
 }
 
 /// What was kept when a run's settings changed.
@@ -51,13 +53,19 @@ impl Trainer {
         let change = world.change_from(self.world())?;
         self.rollout.enter_environment(fork_world(&self.run, world), &mut self.replay);
         let world = self.rollout.env();
-        let transitions_removed = self.replay.retain_possible(|s, a, next| world.is_possible(s, a, next));
+        let (transitions_removed, transitions_restored) =
+            self.replay.retain_possible(|s, a, next| world.is_possible(s, a, next));
         self.rebuild_candidates();
-        if change.may_lengthen {
+        if change.may_lengthen || transitions_restored > 0 {
             self.counters.relearns_until = self.counters.updates + self.run.settings.learn.relearn_updates;
         }
+        self.counters.changed_at_step = self.counters.env_steps;
         self.graphs = Graphs::default();
-        Ok(WorldChange { summary: change.summary, warning: change.warning, facts: change.facts, transitions_removed })
+        if self.needs_graph() {
+            self.start_graph(EDIT_ACTIVATION_DIVISOR)?;
+        }
+        let Change { summary, warning, facts, .. } = change;
+        Ok(WorldChange { summary, warning, facts, transitions_removed, transitions_restored })
     }
 
     /// Continues with other settings, method or preset. Keeps the replay buffer and all counters, and networks and
