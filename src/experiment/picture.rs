@@ -12,7 +12,7 @@ use crate::train::{EvaluationJob, TaskWalk, Trainer};
 use crate::view::{Picture, Raster, Rgb, contour, contour_at, contour_interval, distance_colour};
 
 /// Pixels along the longer side, at most.
-const MAX_PIXELS: usize = 320;
+const MAX_PIXELS: usize = 340;
 
 /// Pixels along a cell's side, at most.
 const MAX_PIXELS_PER_CELL: usize = 8;
@@ -110,5 +110,31 @@ fn paths(picture: &mut Picture, raster: Raster, task: &Task, job: &EvaluationJob
             picture.disc(position, radius + 1.0, EDGE);
             picture.disc(position, radius, colour);
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::parse_map;
+
+    #[test]
+    fn pictures_are_small_and_have_whole_pixels_per_cell_where_possible() {
+        let pixels = |width, height| raster(&Grid::empty("map", width, height)).pixels;
+        assert_eq!(pixels(16, 10), (128, 80));
+        assert_eq!(pixels(65, 81), (260, 324));
+        assert_eq!(pixels(256, 200), (256, 200));
+        assert_eq!(pixels(1500, 750), (340, 170));
+    }
+
+    #[test]
+    fn the_task_is_the_maps_own_or_leads_to_the_farthest_cell() {
+        let task = |text: &str| {
+            let task = far_task(&Arc::new(parse_map("map", text.as_bytes()).expect("a map")));
+            (task.start, task.goal, task.shortest)
+        };
+        assert_eq!(task(".S.G.....\n"), (vec![1.5, 0.5], vec![3.5, 0.5], Some(2)));
+        assert_eq!(task(".S...#...\n"), (vec![1.5, 0.5], vec![4.5, 0.5], Some(3)));
+        assert_eq!(task("#S#G\n"), (vec![1.5, 0.5], vec![1.5, 0.5], Some(0)), "no path leads to the goal");
     }
 }

@@ -68,7 +68,10 @@ impl Runner {
             }
         };
         std::thread::scope(|scope| {
-            (0..parallel.min(jobs.len())).for_each(|_| drop(scope.spawn(work)));
+            let thread = |i| std::thread::Builder::new().name(format!("jobs {i}")).spawn_scoped(scope, work);
+            if (1..=parallel.min(jobs.len())).filter(|i| thread(*i).is_ok()).count() == 0 {
+                work();
+            }
         });
         ends.into_iter().map(Mutex::into_inner).collect()
     }

@@ -18,3 +18,17 @@ pub fn contour_at(field: &[f32], columns: usize, interval: f32, i: usize) -> Opt
     let other = neighbours.find(|n| field[*n].is_finite() && band(*n) != band(i))?;
     field[i].is_finite().then(|| interval * band(i).max(band(other)))
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn contours_pass_where_the_field_crosses_a_multiple_of_the_interval() {
+        // Two rows of three pixels.
+        let field = [4.0, 9.0, 12.0, 4.0, f32::NAN, 21.0];
+        let at = |i| contour_at(&field, 3, 10.0, i);
+        assert_eq!([at(0), at(1), at(2), at(3), at(4), at(5)], [None, Some(10.0), Some(20.0), None, None, None]);
+        assert_eq!((contour_interval(30.0), contour_interval(150.0)), (10.0, 20.0));
+    }
+}
