@@ -1,5 +1,7 @@
 //! The command line.
 
+mod suite;
+
 use std::ffi::OsStr;
 use std::path::PathBuf;
 
@@ -11,6 +13,16 @@ use crate::bridge::Planner;
 use crate::learn::LEARNERS;
 use crate::map::{RANDOM_SIZES, RandomMapKind};
 use crate::train::{Limits, METHODS, Method, Preset};
+pub use suite::SuiteArgs;
+
+/// Exit status of a failure while running.
+pub const EXIT_FAILURE: u8 = 1;
+
+/// Exit status of bad usage or input.
+pub const EXIT_BAD_INPUT: u8 = 2;
+
+/// Exit status when `--require-success` is not reached.
+pub const EXIT_NOT_REACHED: u8 = 3;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -20,6 +32,7 @@ Examples:
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
   gdg-tui --resume saves/my.safetensors      resume where it stopped
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
+  gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not reached;
 129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (the run is saved; a second signal exits without saving).";
@@ -53,6 +66,8 @@ pub enum Command {
     },
     /// Print the reference of all settings in Markdown
     Settings,
+    /// Benchmark suite: train on every map, and write a table and a report with pictures
+    Suite(SuiteArgs),
     /// Ablation study: measure the effect of switching off each component of the default preset
     Ablate(AblateArgs),
     /// Benchmark the learner on this machine against plain candle-nn
@@ -146,25 +161,13 @@ pub struct TrainArgs {
     #[arg(long)]
     pub no_ui: bool,
 
-    /// Learner and planner: one of these methods, or LEARNER+PLANNER
-    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
-    pub method: Method,
-
-    /// Preset to start from
-    #[arg(long, default_value = "default", value_parser = preset_parser())]
-    pub preset: Preset,
+    /// Method and settings.
+    #[command(flatten)]
+    pub run: RunArgs,
 
     /// Random seed: same seed, same run
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
-
-    /// Settings file: a JSON object as printed by --print-config
-    #[arg(long, value_name = "FILE")]
-    pub config: Option<PathBuf>,
-
-    /// Change one setting (repeatable)
-    #[arg(long, value_name = "NAME=VALUE")]
-    pub set: Vec<String>,
 
     /// Print all settings as JSON and exit
     #[arg(long)]
@@ -240,6 +243,26 @@ pub struct TrainArgs {
     /// Exit with status 3 unless the final evaluation's success rate is at least X
     #[arg(long, value_name = "X", value_parser = parse_share)]
     pub require_success: Option<f64>,
+}
+
+/// Method and settings of a run.
+#[derive(Debug, Args)]
+pub struct RunArgs {
+    /// Learner and planner: one of these methods, or LEARNER+PLANNER
+    #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
+    pub method: Method,
+
+    /// Preset to start from
+    #[arg(long, default_value = "default", value_parser = preset_parser())]
+    pub preset: Preset,
+
+    /// Settings file: a JSON object as printed by --print-config
+    #[arg(long, value_name = "FILE")]
+    pub config: Option<PathBuf>,
+
+    /// Change one setting (repeatable)
+    #[arg(long, value_name = "NAME=VALUE")]
+    pub set: Vec<String>,
 }
 
 /// A scheduled change of the map.

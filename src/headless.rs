@@ -11,7 +11,7 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use miette::{IntoDiagnostic, Report, WrapErr};
 use serde_json::{Map, Value};
 
-use crate::cli::TrainArgs;
+use crate::cli::{EXIT_NOT_REACHED, TrainArgs};
 use crate::setup::{Setup, save_elsewhere};
 use crate::signals::TerminationSignal;
 use crate::text::{eprint_line, escape_json_line};
@@ -19,14 +19,11 @@ use crate::train::{EndReason, Evaluation, Tick, Trainer};
 use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
-use saver::Saver;
+pub use saver::Saver;
 
 /// Updates between progress records, about a second's worth. Counted in updates so that the same run prints the same
 /// records.
 const PROGRESS_EVERY_UPDATES: u64 = 1_000;
-
-/// Exit status when `--require-success` is not reached.
-const EXIT_NOT_REACHED: u8 = 3;
 
 /// Runs training to its end and returns the exit status.
 ///
@@ -54,7 +51,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
         return Ok(status);
     }
     match (args.require_success, evaluation) {
-        (Some(required), Some(found)) => match success(&found) {
+        (Some(required), Some(found)) => match found.success_rate() {
             Some(rate) if rate >= required => Ok(0),
             Some(rate) => {
                 eprint_line(&format!("success rate {rate:.3} is below the required {required}"));
@@ -72,11 +69,6 @@ fn print(record: &Record) -> Result<(), Report> {
     let line = escape_json_line(&serde_json::to_string(record).into_diagnostic()?);
     let mut out = std::io::stdout().lock();
     writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
-}
-
-/// Returns the success rate with planning, or of the actor alone if the method does not plan; `None` without tasks.
-fn success(evaluation: &Evaluation) -> Option<f64> {
-    evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).success
 }
 
 struct Session<'a> {
@@ -164,7 +156,7 @@ impl Session<'_> {
     fn save(&mut self) -> Result<(), Report> {
         let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else { return Ok(()) };
         match saver.save(trainer)? {
-            Some(record) => print(&record),
+            Some(path) => print(&Record::saved(trainer, &path)),
             None => Ok(()),
         }
     }
@@ -195,26 +187,37 @@ impl Session<'_> {
         self.setup.trainer.limit_reached(&self.args.limits())
     }
 
-    /// Evaluates on another thread so that signals are handled at once; returns `None` if one arrives.
+    /// Evaluates and prints the result; returns `None` if a signal arrives.
     fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
-        let job = self.setup.trainer.evaluation().into_diagnostic()?;
-        let per_group = self.args.eval_tasks as usize;
-        let evaluate = move || {
-            let tasks = job.tasks(per_group);
-            job.run(&tasks)
+        let trainer = &mut self.setup.trainer;
+        let Some(evaluation) = evaluate(trainer, self.args.eval_tasks as usize, &self.termination)? else {
+            return Ok(None);
         };
-        let Some(evaluation) = run_interruptibly("evaluation", &self.termination, evaluate)? else { return Ok(None) };
-        if success(&evaluation).is_none() {
+        if evaluation.success_rate().is_none() {
             eprint_line("the evaluation has no tasks, so there is no success rate");
         }
-        let trainer = &mut self.setup.trainer;
-        if evaluation.is_finite() {
-            let updates = trainer.counters().updates;
-            trainer.record_evaluation(updates, evaluation.clone());
-        }
-        print(&Record::evaluation(trainer, &evaluation))?;
+        print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
         Ok(Some(evaluation))
     }
+}
+
+/// Evaluates `trainer` on `per_group` tasks at each distance and adds a finite result to its history. Runs on another
+/// thread so that signals are handled at once; returns `None` if one arrives.
+///
+/// # Errors
+/// The learner or the evaluation fails.
+pub fn evaluate(
+    trainer: &mut Trainer,
+    per_group: usize,
+    termination: &TerminationSignal,
+) -> Result<Option<Evaluation>, Report> {
+    let job = trainer.evaluation().into_diagnostic()?;
+    let work = move || job.run(&job.tasks(per_group));
+    let evaluation = run_interruptibly("evaluation", termination, work)?;
+    if let Some(evaluation) = evaluation.as_ref().filter(|evaluation| evaluation.is_finite()) {
+        trainer.record_evaluation(trainer.counters().updates, evaluation.clone());
+    }
+    Ok(evaluation)
 }
 
 /// Returns the mean rate of updates over the whole training.

@@ -12,7 +12,7 @@
 //! Each module depends only on modules to its left:
 //!
 //! ```text
-//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- view <- headless, tui, ablate
+//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- view <- headless, tui, experiment
 //! ```
 //!
 //! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely. [`faults`]: collects
@@ -28,10 +28,10 @@
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints; and
 //!   [`train::Engine`], which runs a trainer on its own thread. [`train::Registry`] lists worlds and learners.
 //! * [`view`]: what the screen shows of a run, computed on its own thread: distance fields, the bridge graph, an agent that
-//!   walks to the goal.
-//! * [`headless`], `tui` and [`ablate`]: the front ends. [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and
-//!   [`facts`] serve them; [`bench`](mod@bench) measures; `frames` renders frames of recordings. `tui` and `frames` need the
-//!   feature `tui`, which is on by default.
+//!   walks to the goal; colours, contours and pictures.
+//! * [`headless`] (one run), `tui` and [`experiment`] (many runs in parallel, whose results are kept): the front ends.
+//!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`bench`](mod@bench) measures;
+//!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
 //! # Add a world
 //!
@@ -61,8 +61,6 @@
 //! of threads and are summed in order.
 
 #[forbid(unsafe_code)]
-pub mod ablate;
-#[forbid(unsafe_code)]
 pub mod bench;
 #[forbid(unsafe_code)]
 pub mod bridge;
@@ -70,6 +68,8 @@ pub mod bridge;
 pub mod cli;
 #[forbid(unsafe_code)]
 pub mod env;
+#[forbid(unsafe_code)]
+pub mod experiment;
 #[forbid(unsafe_code)]
 pub mod facts;
 #[forbid(unsafe_code)]

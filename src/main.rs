@@ -6,22 +6,17 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-use gdg_tui::cli::{Cli, Command};
+use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, LogLevel, SuiteArgs};
 #[cfg(feature = "tui")]
 use gdg_tui::env::Scene;
+use gdg_tui::experiment::{ablate, suite};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
-use gdg_tui::{ablate, bench, facts, faults, headless, logging, report, setup};
+use gdg_tui::{bench, facts, faults, headless, logging, report, setup};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
 use miette::Report;
-
-/// Exit status of a failure while running.
-const EXIT_FAILURE: u8 = 1;
-
-/// Exit status of bad usage or input.
-const EXIT_BAD_INPUT: u8 = 2;
 
 fn main() -> ExitCode {
     faults::install_panic_hook();
@@ -36,6 +31,7 @@ fn main() -> ExitCode {
             print(&print_ascii(&random((*kind).into(), size, *seed)))
         }
         Some(Command::Settings) => print(&reference_page()),
+        Some(Command::Suite(args)) => run_suite(args),
         Some(Command::Ablate(args)) => printed(ablate::run(args), EXIT_BAD_INPUT),
         #[cfg(feature = "tui")]
         Some(Command::Frames(args)) => printed(frames::run(args), EXIT_BAD_INPUT),
@@ -65,10 +61,18 @@ fn main() -> ExitCode {
     ExitCode::from(status)
 }
 
+fn run_suite(args: &SuiteArgs) -> u8 {
+    logging::start(LogLevel::Info);
+    match suite::prepare(args, &Registry::builtin()) {
+        Ok(suite) => suite.run().unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
+        Err(error) => fail(error, EXIT_BAD_INPUT),
+    }
+}
+
 fn train(cli: &Cli) -> u8 {
     let args = &cli.train;
     if args.print_config {
-        return match setup::settings(args) {
+        return match setup::settings(&args.run) {
             Ok(settings) => print(&print_settings(&settings)),
             Err(error) => fail(error, EXIT_BAD_INPUT),
         };

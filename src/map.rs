@@ -12,6 +12,7 @@ mod load;
 mod movingai;
 mod random;
 mod scenario;
+mod start;
 mod text;
 
 pub use ascii::print_ascii;
@@ -23,3 +24,4 @@ pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes};
 pub use movingai::print_movingai;
 pub use random::{RANDOM_SIZES, RandomMapKind, random};
 pub use scenario::{ScenarioTask, parse_scenario};
+pub use start::with_start;

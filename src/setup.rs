@@ -1,4 +1,4 @@
-//! Prepares a run from the command line, for both front ends.
+//! Prepares a run from the command line, for all front ends.
 
 use std::fs::File;
 use std::io::ErrorKind;
@@ -8,7 +8,7 @@ use std::sync::Arc;
 use directories::ProjectDirs;
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{EditAt, TrainArgs};
+use crate::cli::{EditAt, RunArgs, TrainArgs};
 use crate::env::{Environment, PointMaze, Restart};
 use crate::files;
 use crate::map::{self, Grid, MapError};
@@ -43,9 +43,17 @@ pub struct Setup {
 ///
 /// # Errors
 /// See [`train::settings_from`].
-pub fn settings(args: &TrainArgs) -> Result<Settings, Report> {
+pub fn settings(args: &RunArgs) -> Result<Settings, Report> {
     let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
     train::settings_from(args.preset, &overrides).map_err(from_config_error)
+}
+
+/// Returns the run given by `args` and `seed`.
+///
+/// # Errors
+/// See [`settings`].
+pub fn run(args: &RunArgs, seed: u64) -> Result<Run, Report> {
+    Ok(Run { method: args.method.clone(), preset: args.preset, seed, settings: settings(args)? })
 }
 
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from `registry`.
@@ -59,13 +67,9 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     let Loaded { mut trainer, warning } = if let Some(path) = &args.resume {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
     } else {
-        let run = Run { method: args.method.clone(), preset: args.preset, seed: args.seed, settings: settings(args)? };
+        let run = self::run(&args.run, args.seed)?;
         let world = open_world(&args.map, &run, registry)?;
-        train::memory::check(&run, &*world, registry).map_err(|error| match error {
-            TrainError::Memory { .. } => Report::msg(error).wrap_err("not enough memory"),
-            other => Report::msg(other),
-        })?;
-        Loaded { trainer: Trainer::new(run, &*world, registry, threads).into_diagnostic()?, warning: None }
+        Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
     };
     if let Some(path) = &args.scen {
         let maze = PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
@@ -73,6 +77,18 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     }
     let edits = load_edits(args, &trainer)?;
     Ok(Setup { trainer, edits, threads, save, resumed: args.resume.clone(), warning })
+}
+
+/// Begins `run` in `world`, if it fits into memory.
+///
+/// # Errors
+/// The run needs more memory than is available, or its learner is not registered or cannot be created.
+pub fn begin(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Trainer, Report> {
+    train::memory::check(&run, world, registry).map_err(|error| match error {
+        TrainError::Memory { .. } => Report::msg(error).wrap_err("not enough memory"),
+        other => Report::msg(other),
+    })?;
+    Trainer::new(run, world, registry, threads).into_diagnostic()
 }
 
 /// Opens the world called `name`: a kind that needs no file, or the maze on that map.

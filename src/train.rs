@@ -26,7 +26,9 @@ pub use config::{
 };
 pub use engine::{Command, Engine, FollowedAgent, MakeWorld, Networks, Phase, Snapshot, Step};
 pub use error::TrainError;
-pub use evaluate::{BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome};
+pub use evaluate::{
+    BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
+};
 pub use history::{History, LogEntry, LossPoint, MAX_LOG_ENTRIES};
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use registry::Registry;

@@ -1,7 +1,10 @@
 //! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, the
-//! bridge graph, the planned path, and an agent walking to the goal.
+//! bridge graph, the planned path, and an agent walking to the goal. Colours, contours and pictures serve all front ends.
 
+mod colour;
+mod contour;
 mod field;
+mod picture;
 mod raster;
 mod walk;
 
@@ -18,7 +21,10 @@ use crate::env::{Environment, MazeScene, PointMaze};
 use crate::learn::Scratch;
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use crate::train::{Engine, Networks, Run, Snapshot};
+pub use colour::{Rgb, blend, contour, distance_colour, lightness, sample};
+pub use contour::{contour_at, contour_interval};
 pub use field::Field;
+pub use picture::Picture;
 pub use raster::{Ground, Raster};
 pub use walk::{OnArrival, Walk};
 

@@ -14,8 +14,19 @@ const LAYERS: [&[&str]; 8] = [
     &["train"],
     &["view"],
     &[
-        "ablate", "bench", "cli", "facts", "frames", "headless", "lib", "logging", "main", "report", "setup",
-        "signals", "tui",
+        "bench",
+        "cli",
+        "experiment",
+        "facts",
+        "frames",
+        "headless",
+        "lib",
+        "logging",
+        "main",
+        "report",
+        "setup",
+        "signals",
+        "tui",
     ],
 ];
 

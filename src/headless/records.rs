@@ -1,5 +1,7 @@
 //! The records on standard output, one JSON object per line.
 
+use std::path::Path;
+
 use serde::Serialize;
 use serde_json::{Map, Value};
 
@@ -118,6 +120,10 @@ impl Record {
 
     pub fn edit(trainer: &Trainer, change: WorldChange) -> Self {
         Self::Edit { seconds: round(trainer.seconds()), updates: trainer.counters().updates, change }
+    }
+
+    pub fn saved(trainer: &Trainer, path: &Path) -> Self {
+        Self::Saved { updates: trainer.counters().updates, path: path.to_string_lossy().into_owned() }
     }
 
     pub fn end(reason: EndReason, trainer: &Trainer) -> Self {

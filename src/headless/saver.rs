@@ -1,11 +1,10 @@
-//! Periodic and final checkpoints of a run without the interface.
+//! Periodic and final checkpoints of runs without the interface.
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use miette::Report;
 
-use super::records::Record;
 use crate::report::from_checkpoint_error;
 use crate::text::{eprint_line, sanitized};
 use crate::train::{self, SaveTo, Trainer};
@@ -41,11 +40,11 @@ impl Saver {
         self.interval.is_some_and(|interval| self.last_save.elapsed() >= interval)
     }
 
-    /// Saves unless this state is already saved; returns the record to print.
+    /// Saves unless this state is already saved; returns the path it took.
     ///
     /// # Errors
     /// The checkpoint cannot be saved.
-    pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<Record>, Report> {
+    pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<PathBuf>, Report> {
         self.last_save = Instant::now();
         let counters = trainer.counters();
         let last_saved_state = Some((counters.updates, counters.env_steps, trainer.history().evaluations().len()));
@@ -67,6 +66,6 @@ impl Saver {
         }
         self.to = SaveTo::Replace(path.clone());
         self.last_saved_state = last_saved_state;
-        Ok(Some(Record::Saved { updates: trainer.counters().updates, path: path.to_string_lossy().into_owned() }))
+        Ok(Some(path))
     }
 }

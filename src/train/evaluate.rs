@@ -1,5 +1,7 @@
 //! Evaluation against the world's ground truth, on its own random stream.
 
+mod walk;
+
 use std::sync::Arc;
 
 use rand::RngExt;
@@ -11,6 +13,7 @@ use super::score::{DistanceScore, Score, Success, spearman};
 use crate::bridge::{BridgeGraph, Candidates, Edge, LINK_CANDIDATES, Walker};
 use crate::env::{Environment, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 use crate::learn::{Acting, Policy, Scratch, look_ahead};
+pub use walk::TaskWalk;
 
 /// Results of one evaluation.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -33,6 +36,11 @@ impl Evaluation {
     /// Returns the summary for checkpoint lists of an evaluation made after `updates`.
     pub fn success(&self, updates: u64) -> Success {
         Success { updates, greedy: self.greedy.success, planned: self.planned.as_ref().and_then(|score| score.success) }
+    }
+
+    /// Returns the success rate with planning, or of the actor alone if the method does not plan; `None` without tasks.
+    pub fn success_rate(&self) -> Option<f64> {
+        self.planned.as_ref().unwrap_or(&self.greedy).success
     }
 
     /// Whether every number is finite: D may have diverged.
@@ -133,16 +141,13 @@ impl EvaluationJob {
     }
 
     /// Evaluates on `tasks` against ground truth.
-    pub fn run(self, tasks: &TaskSet) -> Evaluation {
+    pub fn run(&self, tasks: &TaskSet) -> Evaluation {
         crate::faults::point("evaluation");
-        let Self { run, world, policy, acting, candidates, coverage, mut rng, .. } = self;
-        let (policy, mut scratch, rng) = (&*policy, Scratch::default(), &mut rng);
-        let graph =
-            candidates.as_ref().map(|e| BridgeGraph::build(world.spec(), &run.bridge(), e, policy, &mut scratch));
-        let hold_steps = (acting == Acting::AtRandom).then_some(run.settings.train.random_hold_steps);
-        let greedy = Actor { policy, graph: None, hold_steps };
-        let planned = graph.as_ref().map(|graph| Actor { graph: Some(graph), ..greedy });
-        let mut score = |actor: &Actor| Score::new(tasks, &run_tasks(&*world, &tasks.tasks, actor, rng).taken);
+        let graph = self.graph();
+        let greedy = self.actor(None);
+        let planned = graph.as_ref().map(|graph| self.actor(Some(graph)));
+        let (policy, world, coverage, rng) = (&*self.policy, &*self.world, self.coverage, &mut self.rng.clone());
+        let mut score = |actor: &Actor| Score::new(tasks, &run_tasks(world, &tasks.tasks, actor, rng).taken);
         let planned_score = planned.as_ref().map(&mut score);
         let greedy_score = score(&greedy);
         let mut truth = world.ground_truth();
@@ -150,10 +155,23 @@ impl EvaluationJob {
             distance_error: truth.as_mut().and_then(|truth| distance_error(&truth.pairs(rng), policy, graph.as_ref())),
             bridges: graph.as_ref().map(|graph| bridge_facts(graph, truth.as_deref_mut())),
             coverage,
-            marked: marked_task(&*world, truth.as_deref_mut(), (&greedy, planned.as_ref()), rng),
+            marked: marked_task(world, truth.as_deref_mut(), (&greedy, planned.as_ref()), rng),
             greedy: greedy_score,
             planned: planned_score,
         }
+    }
+
+    /// Builds the graph to plan on, for methods that plan.
+    fn graph(&self) -> Option<BridgeGraph> {
+        let (spec, settings, policy) = (self.world.spec(), self.run.bridge(), &*self.policy);
+        let candidates = self.candidates.as_ref()?;
+        Some(BridgeGraph::build(spec, &settings, candidates, policy, &mut Scratch::default()))
+    }
+
+    /// Returns how agents act, with planning over `graph` if there is one.
+    fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
+        let hold_steps = (self.acting == Acting::AtRandom).then_some(self.run.settings.train.random_hold_steps);
+        Actor { policy: &*self.policy, graph, hold_steps }
     }
 }
 
@@ -199,6 +217,17 @@ struct TaskRuns {
 
 /// Runs all tasks in lockstep, one agent per task.
 fn run_tasks(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut ChaCha8Rng) -> TaskRuns {
+    run_tasks_watched(world, tasks, actor, rng, &mut |_| {})
+}
+
+/// Like [`run_tasks`]; calls `watch` with all agents' states at the start and after every step.
+fn run_tasks_watched(
+    world: &dyn Environment,
+    tasks: &[Task],
+    actor: &Actor,
+    rng: &mut ChaCha8Rng,
+    watch: &mut dyn FnMut(&[f32]),
+) -> TaskRuns {
     let mut env = world.fork(tasks.len());
     let (s, a) = (env.spec().state_dim(), env.spec().action_dim);
     let mut scratch = Scratch::default();
@@ -216,6 +245,7 @@ fn run_tasks(world: &dyn Environment, tasks: &[Task], actor: &Actor, rng: &mut C
     let mut actions = vec![0.0; a * tasks.len()];
     let (mut states, mut aims, mut chosen) = (Vec::new(), Vec::new(), Vec::new());
     for clock in 0.. {
+        watch(env.states());
         active.retain(|&i| {
             let at = &env.states()[s * i..s * (i + 1)];
             if env.spec().reached(at, &tasks[i].goal) {

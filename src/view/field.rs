@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::raster::{Ground, Raster};
+use super::raster::Raster;
 use super::{Worker, cell_of};
 use crate::learn::Policy;
 use crate::map::UNREACHABLE;
@@ -97,11 +97,7 @@ impl Worker {
     fn field(&mut self, raster: Raster, goal: [f32; 2], policy: &dyn Policy, snapshot: &Snapshot) -> Vec<f32> {
         let (columns, rows) = raster.pixels;
         let map = self.world.map();
-        let free = (0..columns * rows).filter_map(|i| match raster.ground(map, i % columns, i / columns) {
-            Ground::Free(position) => Some((i, position)),
-            _ => None,
-        });
-        let (free, positions): (Vec<usize>, Vec<[f32; 2]>) = free.unzip();
+        let (free, positions) = raster.free_ground(map);
         let states = positions.as_flattened();
         let values = match (self.view.kind, &self.graph) {
             (Field::Plain, _) => return vec![f32::NAN; columns * rows],

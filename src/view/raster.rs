@@ -57,6 +57,16 @@ impl Raster {
         }
     }
 
+    /// Returns the pixels that show free ground, by index row by row, and the position that represents each.
+    pub fn free_ground(&self, map: &Grid) -> (Vec<usize>, Vec<[f32; 2]>) {
+        let (columns, rows) = self.pixels;
+        let free = (0..columns * rows).filter_map(|i| match self.ground(map, i % columns, i / columns) {
+            Ground::Free(position) => Some((i, position)),
+            _ => None,
+        });
+        free.unzip()
+    }
+
     /// Returns the column and row of the pixel that shows a position, if any does.
     pub fn pixel_of(&self, [x, y]: [f32; 2]) -> Option<(usize, usize)> {
         let [left, top, width, height] = self.window;

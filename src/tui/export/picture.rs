@@ -7,6 +7,7 @@ use unifont::get_glyph;
 
 use super::PageColours;
 use crate::tui::theme::{Rgb, blend, rgb_of_indexed};
+use crate::view::Picture;
 
 /// Size of a character in the font, in pixels.
 const WIDTH: usize = 8;
@@ -18,7 +19,7 @@ const HEIGHT: usize = 16;
 /// Errors of the encoder.
 pub fn png_of(screen: &Buffer, area: Rect, page: PageColours) -> Result<Vec<u8>, png::EncodingError> {
     let (columns, rows) = (usize::from(area.width) * WIDTH, usize::from(area.height) * HEIGHT);
-    let mut pixels = vec![0u8; 3 * columns * rows];
+    let mut picture = Picture::new((columns, rows), page.ground);
     for y in 0..area.height {
         for x in 0..area.width {
             let cell = &screen[(area.x + x, area.y + y)];
@@ -35,22 +36,13 @@ pub fn png_of(screen: &Buffer, area: Rect, page: PageColours) -> Result<Vec<u8>,
                     // Bold letters are drawn twice, a pixel apart.
                     let letter = cell.symbol().chars().all(char::is_alphanumeric);
                     let set = dot(column) || bold && letter && column > 0 && dot(column - 1);
-                    let (r, g, b) = if set { front } else { back };
-                    let at = 3 * ((usize::from(y) * HEIGHT + row) * columns + usize::from(x) * WIDTH + column);
-                    pixels[at..at + 3].copy_from_slice(&[r, g, b]);
+                    let at = (usize::from(y) * HEIGHT + row) * columns + usize::from(x) * WIDTH + column;
+                    picture.pixels_mut()[at] = if set { front } else { back };
                 }
             }
         }
     }
-    let mut file = Vec::new();
-    let mut encoder = png::Encoder::new(&mut file, columns as u32, rows as u32);
-    encoder.set_color(png::ColorType::Rgb);
-    encoder.set_depth(png::BitDepth::Eight);
-    encoder.set_compression(png::Compression::High);
-    let mut writer = encoder.write_header()?;
-    writer.write_image_data(&pixels)?;
-    writer.finish()?;
-    Ok(file)
+    picture.to_png()
 }
 
 /// The dots of a braille character. The font is not used for these, as it draws unset dots as rings.

@@ -7,12 +7,12 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::DIM;
-use super::map::{MAX_SHOWN_ERROR, contour_interval};
+use super::map::MAX_SHOWN_ERROR;
 use super::text::short;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
-use crate::view::Field;
+use crate::view::{Field, contour_interval};
 
 /// Width of the colour bar, in characters.
 const BAR_WIDTH: usize = 12;

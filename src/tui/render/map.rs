@@ -15,11 +15,7 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
-use crate::view::{Field, Ground, Raster, ShownEdge};
-
-/// Contour lines are this many steps apart, or a multiple of it to limit their number.
-const CONTOUR_STEPS: f32 = 10.0;
-const MAX_CONTOURS: f32 = 14.0;
+use crate::view::{Field, Ground, Raster, ShownEdge, contour_at, contour_interval};
 
 /// Minimum characters per cell for drawing bridge candidates and labels, and for drawing candidates in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;
@@ -46,11 +42,6 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let mut glyphs = Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     draw_symbols(&mut glyphs, &base, screen);
     cache.0 = Some(base);
-}
-
-/// Returns the distance between contours, in steps, on a field whose farthest value is `farthest`.
-pub fn contour_interval(farthest: f32) -> f32 {
-    (farthest / MAX_CONTOURS / CONTOUR_STEPS).ceil().max(1.0) * CONTOUR_STEPS
 }
 
 /// The part of the map that later frames can reuse.
@@ -156,7 +147,6 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
 fn colour(canvas: &mut Canvas, map_frame: &MapFrame, field: &[f32], screen: &Screen) -> Vec<([f32; 2], f32)> {
     let (theme, farthest) = (&screen.theme, screen.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
-    let band = |i: usize| (field[i] / apart).floor();
     let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
     let columns = canvas.columns();
     let goal = canvas.at(map_frame, screen.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
@@ -166,21 +156,16 @@ fn colour(canvas: &mut Canvas, map_frame: &MapFrame, field: &[f32], screen: &Scr
         if canvas.is_wall(i) || !field[i].is_finite() {
             continue;
         }
-        let neighbours = [(i + 1, !(i + 1).is_multiple_of(columns)), (i + columns, true)];
-        let crossed = neighbours
-            .iter()
-            .find(|(n, same_row)| *same_row && *n < canvas.len() && field[*n].is_finite() && band(*n) != band(i));
         let rgb = match screen.field {
             Field::Error => theme.error_colour(field[i] / MAX_SHOWN_ERROR),
             Field::Visits => theme.distance_colour(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
             _ => theme.distance_colour(field[i] / farthest),
         };
-        let Some((other, _)) = crossed.filter(|_| lines) else {
+        let Some(level) = contour_at(field, columns, apart, i).filter(|_| lines) else {
             canvas.set(i, Some(rgb), ' ');
             continue;
         };
         canvas.set(i, Some(contour(rgb)), '\u{b7}');
-        let level = apart * band(i).max(band(*other));
         let off = (i % columns).abs_diff(goal.0).pow(2) + (i / columns).abs_diff(goal.1).pow(2);
         match labels.iter_mut().find(|(known, ..)| *known == level) {
             Some(label) if off < label.2 => *label = (level, i, off),

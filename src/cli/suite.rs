@@ -1,0 +1,66 @@
+//! Options of `gdg-tui suite`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+
+use super::{RunArgs, parse_share};
+
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui suite maps/ --seeds 3              every map of a folder; the same command resumes after an interruption
+  gdg-tui suite fourrooms city my.map --budget 20000 --set hidden=128
+  gdg-tui suite maps/ --list                 one line per job
+  gdg-tui suite maps/ --job den312d-1-3f2a9c --out /shared/suite    a single job, for a node of a cluster
+
+Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3 --require-success not reached;
+129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (all jobs are saved; a second signal exits without saving).";
+
+/// Options of `gdg-tui suite`.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct SuiteArgs {
+    /// Built-in maps, map files, and folders whose .map files are used
+    #[arg(value_name = "FOLDER|MAP", required = true)]
+    pub maps: Vec<String>,
+
+    /// Updates per map [default: 60000 up to 6,000 free cells, 200000 up to 50,000, 600000 beyond]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    pub budget: Option<u64>,
+
+    /// Runs per map, with seeds 1, 2, ...
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: u64,
+
+    /// Evaluation tasks at each of six distances
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub eval_tasks: u32,
+
+    /// Folder for results, checkpoints, pictures and the report
+    #[arg(long, value_name = "FOLDER", default_value = "saves/suite")]
+    pub out: PathBuf,
+
+    /// Parallel jobs, each on one thread; results do not depend on their number [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub jobs: Option<u16>,
+
+    /// Method and settings.
+    #[command(flatten)]
+    pub run: RunArgs,
+
+    /// Print one line per job and exit
+    #[arg(long)]
+    pub list: bool,
+
+    /// Run only this job (repeatable); --list prints the names
+    #[arg(long, value_name = "NAME")]
+    pub job: Vec<String>,
+
+    /// Keep the checkpoints of finished jobs, for --resume
+    #[arg(long)]
+    pub keep: bool,
+
+    /// Exit with status 3 unless every run's final success rate is at least X
+    #[arg(long, value_name = "X", value_parser = parse_share)]
+    pub require_success: Option<f64>,
+}

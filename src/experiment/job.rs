@@ -1,0 +1,185 @@
+//! One job: a run on a map, and its result.
+
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report};
+use serde::{Deserialize, Serialize};
+
+use crate::env::PointMaze;
+use crate::map::{Grid, print_ascii, with_start};
+use crate::text::safe_file_name;
+use crate::train::{Evaluation, Method, Preset, Run, Trainer, list_settings};
+
+/// Evaluations per job, equally spaced; the last one at the end.
+const EVALUATIONS: u64 = 10;
+
+/// Hexadecimal digits of the key in the job's name.
+const NAME_DIGITS: usize = 6;
+
+/// A run on a map, up to a number of updates.
+#[derive(Clone, Debug)]
+pub struct Job {
+    /// The map's name, the seed and the beginning of the key.
+    pub name: String,
+    /// Checksum of everything that the result depends on, in hexadecimal digits.
+    pub key: String,
+    /// The map, with a start.
+    pub map: Arc<Grid>,
+    /// Whether that start was drawn, as the map itself has none.
+    pub start_drawn: bool,
+    /// Method, settings and seed.
+    pub run: Run,
+    /// Updates to train for.
+    pub updates: u64,
+    /// Evaluation tasks at each distance.
+    pub eval_tasks: u32,
+}
+
+impl Job {
+    /// Creates the job of `run` on `map`. A map without a start gets one drawn by the run's seed.
+    ///
+    /// # Errors
+    /// The run cannot be written as JSON.
+    pub fn new(map: &Grid, run: Run, updates: u64, eval_tasks: u32) -> Result<Self, Report> {
+        let (start_drawn, map) = (map.starts().is_empty(), with_start(map.clone(), run.seed));
+        let determines =
+            (env!("CARGO_PKG_VERSION"), map.name(), print_ascii(&map), &run, updates, eval_tasks, EVALUATIONS);
+        let text = serde_json::to_string(&determines).into_diagnostic()?;
+        let key = format!("{:08x}", crc32fast::hash(text.as_bytes()));
+        let name = format!("{}-{}-{}", file_stem(map.name()), run.seed, &key[..NAME_DIGITS]);
+        Ok(Self { name, key, map: Arc::new(map), start_drawn, run, updates, eval_tasks })
+    }
+
+    /// Whether an evaluation is due after `updates`.
+    pub fn evaluates_at(&self, updates: u64) -> bool {
+        (1..=EVALUATIONS).any(|i| updates > 0 && self.updates * i / EVALUATIONS == updates)
+    }
+
+    /// Whether `trainer` is this job, begun earlier.
+    pub fn is_run_of(&self, trainer: &Trainer) -> bool {
+        let same_map = PointMaze::downcast_ref(trainer.world())
+            .is_some_and(|maze| print_ascii(maze.map()) == print_ascii(&self.map));
+        *trainer.run() == self.run && same_map && trainer.counters().updates <= self.updates
+    }
+
+    /// Returns the settings that differ from the preset's, as `--set` takes them.
+    pub fn changed_settings(&self) -> Vec<String> {
+        let preset = list_settings(&self.run.preset.settings());
+        let own = list_settings(&self.run.settings).into_iter();
+        own.filter(|setting| !preset.contains(setting)).map(|(name, value)| format!("{name}={value}")).collect()
+    }
+
+    /// Returns the result once `trainer` has reached the last update.
+    pub fn result(&self, trainer: &Trainer) -> JobResult {
+        let evaluations = trainer.history().evaluations().iter().cloned();
+        JobResult {
+            name: self.name.clone(),
+            key: self.key.clone(),
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            method: self.run.method.clone(),
+            preset: self.run.preset,
+            settings: self.changed_settings(),
+            seed: self.run.seed,
+            map: self.map.name().to_owned(),
+            free_cells: self.map.free_count(),
+            starts: self.map.starts().iter().map(|start| [start.x, start.y]).collect(),
+            start_drawn: self.start_drawn,
+            updates: trainer.counters().updates,
+            seconds: trainer.seconds(),
+            evaluations: evaluations.map(|(updates, evaluation)| EvaluationAt { updates, evaluation }).collect(),
+        }
+    }
+}
+
+/// A finished job, as stored in its JSON file.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct JobResult {
+    /// The job's name.
+    pub name: String,
+    /// The job's key.
+    pub key: String,
+    /// Version of the program.
+    pub version: String,
+    /// The method.
+    pub method: Method,
+    /// The preset that the settings are based on.
+    pub preset: Preset,
+    /// Settings that differ from the preset's, as `--set` takes them.
+    pub settings: Vec<String>,
+    /// The seed.
+    pub seed: u64,
+    /// The map's name.
+    pub map: String,
+    /// Number of free cells.
+    pub free_cells: usize,
+    /// Column and row of each start.
+    pub starts: Vec<[usize; 2]>,
+    /// Whether the start was drawn, as the map itself has none.
+    pub start_drawn: bool,
+    /// Updates done.
+    pub updates: u64,
+    /// Training time in seconds, without evaluation.
+    pub seconds: f64,
+    /// All evaluations, oldest first.
+    pub evaluations: Vec<EvaluationAt>,
+}
+
+/// An evaluation after a number of updates.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct EvaluationAt {
+    /// Updates done by then.
+    pub updates: u64,
+    /// Its results.
+    #[serde(flatten)]
+    pub evaluation: Evaluation,
+}
+
+impl JobResult {
+    /// Returns the last evaluation.
+    pub fn last(&self) -> Option<&Evaluation> {
+        self.evaluations.last().map(|at| &at.evaluation)
+    }
+}
+
+/// Returns a map's name as part of file names and links: letters, digits and `-_.` alone.
+fn file_stem(name: &str) -> String {
+    let plain = |c: char| if c.is_alphanumeric() || "-_.".contains(c) { c } else { '_' };
+    safe_file_name(name).chars().map(plain).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::parse_map;
+
+    fn run(seed: u64) -> Run {
+        Run { method: Method::default(), preset: Preset::Default, seed, settings: Preset::Default.settings() }
+    }
+
+    fn job(map: &str, run: Run, updates: u64) -> Job {
+        Job::new(&parse_map("a map|(1).map", map.as_bytes()).expect("a map"), run, updates, 2).expect("a job")
+    }
+
+    #[test]
+    fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
+        let one = job("...\n", run(1), 100);
+        assert!(one.name.starts_with("a_map_1_-1-"), "{}", one.name);
+        assert!(one.start_drawn && one.map.starts().len() == 1);
+        assert_eq!(job("...\n", run(1), 100).key, one.key);
+        let mut other = run(1);
+        other.settings.learn.hidden = 17;
+        assert_eq!(job("...\n", other.clone(), 100).changed_settings(), ["hidden=17"]);
+        let others = [job("..#\n", run(1), 100), job("...\n", run(2), 100), job("...\n", run(1), 101)];
+        assert!(others.into_iter().chain([job("...\n", other, 100)]).all(|job| job.key != one.key));
+    }
+
+    #[test]
+    fn evaluations_are_equally_spaced_and_end_at_the_last_update() {
+        let at = |updates| {
+            let job = job("...\n", run(1), updates);
+            (0..=updates).filter(|n| job.evaluates_at(*n)).collect::<Vec<_>>()
+        };
+        assert_eq!(at(25), [2, 5, 7, 10, 12, 15, 17, 20, 22, 25]);
+        assert_eq!(at(3), [1, 2, 3]);
+    }
+}

@@ -1,0 +1,208 @@
+//! `gdg-tui suite`: trains on every map and writes a table and a report.
+
+use std::collections::BTreeSet;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report, WrapErr, miette};
+
+use super::folder::{Folder, State};
+use super::job::Job;
+use super::report::report;
+use super::runner::{End, Runner};
+use super::table::{Row, table};
+use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
+use crate::files::write_atomically;
+use crate::map::{Grid, builtin};
+use crate::setup::{self, find_map, threads};
+use crate::signals::TerminationSignal;
+use crate::text::{counted, eprint_line, sanitized_lines};
+use crate::train::Registry;
+
+/// Default updates by free cells: up to so many cells, so many updates.
+const BUDGETS: [(usize, u64); 2] = [(6_000, 60_000), (50_000, 200_000)];
+
+/// Default updates on larger maps.
+const LARGEST_BUDGET: u64 = 600_000;
+
+/// A suite, ready to run.
+pub struct Suite<'a> {
+    args: &'a SuiteArgs,
+    registry: Arc<Registry>,
+    folder: Folder,
+    /// The jobs of each map, a job per seed.
+    groups: Vec<Vec<Job>>,
+}
+
+/// Reads all maps and checks all arguments.
+///
+/// # Errors
+/// A map, a setting or a job's name is invalid, or the folder is not writable.
+pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suite<'a>, Report> {
+    let (mut groups, mut known) = (Vec::new(), BTreeSet::new());
+    for map in &args.maps {
+        for grid in maps(map, registry)? {
+            let updates = args.budget.unwrap_or_else(|| default_budget(&grid));
+            let jobs =
+                (1..=args.seeds).map(|seed| Job::new(&grid, setup::run(&args.run, seed)?, updates, args.eval_tasks));
+            let mut jobs = jobs.collect::<Result<Vec<_>, _>>()?;
+            // The same map may be given twice, by itself and in its folder.
+            jobs.retain(|job| known.insert(job.name.clone()));
+            if !jobs.is_empty() {
+                groups.push(jobs);
+            }
+        }
+    }
+    let suite = Suite { args, registry: registry.clone(), folder: Folder::new(&args.out), groups };
+    suite.check_names()?;
+    registry.learner(&args.run.method.learner).into_diagnostic()?;
+    if !args.list {
+        suite.folder.check_writable()?;
+    }
+    Ok(suite)
+}
+
+/// Returns the built-in map or the map file called `name`, or all `.map` files of the folder `name`, sorted by name.
+fn maps(name: &str, registry: &Registry) -> Result<Vec<Grid>, Report> {
+    let folder = Path::new(name);
+    if builtin(name).is_some() || !folder.is_dir() {
+        return Ok(vec![find_map(name, registry)?]);
+    }
+    let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
+    let entries = entries.into_diagnostic().wrap_err_with(|| format!("{name}: cannot be read"))?;
+    let mut files: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    files.retain(|path| path.extension().is_some_and(|extension| extension == "map") && path.is_file());
+    files.sort();
+    if files.is_empty() {
+        let help = "give a folder of .map files, map files, or names from 'gdg-tui maps'";
+        return Err(miette!(help = help, "{name}: the folder has no .map files"));
+    }
+    files.iter().map(|path| find_map(&path.to_string_lossy(), registry)).collect()
+}
+
+fn default_budget(map: &Grid) -> u64 {
+    let free = map.free_count();
+    BUDGETS.iter().find(|(cells, _)| free <= *cells).map_or(LARGEST_BUDGET, |(_, updates)| *updates)
+}
+
+impl Suite<'_> {
+    /// Returns all jobs, map by map.
+    fn jobs(&self) -> impl Iterator<Item = &Job> {
+        self.groups.iter().flatten()
+    }
+
+    /// Checks the names given with `--job`.
+    fn check_names(&self) -> Result<(), Report> {
+        let unknown = |name: &&String| self.jobs().all(|job| job.name != **name);
+        let Some(name) = self.args.job.iter().find(unknown) else { return Ok(()) };
+        let names: Vec<&str> = self.jobs().map(|job| job.name.as_str()).collect();
+        Err(miette!(help = format!("jobs: {}", names.join(", ")), "--job {name}: there is no such job"))
+    }
+
+    /// Runs the jobs, prints the table and writes the report; returns the exit status.
+    ///
+    /// # Errors
+    /// The report cannot be written.
+    pub fn run(&self) -> Result<u8, Report> {
+        if self.args.list {
+            return print(&self.list()).map(|()| 0);
+        }
+        let chosen = |job: &&Job| self.args.job.is_empty() || self.args.job.contains(&job.name);
+        let (done, open): (Vec<&Job>, Vec<&Job>) =
+            self.jobs().filter(chosen).partition(|job| self.folder.result_of(job).is_some());
+        eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
+        let termination = TerminationSignal::listen(|| {})?;
+        let runner = Runner {
+            folder: self.folder.clone(),
+            registry: self.registry.clone(),
+            termination: termination.clone(),
+            keep: self.args.keep,
+        };
+        let ends = runner.run(&open, threads(self.args.jobs));
+        let rows = self.rows();
+        let text = report(&self.groups, &rows, &self.folder);
+        let path = self.folder.path("report.md");
+        write_atomically(&path, text.as_bytes()).into_diagnostic().wrap_err_with(|| path.display().to_string())?;
+        print(&table(&rows))?;
+        eprint_line(&format!("report: {}", path.display()));
+        let failed = any_failed(&open, &ends);
+        match termination.status() {
+            Some(status) => Ok(status),
+            None if failed => Ok(EXIT_FAILURE),
+            None => Ok(self.required_success(&rows)),
+        }
+    }
+
+    /// Returns a line per job.
+    fn list(&self) -> String {
+        let widest = |of: fn(&Job) -> &str| self.jobs().map(|job| of(job).chars().count()).max().unwrap_or(0);
+        let (wide, wide_map) = (widest(|job| &job.name), widest(|job| job.map.name()));
+        let line = |job: &Job| {
+            let state = match self.folder.state(job) {
+                State::NotBegun => "not begun".to_owned(),
+                State::Begun(updates) => format!("begun, {updates} updates done"),
+                State::Done(_) => "done".to_owned(),
+            };
+            let (name, map, cells, seed) = (&job.name, job.map.name(), job.map.free_count(), job.run.seed);
+            let updates = job.updates;
+            format!("{name:<wide$}  {map:<wide_map$}  {cells:>8} cells  seed {seed}  {updates:>7} updates  {state}\n")
+        };
+        self.jobs().map(line).collect()
+    }
+
+    /// Returns the rows of the table, with the results there are.
+    fn rows(&self) -> Vec<Row> {
+        let row = |jobs: &Vec<Job>| {
+            let map = &jobs.first()?.map;
+            Some(Row {
+                map: map.name().to_owned(),
+                free_cells: map.free_count(),
+                updates: jobs[0].updates,
+                seeds: jobs.len(),
+                results: jobs.iter().filter_map(|job| self.folder.result_of(job)).collect(),
+            })
+        };
+        self.groups.iter().filter_map(row).collect()
+    }
+
+    /// Returns the exit status that `--require-success` gives, and says which maps are below it.
+    fn required_success(&self, rows: &[Row]) -> u8 {
+        let Some(required) = self.args.require_success else { return 0 };
+        let results = rows.iter().flat_map(|row| &row.results);
+        let rate = |result: &super::job::JobResult| result.last().and_then(crate::train::Evaluation::success_rate);
+        let below: Vec<_> = results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
+        for result in &below {
+            let rate = rate(result).map_or("-".to_owned(), |rate| format!("{rate:.3}"));
+            eprint_line(&format!("{}: success rate {rate} is below the required {required}", result.name));
+        }
+        if below.is_empty() { 0 } else { EXIT_NOT_REACHED }
+    }
+}
+
+/// Says which jobs failed and which run elsewhere; returns whether any failed.
+fn any_failed(jobs: &[&Job], ends: &[End]) -> bool {
+    let named = |wanted: End| {
+        let names = jobs.iter().zip(ends).filter(|(_, end)| **end == wanted).map(|(job, _)| job.name.as_str());
+        names.collect::<Vec<_>>()
+    };
+    let (failed, elsewhere) = (named(End::Failed), named(End::Elsewhere));
+    if !failed.is_empty() {
+        eprint_line(&format!("{} failed: {}", counted(failed.len() as u64, "job"), failed.join(", ")));
+    }
+    if !elsewhere.is_empty() {
+        let names = elsewhere.join(", ");
+        eprint_line(&format!("other processes run {names}: once they are done, run this again for the whole report"));
+    }
+    !failed.is_empty()
+}
+
+/// Prints to standard output. An early close (`| head`) is not an error.
+fn print(text: &str) -> Result<(), Report> {
+    match std::io::stdout().write_all(sanitized_lines(text).as_bytes()) {
+        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
+            Err(error).into_diagnostic().wrap_err("standard output")
+        }
+        _ => Ok(()),
+    }
+}

@@ -1,0 +1,48 @@
+//! One task's walk, for display: the plan and the path taken.
+
+use super::{EvaluationJob, run_tasks_watched};
+use crate::bridge::{BridgeGraph, Walker};
+use crate::env::Task;
+use crate::learn::{Policy, Scratch};
+
+/// The plan for a task, and the walk that followed it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct TaskWalk {
+    /// Waypoints of the plan made at the start, ending with the goal, each `(goal_dim)`; none if the method does not
+    /// plan.
+    pub plan: Vec<Vec<f32>>,
+    /// State at the start and after every step, each `(state_dim)`.
+    pub states: Vec<Vec<f32>>,
+    /// Whether the goal was reached in time.
+    pub reached: bool,
+}
+
+impl EvaluationJob {
+    /// Returns the frozen networks.
+    pub fn policy(&self) -> &dyn Policy {
+        &*self.policy
+    }
+
+    /// Walks `task` as in an evaluation, with planning if the method plans.
+    pub fn walk(&self, task: &Task) -> TaskWalk {
+        let (graph, mut states) = (self.graph(), Vec::new());
+        let tasks = std::slice::from_ref(task);
+        let mut watch = |state: &[f32]| states.push(state.to_vec());
+        let actor = self.actor(graph.as_ref());
+        let runs = run_tasks_watched(&*self.world, tasks, &actor, &mut self.rng.clone(), &mut watch);
+        let plan = match (&graph, states.first()) {
+            (Some(graph), Some(start)) => plan(graph, start, &task.goal, &*self.policy),
+            _ => Vec::new(),
+        };
+        TaskWalk { plan, states, reached: runs.taken[0].is_some() }
+    }
+}
+
+/// Returns the waypoints from `start` to `goal`, the goal last.
+fn plan(graph: &BridgeGraph, start: &[f32], goal: &[f32], policy: &dyn Policy) -> Vec<Vec<f32>> {
+    let mut scratch = Scratch::default();
+    let mut walker = Walker::new(graph.route(goal, policy, &mut scratch));
+    walker.step(start, graph, policy, &mut scratch);
+    let waypoints = walker.waypoints_ahead().into_iter().map(|i| graph.point(i).to_vec());
+    waypoints.chain([goal.to_vec()]).collect()
+}

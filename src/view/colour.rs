@@ -1,0 +1,35 @@
+//! Colours of distances, and arithmetic with colours.
+
+use colorous::Gradient;
+
+/// Red, green, blue.
+pub type Rgb = (u8, u8, u8);
+
+/// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
+pub fn distance_colour(gradient: Gradient, share: f32) -> Rgb {
+    // The darkest end is left out, as walls and the background use it.
+    sample(gradient, 0.95 - 0.85 * share.clamp(0.0, 1.0))
+}
+
+/// Returns the colour at a share (from 0 to 1) of a gradient.
+pub fn sample(gradient: Gradient, at: f32) -> Rgb {
+    let colour = gradient.eval_continuous(f64::from(at));
+    (colour.r, colour.g, colour.b)
+}
+
+/// Returns how light a colour looks, from 0 to 1 (ITU-R BT.601 luma).
+pub fn lightness((r, g, b): Rgb) -> f32 {
+    (0.299 * f32::from(r) + 0.587 * f32::from(g) + 0.114 * f32::from(b)) / 255.0
+}
+
+/// Returns the colour `share` of the way from one to another.
+pub fn blend(from: Rgb, to: Rgb, share: f32) -> Rgb {
+    let mix = |from: u8, to: u8| (f32::from(from) + share * (f32::from(to) - f32::from(from))).round() as u8;
+    (mix(from.0, to.0), mix(from.1, to.1), mix(from.2, to.2))
+}
+
+/// Returns the colour of a contour line on `ground`: darker on light ground, lighter on dark ground.
+pub fn contour(ground: Rgb) -> Rgb {
+    let to = if lightness(ground) > 0.4 { (0, 0, 0) } else { (255, 255, 255) };
+    blend(ground, to, 0.45)
+}

@@ -1,0 +1,82 @@
+//! Pictures as PNG files.
+
+use super::colour::Rgb;
+
+/// A picture in memory.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    columns: usize,
+    /// Row by row.
+    pixels: Vec<Rgb>,
+}
+
+impl Picture {
+    /// Creates a picture in one colour.
+    pub fn new((columns, rows): (usize, usize), colour: Rgb) -> Self {
+        Self { columns, pixels: vec![colour; columns * rows] }
+    }
+
+    /// Returns the columns and rows.
+    pub fn size(&self) -> (usize, usize) {
+        (self.columns, self.pixels.len() / self.columns)
+    }
+
+    /// Returns the pixels, row by row.
+    pub fn pixels_mut(&mut self) -> &mut [Rgb] {
+        &mut self.pixels
+    }
+
+    /// Colours the pixel at a position, unless it lies outside the picture.
+    pub fn set(&mut self, x: isize, y: isize, colour: Rgb) {
+        let (columns, rows) = self.size();
+        if (0..columns as isize).contains(&x) && (0..rows as isize).contains(&y) {
+            self.pixels[y as usize * columns + x as usize] = colour;
+        }
+    }
+
+    /// Draws a filled disc, positions and radius in pixels.
+    pub fn disc(&mut self, [x, y]: [f32; 2], radius: f32, colour: Rgb) {
+        let span = |at: f32| (at - radius).floor() as isize..=(at + radius).floor() as isize;
+        for row in span(y) {
+            for column in span(x) {
+                let off = [column as f32 + 0.5 - x, row as f32 + 0.5 - y];
+                if off[0] * off[0] + off[1] * off[1] <= radius * radius {
+                    self.set(column, row, colour);
+                }
+            }
+        }
+    }
+
+    /// Draws lines from stop to stop as wide as a disc of `radius`, and at least one pixel.
+    pub fn lines(&mut self, stops: &[[f32; 2]], radius: f32, colour: Rgb) {
+        for ends in stops.windows(2) {
+            let along = [ends[1][0] - ends[0][0], ends[1][1] - ends[0][1]];
+            // Two samples per pixel leave no gaps.
+            let samples = (2.0 * along[0].abs().max(along[1].abs())).ceil().max(1.0) as usize;
+            for n in 0..=samples {
+                let t = n as f32 / samples as f32;
+                let at = [ends[0][0] + t * along[0], ends[0][1] + t * along[1]];
+                self.set(at[0].floor() as isize, at[1].floor() as isize, colour);
+                self.disc(at, radius, colour);
+            }
+        }
+    }
+
+    /// Encodes the picture as a PNG file.
+    ///
+    /// # Errors
+    /// Errors of the encoder.
+    pub fn to_png(&self) -> Result<Vec<u8>, png::EncodingError> {
+        let (columns, rows) = self.size();
+        let mut file = Vec::new();
+        let mut encoder = png::Encoder::new(&mut file, columns as u32, rows as u32);
+        encoder.set_color(png::ColorType::Rgb);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        let mut writer = encoder.write_header()?;
+        let bytes: Vec<u8> = self.pixels.iter().flat_map(|(r, g, b)| [*r, *g, *b]).collect();
+        writer.write_image_data(&bytes)?;
+        writer.finish()?;
+        Ok(file)
+    }
+}

@@ -1,0 +1,273 @@
+//! `gdg-tui suite`: jobs, their results, and what happens when they are interrupted.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Two parts, the right one larger, and no start.
+const TWO_PARTS: &str = "type octile\nheight 3\nwidth 9\nmap\n..@......\n..@......\n..@......\n";
+
+/// Arguments that keep a job small.
+const SMALL: [&str; 10] = [
+    "--set",
+    "hidden=16",
+    "--set",
+    "buffer_size=20000",
+    "--set",
+    "candidates=50",
+    "--set",
+    "learning_starts=200",
+    "--eval-tasks",
+    "2",
+];
+
+/// A folder with a folder of maps in which suites run.
+struct Place(TempDir);
+
+/// What a command printed, and its exit status.
+struct Ran {
+    status: Option<i32>,
+    out: String,
+    err: String,
+}
+
+impl Place {
+    fn new() -> Self {
+        let place = Self(tempfile::tempdir().unwrap());
+        place.map("two-parts", TWO_PARTS);
+        place.map("open", "type octile\nheight 6\nwidth 6\nmap\n......\n......\n......\n......\n......\n......\n");
+        std::fs::write(place.path("maps/ignored.txt"), "no map").unwrap();
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn map(&self, name: &str, text: &str) {
+        std::fs::create_dir_all(self.path("maps")).unwrap();
+        std::fs::write(self.path("maps").join(name).with_extension("map"), text).unwrap();
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        command.current_dir(self.0.path()).env("NO_COLOR", "1").env("XDG_STATE_HOME", self.0.path());
+        command.arg("suite").args(args).args(SMALL);
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Ran {
+        self.run_with(args, &[])
+    }
+
+    fn run_with(&self, args: &[&str], variables: &[(&str, &str)]) -> Ran {
+        let output = self.command(args).envs(variables.iter().copied()).output().unwrap();
+        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+        Ran { status: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
+    }
+
+    /// Returns the names of the files in a folder, sorted.
+    fn files(&self, folder: &str) -> Vec<String> {
+        let entries = std::fs::read_dir(self.path(folder)).unwrap();
+        let mut names: Vec<String> =
+            entries.map(|entry| entry.unwrap().file_name().to_string_lossy().into_owned()).collect();
+        names.sort();
+        names
+    }
+
+    /// Returns all results in a folder, sorted by name, as bytes.
+    fn results(&self, out: &str) -> Vec<Vec<u8>> {
+        let jobs = self.path(out).join("jobs");
+        let names = self.files(&format!("{out}/jobs")).into_iter().filter(|name| is_a(name, "json"));
+        names.map(|name| std::fs::read(jobs.join(name)).unwrap()).collect()
+    }
+}
+
+/// Whether a file has this type.
+fn is_a(name: &str, file_type: &str) -> bool {
+    Path::new(name).extension().is_some_and(|extension| extension == file_type)
+}
+
+/// Returns results without their times.
+fn without_times(results: Vec<Vec<u8>>) -> Vec<Value> {
+    let without = |bytes: Vec<u8>| {
+        let mut result: Value = serde_json::from_slice(&bytes).unwrap();
+        result.as_object_mut().unwrap().remove("seconds").unwrap();
+        result
+    };
+    results.into_iter().map(without).collect()
+}
+
+fn has_parts(text: &str, parts: &[&str]) {
+    parts.iter().for_each(|part| assert!(text.contains(part), "{part:?} is not in {text}"));
+}
+
+#[test]
+fn results_pictures_and_report_are_written_and_a_second_call_runs_nothing() {
+    let place = Place::new();
+    let args = ["maps", "trap", "--budget", "60", "--seeds", "2", "--out", "out"];
+    let first = place.run(&args);
+    assert_eq!(first.status, Some(0), "{}", first.err);
+    let results = place.results("out");
+    assert_eq!((results.len(), place.files("out/pictures").len()), (6, 6));
+    assert!(place.files("out/jobs").iter().all(|name| is_a(name, "json")), "no checkpoint or lock is left");
+
+    let read: Vec<Value> = results.iter().map(|bytes| serde_json::from_slice(bytes).unwrap()).collect();
+    for result in &read {
+        let evaluations = result["evaluations"].as_array().unwrap();
+        let updates: Vec<u64> = evaluations.iter().map(|e| e["updates"].as_u64().unwrap()).collect();
+        assert_eq!(updates, (1..=10).map(|i| 6 * i).collect::<Vec<u64>>());
+        assert!(evaluations.iter().all(|e| e["coverage"].is_number() && e["planned"]["success"].is_number()));
+        assert!(result["settings"].as_array().unwrap().contains(&"hidden=16".into()), "{result}");
+        let trap = result["map"] == "trap";
+        assert_eq!((result["start_drawn"] == true, result["starts"].as_array().unwrap().len()), (!trap, 1));
+        if result["map"] == "two-parts" {
+            assert!(result["starts"][0][0].as_u64().unwrap() > 2, "the start is in the larger part: {result}");
+        }
+    }
+    let table: Vec<&str> = first.out.lines().collect();
+    assert_eq!(table.len(), 2 + 3 + 2, "{}", first.out);
+    assert!(table[2].starts_with("| open | 36 | 60 | ") && table[2].contains(" ("), "mean and worst: {}", table[2]);
+    let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
+    has_parts(&report, &[&first.out, "hidden=16", "(drawn)", "](pictures/trap-2-", "coverage `", "at the map's `S`"]);
+
+    let second = place.run(&args);
+    assert_eq!((second.status, &second.out), (Some(0), &first.out));
+    has_parts(&second.err, &["6 jobs done, 0 to run"]);
+    assert!(!second.err.contains("begins"), "{}", second.err);
+    assert_eq!(place.results("out"), results, "even the times are the same");
+
+    // Other settings make other jobs.
+    let listed = place.run(&[&args[..], &["--set", "tau=0.02", "--list"]].concat()).out;
+    assert!(listed.lines().all(|line| line.ends_with("not begun")), "{listed}");
+}
+
+#[cfg(unix)]
+#[test]
+fn interrupted_jobs_resume_bit_for_bit_for_any_number_of_parallel_jobs() {
+    let place = Place::new();
+    let args = |out: &'static str, jobs: &'static str| ["maps", "--budget", "900", "--out", out, "--jobs", jobs];
+    assert_eq!(place.run(&args("whole", "2")).status, Some(0));
+
+    let mut child = place.command(&args("parts", "1")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    lines.find(|line| line.contains("180 of 900 updates")).unwrap();
+    Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert!(place.files("parts/jobs").iter().any(|name| is_a(name, "safetensors")), "{rest:?}");
+    let listed = place.run(&[&args("parts", "1")[..], &["--list"]].concat()).out;
+    has_parts(&listed, &["begun, ", "not begun"]);
+
+    let resumed = place.run(&args("parts", "1"));
+    assert_eq!(resumed.status, Some(0), "{}", resumed.err);
+    has_parts(&resumed.err, &["resumes after "]);
+    assert_eq!(without_times(place.results("parts")), without_times(place.results("whole")));
+    assert_eq!(place.files("parts/pictures"), place.files("whole/pictures"));
+    for name in place.files("parts/pictures") {
+        let picture = |out: &str| std::fs::read(place.path(out).join("pictures").join(&name)).unwrap();
+        assert!(picture("parts") == picture("whole"), "{name}");
+    }
+}
+
+#[test]
+fn a_bad_map_is_named_with_its_line_before_anything_runs() {
+    let place = Place::new();
+    place.map("bad", "type octile\nheight 1\nwidth 3\nmap\n.x.\n");
+    let ran = place.run(&["maps", "--out", "out"]);
+    assert_eq!(ran.status, Some(2));
+    has_parts(&ran.err, &["bad.map:5:2", "is not a map character"]);
+    assert!(!place.path("out").exists());
+    for (args, part) in [
+        (&["no-such.map"][..], "no-such.map"),
+        (&["fourroms"], "did you mean fourrooms"),
+        (&["."], "the folder has no .map files"),
+        (&["trap", "--set", "hiden=3"], "did you mean hidden"),
+        (&["trap", "--out", "maps/open.map"], "results cannot be saved here"),
+        (&[], "FOLDER|MAP"),
+    ] {
+        let ran = place.run(args);
+        assert_eq!(ran.status, Some(2), "{args:?}: {}", ran.err);
+        has_parts(&ran.err, &[part]);
+    }
+}
+
+#[test]
+fn jobs_are_listed_and_run_by_name() {
+    let place = Place::new();
+    let args = ["maps", "maps/open.map", "--budget", "30", "--out", "out"];
+    let list = || place.run(&[&args[..], &["--list"]].concat());
+    let listed = list();
+    assert_eq!(listed.status, Some(0), "{}", listed.err);
+    let lines: Vec<Vec<&str>> = listed.out.lines().map(|line| line.split_whitespace().collect()).collect();
+    assert_eq!(lines.len(), 2, "the same map counts once: {}", listed.out);
+    assert_eq!(lines[1][1..], ["two-parts", "24", "cells", "seed", "1", "30", "updates", "not", "begun"]);
+    assert!(!place.path("out").exists(), "nothing runs");
+    let (open, parts) = (lines[0][0], lines[1][0]);
+    assert!(open.starts_with("open-1-") && parts.starts_with("two-parts-1-"), "{open} {parts}");
+
+    let unknown = place.run(&[&args[..], &["--job", "open-1"]].concat());
+    assert_eq!(unknown.status, Some(2));
+    has_parts(&unknown.err, &["open-1: there is no such job", open, parts]);
+
+    let one = place.run(&[&args[..], &["--job", parts, "--keep"]].concat());
+    assert_eq!(one.status, Some(0), "{}", one.err);
+    assert_eq!(place.files("out/jobs"), [format!("{parts}.json"), format!("{parts}.safetensors")]);
+    has_parts(&one.out, &["| open | 36 | 30 | - | - |"]);
+    let listed = list().out;
+    let states: Vec<bool> = listed.lines().map(|line| line.ends_with("  done")).collect();
+    assert_eq!(states, [false, true], "{listed}");
+
+    let checkpoint = place.path("out/jobs").join(parts).with_extension("safetensors");
+    let mut resume = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    resume.args(["--no-ui", "--max-updates", "40", "--eval-tasks", "1", "--resume"]).arg(checkpoint);
+    assert!(resume.env("XDG_STATE_HOME", place.0.path()).output().unwrap().status.success());
+}
+
+#[test]
+fn a_job_that_fails_does_not_end_the_others() {
+    let place = Place::new();
+    let args = ["maps", "--budget", "30", "--out", "out", "--jobs", "1"];
+    let ran = place.run_with(&args, &[("GDG_TUI_FAULTS", "trainer=panic@5")]);
+    assert_eq!((ran.status, place.results("out").len()), (Some(1), 1), "{}", ran.err);
+    has_parts(&ran.err, &["injected fault", "1 job failed: open-1-"]);
+    has_parts(&ran.out, &["| open | 36 | 30 | - | - |"]);
+    let again = place.run(&[&args[..], &["--require-success", "1"]].concat());
+    has_parts(&again.err, &["1 job done, 1 to run", "is below the required 1"]);
+    assert_eq!((again.status, place.results("out").len()), (Some(3), 2), "{}", again.err);
+}
+
+#[test]
+fn two_processes_share_the_jobs_of_a_folder() {
+    let place = Place::new();
+    let args = ["maps", "--budget", "300", "--seeds", "3", "--out", "out", "--jobs", "1"];
+    let start = || place.command(&args).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let both = [start(), start()].map(|child| child.wait_with_output().unwrap());
+    let said = both.each_ref().map(|output| String::from_utf8_lossy(&output.stderr).into_owned());
+    assert!(both.iter().all(|output| output.status.success()), "{said:?}");
+    assert_eq!(said.iter().map(|text| text.matches(": begins").count()).sum::<usize>(), 6, "each job once: {said:?}");
+    assert_eq!(place.files("out/jobs").len(), 6);
+    let whole = place.run(&args);
+    has_parts(&whole.err, &["6 jobs done, 0 to run"]);
+}
+
+#[test]
+fn damaged_results_and_checkpoints_are_made_again() {
+    let place = Place::new();
+    let args = ["maps/open.map", "--budget", "30", "--out", "out"];
+    assert_eq!(place.run(&args).status, Some(0));
+    let good = place.results("out");
+    let path = place.path("out/jobs").join(&place.files("out/jobs")[0]);
+    std::fs::write(&path, &good[0][..100]).unwrap();
+    std::fs::write(path.with_extension("safetensors"), "no checkpoint").unwrap();
+    let again = place.run(&args);
+    assert_eq!(again.status, Some(0), "{}", again.err);
+    has_parts(&again.err, &["0 jobs done, 1 to run", "begins again"]);
+    assert_eq!(without_times(place.results("out")), without_times(good));
+    assert_eq!(place.files("out/jobs").len(), 1);
+}
