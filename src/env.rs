@@ -40,13 +40,13 @@ pub struct WorldKind {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Restart {
-    /// At the world's own start if it has one, else at a random place.
+    /// Where the episode before ended, the first one at the world's own start; at a random place if it has none.
     Auto,
     /// At a random place.
     Anywhere,
     /// At the world's own start: a map's `S`, or a random one if there are several.
     StartCell,
-    /// Where the episode before ended; the first one as with [`Self::Auto`]. Agents are never moved.
+    /// Where the episode before ended, the first one at the world's own start or a random place.
     Never,
 }
 
@@ -151,6 +151,12 @@ pub trait Environment: Any + Send + Sync {
 
     /// Moves `agent` to a start state.
     fn restart(&mut self, agent: usize, rng: &mut ChaCha8Rng);
+
+    /// Whether, with [`Restart::Auto`], `agent` begins its next episode where it is: it once began at the world's own
+    /// start, and no edit has cut it off from there. The default is a world without a start.
+    fn stays(&self, _agent: usize) -> bool {
+        false
+    }
 
     /// Draws a random goal that `agent` could be asked to reach from its place, into `goal` (`goal_dim`).
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]);

@@ -157,6 +157,12 @@ impl PointMaze {
         Ok(Self::new(Arc::new(map), 0))
     }
 
+    /// Returns the component of the cell that `agent` is in.
+    fn component_at(&self, agent: usize) -> Option<u32> {
+        let cell = Cell::new(self.positions[2 * agent] as usize, self.positions[2 * agent + 1] as usize);
+        self.component_of[self.map.index(cell)]
+    }
+
     fn random_position(&self, component: u32, rng: &mut ChaCha8Rng) -> [f32; 2] {
         Self::random_position_in(&self.components[component as usize], rng)
     }
@@ -234,10 +240,13 @@ impl Environment for PointMaze {
         self.positions[2 * agent..2 * agent + 2].copy_from_slice(&position);
     }
 
+    fn stays(&self, agent: usize) -> bool {
+        let component = self.component_at(agent);
+        self.map.starts().iter().any(|start| self.component_of[self.map.index(*start)] == component)
+    }
+
     fn sample_goal(&self, agent: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        let cell = Cell::new(self.positions[2 * agent] as usize, self.positions[2 * agent + 1] as usize);
-        let component = self.component_of[self.map.index(cell)].unwrap_or(self.largest);
-        goal.copy_from_slice(&self.random_position(component, rng));
+        goal.copy_from_slice(&self.random_position(self.component_at(agent).unwrap_or(self.largest), rng));
     }
 
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng) {

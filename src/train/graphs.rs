@@ -101,14 +101,14 @@ impl StoredGraph {
             return Err(StoreError::inconsistent(format!("its {when} does not have length 2")));
         };
         let names = ["goals", "lower", "upper"].map(|part| format!("{prefix}.changed.{part}"));
-        let changed = match store.has(&names[0]) {
-            true => Some(ChangedDistances {
+        let changed = store.has(&names[0]).then(|| {
+            Ok::<_, StoreError>(ChangedDistances {
                 goals: store.u32(&names[0])?.to_vec(),
                 lower: store.f32(&names[1])?.to_vec(),
                 upper: store.f32(&names[2])?.to_vec(),
-            }),
-            false => None,
-        };
+            })
+        });
+        let changed = changed.transpose()?;
         Ok(Some(Self { at: *at, due: *due, state: GraphState::read(store, prefix)?, changed }))
     }
 }

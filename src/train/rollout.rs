@@ -207,7 +207,12 @@ impl Rollout {
     /// Starts an episode with a new start and goal. With given probabilities, a frontier candidate or a bridge point
     /// (Algorithm 1's epsilon) is the first goal, and the agent follows a plan through the bridge graph.
     fn start_episode(&mut self, i: usize, context: &StepContext) {
-        if context.settings.train.restart != Restart::Never {
+        let stays = match context.settings.train.restart {
+            Restart::Never => true,
+            Restart::Auto => self.env.stays(i),
+            Restart::Anywhere | Restart::StartCell => false,
+        };
+        if !stays {
             self.env.restart(i, &mut self.rng);
         }
         self.restart_episode(i);

@@ -265,14 +265,19 @@ pub const SETTINGS: [Setting; 55] = [
     )
     .for_networks(),
     Setting::new(Agents, "agents", "", "an integer from 1 to 4096", "agents exploring in parallel").for_agents(),
-    Setting::new(Agents, "episode_steps", "steps", "auto, or an integer from 1 to 60000",
-        "steps per episode; auto: three times the longest distance in the bridge graph, and at least 150"),
+    Setting::new(
+        Agents,
+        "episode_steps",
+        "steps",
+        "auto, or an integer from 1 to 60000",
+        "steps per episode; auto: three times the longest distance in the bridge graph, and at least 150",
+    ),
     Setting::new(
         Agents,
         "restart",
         "",
         "auto, anywhere, start-cell or never",
-        "start of an episode: a random position, the map's start S, or where the last one ended; auto: S if there is one",
+        "start of an episode: anywhere, the map's start S, or where the last one ended; auto: never if there is an S",
     )
     .for_agents(),
     Setting::new(
