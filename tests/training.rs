@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use gdg_tui::env::{PointMaze, Restart};
 use gdg_tui::learn::{Auto, Scratch};
-use gdg_tui::map::{Grid, parse_map};
+use gdg_tui::map::{Cell, Grid, parse_map};
 use gdg_tui::store::{Array, Store};
 use gdg_tui::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 
@@ -394,6 +394,37 @@ fn distances_lengthened_by_new_walls_are_relearned_quickly() {
     let (soon, late) = (after(true, 0.5), after(false, 0.95));
     // Through the new door it takes 18 steps.
     assert!(soon > 9.0 && soon > 1.3 * late, "{soon} after a thousand updates, {late} by behaviour and an expectile");
+}
+
+#[test]
+fn two_walled_cells_in_one_room_leave_the_distances_of_the_other_alone() {
+    let mut run = trainer(settings(), 15, 2);
+    train_to(&mut run, 3_000);
+    let places: Vec<[f32; 2]> = (0..20).map(|i| [12.5 + (i * 3 % 8) as f32, 0.5 + (i * 7 % 11) as f32]).collect();
+    let distances = |run: &Trainer| -> Vec<f32> {
+        let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
+        let pairs = places.iter().flat_map(|from| places.iter().map(move |to| (from, to))).filter(|(a, b)| a != b);
+        pairs.map(|(from, to)| policy.distance(from, to, &mut scratch)).collect()
+    };
+    let before = distances(&run);
+    let map = map_of(&run).with_cells([(Cell::new(4, 4), false), (Cell::new(5, 4), false)]).unwrap();
+    change_map(&mut run, &Arc::new(map)).unwrap();
+    train_to(&mut run, 4_000);
+    let after = distances(&run);
+    let growth: f32 = after.iter().zip(&before).map(|(after, before)| after - before).sum::<f32>();
+    let growth = growth / before.iter().sum::<f32>();
+    assert!(growth < 0.1, "distances in the other room have grown by a factor of {growth}");
+}
+
+#[test]
+fn undoing_an_edit_restores_the_transitions_that_it_removed() {
+    let mut run = trainer(settings(), 16, 2);
+    train_to(&mut run, 600);
+    let before = map_of(&run).clone();
+    let closed = change_map(&mut run, &door_above()).unwrap();
+    assert!(closed.transitions_removed > 0 && closed.transitions_restored == 0, "{closed:?}");
+    let undone = change_map(&mut run, &before).unwrap();
+    assert_eq!((undone.transitions_removed, undone.transitions_restored), (0, closed.transitions_removed));
 }
 
 #[test]
