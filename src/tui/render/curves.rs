@@ -1,4 +1,4 @@
-//! Curves over updates: success, errors of D, losses.
+//! Curves over updates: success and coverage, errors of D, losses.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -69,7 +69,12 @@ fn plots(screen: &Screen) -> Vec<Plot> {
         let name = d.distance_steps.map_or("all".to_owned(), |steps| format!("{steps:.0}"));
         of(&name, &|e| by_distance(e).get(i)?.success)
     });
-    let success = vec![of("planned", &|e| e.planned.as_ref()?.success), of("greedy", &|e| e.greedy.success)];
+    let coverage = screen.snapshot.coverage().into_iter().map(|(at, share)| (at as f64, share));
+    let success = vec![
+        of("planned", &|e| e.planned.as_ref()?.success),
+        of("greedy", &|e| e.greedy.success),
+        Series { name: "coverage".to_owned(), points: coverage.collect() },
+    ];
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
     vec![

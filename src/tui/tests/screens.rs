@@ -12,7 +12,7 @@ use jiff::tz::TimeZone;
 use super::*;
 use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use crate::train::{
-    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent, LossPoint, Score,
+    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent, Score,
     Snapshot, Success,
 };
 use crate::tui::action::Action;
@@ -86,7 +86,8 @@ fn staged_app(width: u16, height: u16) -> App {
             evaluations: Arc::new(Vec::new()),
             curve: {
                 let mut curve = app.screen.snapshot.curve.to_vec();
-                curve.push(LossPoint { updates, losses: [losses.critic, losses.model, losses.actor] });
+                let coverage = Some(updates as f32 / 10_000.0);
+                curve.push(CurvePoint { updates, losses: [losses.critic, losses.model, losses.actor], coverage });
                 Arc::new(curve)
             },
             ..(*app.screen.snapshot).clone()
