@@ -50,6 +50,11 @@ impl Canvas {
         self.pixels[i]
     }
 
+    /// Returns what a terminal without colours shows for pixel `i`.
+    pub fn mark(&self, i: usize) -> char {
+        self.marks[i]
+    }
+
     /// Sets pixel `i`.
     pub fn set(&mut self, i: usize, rgb: Option<Rgb>, mark: char) {
         (self.pixels[i], self.marks[i]) = (rgb, mark);

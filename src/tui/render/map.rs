@@ -79,7 +79,7 @@ impl Base {
         if let Some(field) = &field {
             labels = colour(&mut canvas, map_frame, field, &unexplored, screen);
         }
-        unexplored.draw(&mut canvas, screen);
+        unexplored.draw(&mut canvas, map_frame, screen);
         if screen.overlays.has(Overlay::Edges) {
             // The most informative kind goes on top, and each kind is blended with the ground only once.
             let [confirmed, demoted, untried] = screen.theme.edges;

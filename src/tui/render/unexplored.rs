@@ -7,7 +7,9 @@ use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, blend};
 use crate::view::{Field, Ground, Knowledge};
 
-/// How far unvisited cells fade into the colour of unknown ground, and hatched ones into that of walls.
+/// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and what lies beyond), and
+/// hatched ones into that of walls.
+const POCKET_FADE: f32 = 0.35;
 const FADE: f32 = 0.7;
 const HATCH: f32 = 0.5;
 
@@ -15,7 +17,7 @@ const HATCH: f32 = 0.5;
 const HATCH_SPACING: usize = 4;
 
 /// How strongly the edge is tinted.
-const TINT: f32 = 0.75;
+const TINT: f32 = 0.65;
 
 /// What the agents know of the cell that each pixel shows; all of it if that is not shown.
 pub struct Unexplored(Vec<Knowledge>);
@@ -35,35 +37,44 @@ impl Unexplored {
         Self((0..columns * rows).map(known).collect())
     }
 
-    /// Returns whether pixel `i` shows an unvisited cell.
+    /// Returns whether pixel `i` shows a cell beyond the known world.
     pub fn has(&self, i: usize) -> bool {
-        self.0.get(i) == Some(&Knowledge::Unvisited)
+        self.0.get(i) == Some(&Knowledge::Beyond)
     }
 
     /// Fades the colours of unvisited cells, except where they show what is true even there, and draws the edge.
-    pub fn draw(&self, canvas: &mut Canvas, screen: &Screen) {
+    pub fn draw(&self, canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
         let theme = &screen.theme;
-        let learned = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed);
+        let fades = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
         let columns = canvas.columns();
+        // A pixel that shows several cells may show the edge without being represented by a cell at the edge.
+        let coarse = map_frame.raster.window[2] > map_frame.raster.pixels.0 as f32;
+        let mono = theme.depth == ColourDepth::Mono;
         for (i, known) in self.0.iter().enumerate() {
             let Some(ground) = canvas.colour(i) else { continue };
             match known {
-                Knowledge::Unvisited if learned || screen.field == Field::Plain => {
+                Knowledge::Beyond if fades => {
                     let hatched = (i % columns + i / columns).is_multiple_of(HATCH_SPACING);
                     let faded = blend(ground, theme.unknown, FADE);
                     let rgb = if hatched { blend(faded, theme.wall, HATCH) } else { faded };
                     canvas.set(i, Some(rgb), UNVISITED_MARK);
                 }
-                Knowledge::Unvisited => canvas.set(i, Some(ground), UNVISITED_MARK),
-                Knowledge::Edge if theme.depth != ColourDepth::Mono && self.borders(i, columns) => {
-                    canvas.set(i, Some(blend(ground, theme.frontier, TINT)), ' ');
+                Knowledge::Pocket if fades => {
+                    canvas.set(i, Some(blend(ground, theme.unknown, POCKET_FADE)), canvas.mark(i));
                 }
-                Knowledge::Edge | Knowledge::Known => {}
+                Knowledge::Beyond => canvas.set(i, Some(ground), UNVISITED_MARK),
+                Knowledge::Pocket => {}
+                Knowledge::Edge | Knowledge::Known => {
+                    let edge = *known == Knowledge::Edge || coarse && !canvas.is_wall(i);
+                    if edge && !mono && self.borders(i, columns) {
+                        canvas.set(i, Some(blend(ground, theme.frontier, TINT)), ' ');
+                    }
+                }
             }
         }
     }
 
-    /// Whether a pixel beside or diagonal to pixel `i` shows an unvisited cell.
+    /// Whether a pixel beside or diagonal to pixel `i` shows a cell beyond the known world.
     fn borders(&self, i: usize, columns: usize) -> bool {
         let (x, y) = (i % columns, i / columns);
         let around = (y.saturating_sub(1)..=y + 1).flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
