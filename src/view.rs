@@ -1,5 +1,6 @@
-//! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, the
-//! bridge graph, the planned path, and an agent walking to the goal. Colours, contours and pictures serve all front ends.
+//! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, what has
+//! been explored, the bridge graph, the planned path, and an agent walking to the goal. Colours, contours and pictures
+//! serve all front ends.
 
 mod colour;
 mod contour;

@@ -239,7 +239,8 @@ pub const SECTIONS: &[Section] = &[
         title: "panes",
         bindings: &[
             bind(Action::Show(Pane::Training), "training", &["1"], "", "training progress and success").watching(),
-            bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, losses and errors").watching(),
+            bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, coverage, losses and errors")
+                .watching(),
             bind(Action::Show(Pane::Walk), "walk", &["3"], "", "the followed agent").watching(),
             bind(Action::Show(Pane::Legend), "legend", &["4"], "", "legend of the map").watching(),
             bind(Action::Show(Pane::Log), "log", &["5"], "", "event log").watching(),

@@ -152,7 +152,7 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     }
 }
 
-/// Draws the field as colours, with contour lines where cells have been visited; returns a position for each line's
+/// Draws the field as colours, with contour lines where values mean something; returns a position for each line's
 /// label.
 fn colour(
     canvas: &mut Canvas,
@@ -177,7 +177,7 @@ fn colour(
             Field::Visits => theme.distance_colour(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
             _ => theme.distance_colour(field[i] / farthest),
         };
-        let Some(level) = contour_at(field, columns, apart, i).filter(|_| lines && !unexplored.has(i)) else {
+        let Some(level) = contour_at(field, columns, apart, i).filter(|_| lines && !unexplored.hides(i)) else {
             canvas.set(i, Some(rgb), ' ');
             continue;
         };
