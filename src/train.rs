@@ -29,7 +29,7 @@ pub use error::TrainError;
 pub use evaluate::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
 };
-pub use history::{History, LogEntry, LossPoint, MAX_LOG_ENTRIES};
+pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES};
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use registry::Registry;
 pub use run::{Counters, EndReason, Limits, Run, Tick};

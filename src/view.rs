@@ -1,8 +1,10 @@
-//! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, the
-//! bridge graph, the planned path, and an agent walking to the goal. Colours, contours and pictures serve all front ends.
+//! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, what has
+//! been explored, the bridge graph, the planned path, and an agent walking to the goal. Colours, contours and pictures
+//! serve all front ends.
 
 mod colour;
 mod contour;
+mod exploration;
 mod field;
 mod picture;
 mod raster;
@@ -23,6 +25,7 @@ use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use crate::train::{Engine, Networks, Run, Snapshot};
 pub use colour::{Rgb, blend, contour, distance_colour, lightness, sample};
 pub use contour::{contour_at, contour_interval};
+pub use exploration::{Exploration, Knowledge};
 pub use field::Field;
 pub use picture::Picture;
 pub use raster::{Ground, Raster};
@@ -96,6 +99,8 @@ pub struct View {
     pub raster: Option<Raster>,
     /// Positions and the actor's actions there.
     pub directions: Arc<Vec<([f32; 2], [f32; 2])>>,
+    /// What the agents have explored.
+    pub exploration: Arc<Exploration>,
     /// Bridge candidates.
     pub candidates: Arc<Vec<Candidate>>,
     /// Edges of the bridge graph.
@@ -155,6 +160,8 @@ struct Worker {
     networks: Arc<Networks>,
     /// Networks that the field was computed from.
     shown: Arc<Networks>,
+    /// Visits that the exploration was derived from.
+    visits: Arc<Vec<u32>>,
     graph: Option<BridgeGraph>,
     walker: Option<Walker>,
     frame: Option<(Raster, Arc<Vec<[f32; 2]>>)>,
@@ -169,6 +176,7 @@ struct Worker {
     scratch: Scratch,
     field_timer: RefreshTimer,
     graph_timer: RefreshTimer,
+    exploration_timer: RefreshTimer,
 }
 
 /// When something was last computed, and how long it took.
@@ -205,6 +213,7 @@ impl Worker {
             rng: ChaCha8Rng::seed_from_u64(first.run.seed),
             run: first.run.clone(),
             bridge: first.run.bridge(),
+            visits: Arc::default(),
             graph: None,
             walker: None,
             frame: None,
@@ -218,6 +227,7 @@ impl Worker {
             scratch: Scratch::default(),
             field_timer: RefreshTimer::default(),
             graph_timer: RefreshTimer::default(),
+            exploration_timer: RefreshTimer::default(),
             world,
             snapshots,
             inbox,
@@ -308,6 +318,7 @@ impl Worker {
         }
         let latest = snapshot.networks.clone();
         let pause_factor = if snapshot.phase.is_training() { TRAINING_PAUSE_FACTOR } else { IDLE_PAUSE_FACTOR };
+        self.refresh_exploration(&snapshot, pause_factor);
         let changed_networks = !Arc::ptr_eq(&latest, &self.networks);
         if self.graph_timer.0.is_none() || changed_networks && self.graph_timer.is_due(pause_factor) {
             self.networks = latest.clone();
@@ -343,6 +354,7 @@ impl Worker {
         }
         self.graph_timer.make_due();
         self.field_timer.make_due();
+        self.exploration_timer.make_due();
     }
 
     fn refresh_graph(&mut self) {

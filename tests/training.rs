@@ -481,3 +481,44 @@ fn from_one_start_everything_is_explored() {
         found.coverage
     );
 }
+
+#[test]
+fn agents_know_which_of_their_goals_are_at_the_frontier() {
+    let mut settings = settings();
+    settings.bridge.frontier_epsilon = Auto::Given(1.0);
+    let mut run = trainer(settings, 5, 1);
+    train_to(&mut run, 700);
+    let goals = |run: &Trainer| -> Vec<Option<Vec<f32>>> {
+        let rollout = run.rollout();
+        (0..rollout.agents().len()).map(|i| rollout.frontier_goal(i).map(<[f32]>::to_vec)).collect()
+    };
+    let pursued = goals(&run);
+    assert!(pursued.iter().any(Option::is_some), "every episode begins with one");
+    for (i, goal) in pursued.iter().enumerate().filter(|(_, goal)| goal.is_some()) {
+        assert_eq!(goal.as_deref(), Some(run.rollout().goal_and_waypoints(i).0), "it is the first goal");
+        assert!(run.rollout().agents()[i].after_bridge.is_some(), "another one follows");
+    }
+    let store = run.save().unwrap();
+    let resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
+    assert_eq!(goals(&resumed), pursued);
+    // A checkpoint from before agents knew it.
+    let text = store.text("trainer").unwrap();
+    let former = text.replace("\"to_frontier\":true,", "").replace("\"to_frontier\":false,", "");
+    assert_ne!(former, text);
+    let mut store = run.save().unwrap();
+    store.put_text("trainer", &former);
+    let resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
+    assert!(goals(&resumed).iter().all(Option::is_none));
+}
+
+#[test]
+fn what_was_explored_stays_explored_after_an_edit() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 300);
+    let before = run.world().coverage().unwrap();
+    change_map(&mut run, &door_above()).unwrap();
+    let after = run.world().coverage().unwrap();
+    assert!(before > 0.3 && (before - after).abs() < 0.1, "{before} before, {after} after");
+    let curve = run.history().points();
+    assert!(curve.iter().all(|point| point.coverage.is_some()), "{curve:?}");
+}

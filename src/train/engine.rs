@@ -314,6 +314,7 @@ impl Worker {
         current.agents = Arc::new(trainer.rollout().env().states().to_vec());
         let trail = |agent| trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect();
         current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());
+        current.frontier_goals = snapshot::frontier_goals(trainer.rollout());
         current.search = trainer.last_search().cloned();
         if networks {
             current.networks = Networks::capture(trainer)?;

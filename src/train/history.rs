@@ -1,4 +1,4 @@
-//! A run's history: loss curves, evaluations and event log. Checkpoints contain it; training does not depend on it.
+//! A run's history: curves of losses and coverage, evaluations and event log. Checkpoints contain it; training does not depend on it.
 
 use std::sync::Arc;
 
@@ -21,13 +21,16 @@ const MAX_EVALUATIONS: usize = 1000;
 pub const MAX_LOG_ENTRIES: usize = 1000;
 const MAX_CHARACTERS: usize = 500;
 
-/// Losses at one update.
+/// Losses and coverage at one update.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-pub struct LossPoint {
+pub struct CurvePoint {
     /// Updates done.
     pub updates: u64,
     /// Running means of the losses of critic, model and actor.
     pub losses: [f32; 3],
+    /// Fraction of the world explored by the agents, if defined; older checkpoints do not have it.
+    #[serde(default)]
+    pub coverage: Option<f32>,
 }
 
 /// An event.
@@ -47,7 +50,7 @@ pub struct History {
     /// Updates between two points.
     every: u64,
     #[serde(with = "shared")]
-    points: Arc<Vec<LossPoint>>,
+    points: Arc<Vec<CurvePoint>>,
     #[serde(with = "shared")]
     evaluations: Arc<Vec<(u64, Evaluation)>>,
     /// Events, oldest first.
@@ -61,13 +64,14 @@ impl Default for History {
 }
 
 impl History {
-    /// Adds the losses at an update; every `every`-th update becomes a point of the curves.
-    pub fn add_losses(&mut self, updates: u64, losses: [f64; 3]) {
+    /// Adds losses and coverage at an update; every `every`-th update becomes a point of the curves.
+    pub fn add_point(&mut self, updates: u64, losses: [f64; 3], coverage: impl FnOnce() -> Option<f64>) {
         if !updates.is_multiple_of(self.every) {
             return;
         }
         let points = Arc::make_mut(&mut self.points);
-        points.push(LossPoint { updates, losses: losses.map(|loss| loss as f32) });
+        let losses = losses.map(|loss| loss as f32);
+        points.push(CurvePoint { updates, losses, coverage: coverage().map(|share| share as f32) });
         if points.len() > MAX_POINTS {
             self.every *= 2;
             points.retain(|point| point.updates.is_multiple_of(self.every));
@@ -89,8 +93,8 @@ impl History {
         }
     }
 
-    /// Returns the loss curve, oldest point first.
-    pub fn points(&self) -> &Arc<Vec<LossPoint>> {
+    /// Returns the curves of losses and coverage, oldest point first.
+    pub fn points(&self) -> &Arc<Vec<CurvePoint>> {
         &self.points
     }
 
@@ -113,6 +117,7 @@ impl History {
         let sound = self.every > 0
             && self.points.len() <= MAX_POINTS
             && self.points.iter().all(|point| point.losses.iter().all(|loss| loss.is_finite()))
+            && self.points.iter().filter_map(|point| point.coverage).all(|share| (0.0..=1.0).contains(&share))
             && self.points.is_sorted_by_key(|point| point.updates)
             && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
@@ -152,11 +157,23 @@ mod tests {
     fn curves_are_thinned_evenly_and_keep_their_ends() {
         let mut history = History::default();
         let last = 40 * MAX_POINTS as u64 * POINT_EVERY_UPDATES;
-        (1..=last).for_each(|updates| history.add_losses(updates, [1.0; 3]));
+        (1..=last).for_each(|updates| history.add_point(updates, [1.0; 3], || Some(0.5)));
         let points = history.points();
         assert!((MAX_POINTS / 2..=MAX_POINTS).contains(&points.len()), "{}", points.len());
         assert!(points.windows(2).all(|pair| pair[1].updates - pair[0].updates == history.every));
         assert!(last - points[points.len() - 1].updates < history.every);
         history.check().expect("a sound history");
+    }
+
+    #[test]
+    fn points_keep_the_coverage_and_those_without_one_can_be_read() {
+        let mut history = History::default();
+        history.add_point(POINT_EVERY_UPDATES, [1.0; 3], || Some(0.25));
+        history.add_point(POINT_EVERY_UPDATES + 1, [1.0; 3], || unreachable!("not a point"));
+        assert_eq!(history.points().iter().map(|point| point.coverage).collect::<Vec<_>>(), [Some(0.25)]);
+        let old: CurvePoint = serde_json::from_str(r#"{"updates":50,"losses":[1.0,2.0,3.0]}"#).expect("an old point");
+        assert_eq!(old, CurvePoint { updates: 50, losses: [1.0, 2.0, 3.0], coverage: None });
+        history.add_point(2 * POINT_EVERY_UPDATES, [1.0; 3], || Some(1.5));
+        assert!(history.check().is_err(), "more than everything");
     }
 }

@@ -20,6 +20,9 @@ pub struct Agent {
     pub goal: Vec<f32>,
     /// Goal to pursue after `goal`, which is a bridge point while this is set.
     pub after_bridge: Option<Vec<f32>>,
+    /// Whether the goal pursued before `after_bridge` is a frontier candidate. Only for display.
+    #[serde(default)]
+    pub to_frontier: bool,
     /// Steps of the episode so far.
     pub steps: u32,
     /// Held random action and its remaining steps.
@@ -107,7 +110,7 @@ impl Rollout {
             env.restart(i, &mut rng);
             let mut goal = vec![0.0; goal_dim];
             env.sample_goal(i, &mut rng, &mut goal);
-            Agent { goal, after_bridge: None, steps: 0, held: None }
+            Agent { goal, after_bridge: None, to_frontier: false, steps: 0, held: None }
         });
         let agents: Vec<_> = agents.collect();
         Self {
@@ -147,6 +150,13 @@ impl Rollout {
         }
     }
 
+    /// Returns the frontier candidate that agent `i` pursues as its first goal, if it does.
+    pub fn frontier_goal(&self, i: usize) -> Option<&[f32]> {
+        let agent = &self.agents[i];
+        let first = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
+        (agent.to_frontier && agent.after_bridge.is_some()).then_some(first)
+    }
+
     /// Returns the latest bridge search.
     pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
         self.last_search.as_ref()
@@ -182,6 +192,7 @@ impl Rollout {
             } else if self.env.spec().reached(state, pursued) {
                 if let Some(goal) = agent.after_bridge.take() {
                     agent.goal = goal;
+                    agent.to_frontier = false;
                     self.plans[i] = None;
                 } else if context.settings.train.new_goal_when_reached {
                     round.reached += 1;
@@ -232,6 +243,7 @@ impl Rollout {
         if let Some(point) = first {
             let agent = &mut self.agents[i];
             agent.after_bridge = Some(std::mem::replace(&mut agent.goal, point));
+            agent.to_frontier = to_frontier;
         }
         if planned || to_frontier {
             self.plan(i, context);
@@ -287,7 +299,7 @@ impl Rollout {
     /// Starts an episode from agent `i`'s current state to a random goal.
     fn restart_episode(&mut self, i: usize) {
         let agent = &mut self.agents[i];
-        (agent.steps, agent.held, agent.after_bridge) = (0, None, None);
+        (agent.steps, agent.held, agent.after_bridge, agent.to_frontier) = (0, None, None, false);
         self.plans[i] = None;
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
     }

@@ -321,7 +321,8 @@ impl Trainer {
             *mean += (1.0 - keep) * (f64::from(loss) - *mean);
         }
         self.check_update(&losses)?;
-        self.history.add_losses(self.counters.updates, self.counters.losses);
+        let Self { history, rollout, counters, .. } = self;
+        history.add_point(counters.updates, counters.losses, || rollout.env().coverage());
         Ok(Tick::Update)
     }
 
@@ -421,7 +422,7 @@ impl Trainer {
         Ok(self.evaluation()?.run(tasks))
     }
 
-    /// Returns the history: loss curves, evaluations and event log.
+    /// Returns the history: curves, evaluations and event log.
     pub fn history(&self) -> &History {
         &self.history
     }

@@ -214,7 +214,10 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Field(false), "previous-field", &["shift-v"], "", "... by the previous one").watching(),
             bind(Action::Toggle(Overlay::Contours), "contours", &["c"], "", "contour lines, on or off").watching(),
             bind(Action::Toggle(Overlay::Directions), "directions", &["r"], "", "the actor's directions").watching(),
-            bind(Action::Toggle(Overlay::Agents), "agents", &["a"], "", "exploring agents and their trails").watching(),
+            bind(Action::Toggle(Overlay::Unexplored), "unvisited", &["x"], "", "unvisited cells and their edge")
+                .watching(),
+            bind(Action::Toggle(Overlay::Agents), "agents", &["a"], "", "exploring agents, trails, frontier goals")
+                .watching(),
             bind(Action::Toggle(Overlay::Candidates), "candidates", &["b"], "", "bridge candidates").watching(),
             bind(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph").watching(),
             bind(Action::Toggle(Overlay::Search), "search", &["shift-b"], "", "the latest search for a bridge point")
@@ -236,7 +239,8 @@ pub const SECTIONS: &[Section] = &[
         title: "panes",
         bindings: &[
             bind(Action::Show(Pane::Training), "training", &["1"], "", "training progress and success").watching(),
-            bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, losses and errors").watching(),
+            bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, coverage, losses and errors")
+                .watching(),
             bind(Action::Show(Pane::Walk), "walk", &["3"], "", "the followed agent").watching(),
             bind(Action::Show(Pane::Legend), "legend", &["4"], "", "legend of the map").watching(),
             bind(Action::Show(Pane::Log), "log", &["5"], "", "event log").watching(),

@@ -25,6 +25,9 @@ const MAX_PIXELS: usize = 8;
 /// What a wall looks like without colours.
 pub const WALL_MARK: char = '#';
 
+/// What an unvisited cell looks like without colours.
+pub const UNVISITED_MARK: char = '/';
+
 impl Canvas {
     /// Creates an empty canvas for `map_frame`.
     pub fn new(map_frame: &MapFrame) -> Self {
@@ -40,6 +43,16 @@ impl Canvas {
     /// Returns the number of pixels in a row.
     pub fn columns(&self) -> usize {
         self.columns
+    }
+
+    /// Returns the colour of pixel `i`, if it lies on the map.
+    pub fn colour(&self, i: usize) -> Option<Rgb> {
+        self.pixels[i]
+    }
+
+    /// Returns what a terminal without colours shows for pixel `i`.
+    pub fn mark(&self, i: usize) -> char {
+        self.marks[i]
     }
 
     /// Sets pixel `i`.
@@ -159,11 +172,11 @@ impl Canvas {
     }
 }
 
-/// Ranks a mark by how informative it is: nothing, contours, wall, anything else.
+/// Ranks a mark by how informative it is: nothing, contours and unvisited cells, wall, anything else.
 fn mark_rank(mark: char) -> u8 {
     match mark {
         ' ' => 0,
-        '\u{b7}' | '.' => 1,
+        '\u{b7}' | '.' | UNVISITED_MARK => 1,
         WALL_MARK => 2,
         _ => 3,
     }

@@ -7,7 +7,9 @@ pub enum Overlay {
     Contours,
     /// Directions the actor would take.
     Directions,
-    /// Exploring agents and their trails.
+    /// Unvisited cells, and the edge of the known world.
+    Unexplored,
+    /// Exploring agents, their trails, and their goals at the frontier.
     Agents,
     /// Bridge candidates.
     Candidates,
@@ -21,14 +23,23 @@ pub enum Overlay {
 
 impl Overlay {
     /// All overlays.
-    pub const ALL: [Self; 7] =
-        [Self::Contours, Self::Directions, Self::Agents, Self::Candidates, Self::Edges, Self::Search, Self::Path];
+    pub const ALL: [Self; 8] = [
+        Self::Contours,
+        Self::Directions,
+        Self::Unexplored,
+        Self::Agents,
+        Self::Candidates,
+        Self::Edges,
+        Self::Search,
+        Self::Path,
+    ];
 
     /// Returns the name shown on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Contours => "contours",
             Self::Directions => "actor's direction",
+            Self::Unexplored => "unvisited cells",
             Self::Agents => "exploring agents",
             Self::Candidates => "bridge candidates",
             Self::Edges => "bridge edges",
@@ -44,7 +55,7 @@ pub struct Overlays([bool; Overlay::ALL.len()]);
 
 impl Default for Overlays {
     fn default() -> Self {
-        let shown = [Overlay::Contours, Overlay::Agents, Overlay::Candidates, Overlay::Path];
+        let shown = [Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Candidates, Overlay::Path];
         Self(Overlay::ALL.map(|overlay| shown.contains(&overlay)))
     }
 }

@@ -6,7 +6,7 @@ pub enum Pane {
     /// Phase, counters, rates, success.
     #[default]
     Training,
-    /// Success, losses and errors over time.
+    /// Success, coverage, losses and errors over time.
     Curves,
     /// The followed agent.
     Walk,

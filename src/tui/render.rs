@@ -26,6 +26,7 @@ mod minimap;
 mod side;
 mod text;
 mod training;
+mod unexplored;
 mod walk;
 
 use ratatui::Frame;

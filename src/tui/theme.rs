@@ -63,6 +63,8 @@ pub struct Theme {
     pub unknown: Rgb,
     /// Exploring agents.
     pub agent: Rgb,
+    /// The edge of the known world, and goals there.
+    pub frontier: Rgb,
     /// Bridge candidates.
     pub candidate: Rgb,
     /// The planned path and its waypoints.
@@ -107,6 +109,7 @@ impl Theme {
             wall: (58, 58, 66),
             unknown: (24, 24, 28),
             agent: (255, 255, 255),
+            frontier: (90, 220, 255),
             candidate: (20, 20, 30),
             path: (255, 90, 60),
             goal: (214, 40, 57),
@@ -122,12 +125,14 @@ impl Theme {
             ThemeName::Light => Self {
                 wall: (150, 150, 158),
                 unknown: (238, 238, 240),
+                frontier: (0, 110, 200),
                 cursor: (20, 20, 20),
                 edges: [(0, 120, 50), (190, 30, 30), (130, 130, 140)],
                 ..dark
             },
             // Okabe-Ito colours for signs, Cividis for the field.
             ThemeName::ColourBlindSafe => Self {
+                frontier: (240, 190, 220),
                 path: (213, 94, 0),
                 goal: (230, 159, 0),
                 walker: (86, 180, 233),

@@ -8,7 +8,8 @@ use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::error::TrainError;
 use crate::train::evaluate::Evaluation;
-use crate::train::history::{LogEntry, LossPoint};
+use crate::train::history::{CurvePoint, LogEntry};
+use crate::train::rollout::Rollout;
 use crate::train::run::{Counters, Limits, Run};
 use crate::train::trainer::Trainer;
 
@@ -76,14 +77,16 @@ pub struct Snapshot {
     pub agents: Arc<Vec<f32>>,
     /// The latest states of each agent's episode, oldest first, `(states, state_dim)`.
     pub trails: Arc<Vec<Vec<f32>>>,
+    /// Goals at the frontier that agents pursue, `(goals, goal_dim)`.
+    pub frontier_goals: Arc<Vec<f32>>,
     /// State of the followed agent.
     pub followed: Option<Arc<FollowedAgent>>,
     /// Networks and bridge candidates, updated less often.
     pub networks: Arc<Networks>,
     /// The latest bridge search.
     pub search: Option<Arc<SearchOutcome>>,
-    /// Losses over time.
-    pub curve: Arc<Vec<LossPoint>>,
+    /// Losses and coverage over time.
+    pub curve: Arc<Vec<CurvePoint>>,
     /// Evaluations so far: updates and result.
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
     /// Event log of the checkpoint that the run was loaded from.
@@ -134,6 +137,11 @@ pub struct FollowedAgent {
     pub planned: bool,
 }
 
+/// Returns the goals at the frontier that agents pursue, concatenated.
+pub(super) fn frontier_goals(rollout: &Rollout) -> Arc<Vec<f32>> {
+    Arc::new((0..rollout.agents().len()).filter_map(|i| rollout.frontier_goal(i)).flatten().copied().collect())
+}
+
 impl Snapshot {
     /// Captures the current state of `trainer`, as if training had just started.
     ///
@@ -156,6 +164,7 @@ impl Snapshot {
             replay: (trainer.replay().len(), trainer.replay().capacity()),
             agents: Arc::new(trainer.world().states().to_vec()),
             trails: Arc::default(),
+            frontier_goals: frontier_goals(trainer.rollout()),
             followed: None,
             networks: Networks::capture(trainer)?,
             search: trainer.last_search().cloned(),
@@ -167,5 +176,14 @@ impl Snapshot {
             autosaves: Arc::default(),
             notice: (0, String::new()),
         })
+    }
+    /// Returns the fraction of the world explored over time: updates and coverage, from the curve's points and the
+    /// evaluations.
+    pub fn coverage(&self) -> Vec<(u64, f64)> {
+        let points = self.curve.iter().filter_map(|point| Some((point.updates, f64::from(point.coverage?))));
+        let evaluated = self.evaluations.iter().filter_map(|(updates, e)| Some((*updates, e.coverage?)));
+        let mut all: Vec<_> = points.chain(evaluated).collect();
+        all.sort_by_key(|(updates, _)| *updates);
+        all
     }
 }

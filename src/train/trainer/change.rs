@@ -51,7 +51,11 @@ impl Trainer {
     /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
         let change = world.change_from(self.world())?;
+        let mut statistics = Store::default();
+        self.world().save(&mut statistics);
         self.rollout.enter_environment(fork_world(&self.run, world), &mut self.replay);
+        // An edited world has the size of the former one; another kind of world may start afresh.
+        let _ = self.rollout.env_mut().restore_statistics(&statistics);
         let world = self.rollout.env();
         let (transitions_removed, transitions_restored) =
             self.replay.retain_possible(|s, a, next| world.is_possible(s, a, next));

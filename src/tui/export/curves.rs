@@ -13,7 +13,7 @@ const SIZE: (u32, u32) = (960, 720);
 /// A line's name and its (updates, value) points.
 type Series = (String, Vec<(f64, f64)>);
 
-/// Draws success, errors and losses, one below the other.
+/// Draws success with coverage, errors and losses, one below the other.
 pub fn svg(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     let mut drawing = String::new();
     {
@@ -21,7 +21,7 @@ pub fn svg(screen: &Screen) -> Result<Vec<u8>, ExportError> {
         let draw = || -> Result<(), DrawingAreaErrorKind<std::io::Error>> {
             root.fill(&WHITE)?;
             let parts = root.split_evenly((3, 1));
-            chart(&parts[0], "success", &success(&screen.snapshot), Some(1.0))?;
+            chart(&parts[0], "success and coverage", &success(&screen.snapshot), Some(1.0))?;
             chart(&parts[1], "relative error of D", &errors(&screen.snapshot), None)?;
             chart(&parts[2], "loss of D (log10)", &[losses(screen)], None)?;
             root.present()
@@ -66,7 +66,8 @@ fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option
 fn success(snapshot: &Snapshot) -> Vec<Series> {
     let planned = series("planned", snapshot, |e| e.planned.as_ref()?.success);
     let greedy = series("greedy", snapshot, |e| e.greedy.success);
-    vec![planned, greedy]
+    let coverage = snapshot.coverage().into_iter().map(|(at, share)| (at as f64, share));
+    vec![planned, greedy, ("coverage".to_owned(), coverage.collect())]
 }
 
 fn errors(snapshot: &Snapshot) -> Vec<Series> {
@@ -80,13 +81,13 @@ fn losses(screen: &Screen) -> Series {
     ("critic".to_owned(), points.collect())
 }
 
-/// Writes one line per evaluation and per point of the loss curve, sorted by updates.
+/// Writes one line per evaluation and per point of the curves of losses and coverage, sorted by updates.
 pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
     let mut head = vec!["updates".to_owned()];
     head.extend(["critic_loss", "model_loss", "actor_loss"].map(str::to_owned));
-    head.extend(["greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
+    head.extend(["coverage", "greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
     for kind in ["greedy", "planned"] {
         head.extend(distances.iter().enumerate().map(|(i, d)| match d.distance_steps {
             Some(steps) => format!("{kind}_at_{steps:.0}_steps"),
@@ -98,12 +99,14 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     for point in screen.snapshot.curve.iter() {
         let mut line = vec![point.updates.to_string()];
         line.extend(point.losses.iter().map(f32::to_string));
+        line.push(point.coverage.map_or(String::new(), |share| share.to_string()));
         line.resize(width, String::new());
         lines.push((point.updates, line));
     }
     for (updates, e) in screen.snapshot.evaluations.iter() {
         let mut line = vec![updates.to_string(), String::new(), String::new(), String::new()];
         let number = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
+        line.push(number(e.coverage));
         line.push(number(e.greedy.success));
         line.push(number(e.planned.as_ref().and_then(|s| s.success)));
         line.push(number(e.distance_error.map(|e| e.mape)));

@@ -1,4 +1,4 @@
-//! Curves over updates: success, errors of D, losses.
+//! Curves over updates: success and coverage, errors of D, losses.
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -16,6 +16,9 @@ use crate::tui::theme::ColourDepth;
 /// Minimum height of a chart, and minimum width for two side by side.
 const MIN_CHART_HEIGHT: u16 = 7;
 const MIN_TWO_CHART_WIDTH: u16 = 64;
+
+/// Maximum lines for a chart's title and the names of its curves.
+const MAX_NAME_LINES: usize = 2;
 
 /// Share of all updates that is shown at once when scrolled back.
 const PAGE_SHARE: f64 = 0.25;
@@ -69,7 +72,12 @@ fn plots(screen: &Screen) -> Vec<Plot> {
         let name = d.distance_steps.map_or("all".to_owned(), |steps| format!("{steps:.0}"));
         of(&name, &|e| by_distance(e).get(i)?.success)
     });
-    let success = vec![of("planned", &|e| e.planned.as_ref()?.success), of("greedy", &|e| e.greedy.success)];
+    let coverage = screen.snapshot.coverage().into_iter().map(|(at, share)| (at as f64, share));
+    let success = vec![
+        of("planned", &|e| e.planned.as_ref()?.success),
+        of("greedy", &|e| e.greedy.success),
+        Series { name: "coverage".to_owned(), points: coverage.collect() },
+    ];
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
     vec![
@@ -96,15 +104,18 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
         .iter()
         .map(|s| s.points.iter().filter(|p| (from..=to).contains(&p.0)).map(|p| (p.0, value(p.1))).collect())
         .collect();
-    let [head, body] = Layout::vertical([Constraint::Length(1), Constraint::Min(0)]).areas(area);
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let mut line = Line::from(Span::styled(title, BOLD));
-    for (i, series) in plot.series.iter().enumerate().filter(|(_, s)| !s.points.is_empty()) {
-        if plot.series.len() > 1 && line.width() + series.name.len() + 3 <= usize::from(area.width) {
-            line.push_span(Span::styled(format!("  {} {}", symbol(i), series.name), colour(screen, i)));
+    let mut lines = vec![Line::from(Span::styled(title, BOLD))];
+    for (i, series) in plot.series.iter().enumerate().filter(|(_, s)| plot.series.len() > 1 && !s.points.is_empty()) {
+        let name = Span::styled(format!("  {} {}", symbol(i), series.name), colour(screen, i));
+        if lines.last().is_none_or(|line| line.width() + name.width() > usize::from(area.width)) {
+            lines.push(Line::default());
         }
+        lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
     }
-    frame.render_widget(Paragraph::new(line), head);
+    lines.truncate(MAX_NAME_LINES);
+    let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
+    frame.render_widget(Paragraph::new(lines), head);
     let values = || shown.iter().flatten().map(|p| p.1);
     if values().next().is_none() {
         let text = if plot.log && plot.series.len() == 1 { " no data yet" } else { " not evaluated yet" };

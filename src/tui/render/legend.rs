@@ -3,10 +3,12 @@
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
+use super::map::FRONTIER_SIGN;
 use super::text::heading;
 use super::{DIM, info};
 use crate::bridge::EdgeStatus;
 use crate::tui::action::Action;
+use crate::tui::canvas::UNVISITED_MARK;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb};
@@ -36,6 +38,10 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     ] {
         lines.push(Line::from(vec![Span::raw(" "), sample(screen, symbol, rgb), Span::raw(format!(" {meaning}"))]));
     }
+    if screen.run().method.bridges() {
+        let sign = sample(screen, FRONTIER_SIGN, theme.frontier);
+        lines.push(Line::from(vec![Span::raw(" "), sign, Span::raw(" frontier goals of agents")]));
+    }
     if screen.run().method.plans() {
         lines.push(heading("edges"));
         let of = |status: EdgeStatus| screen.view.edges.iter().filter(|(_, s)| *s == status).count();
@@ -61,6 +67,7 @@ fn symbol_of(overlay: Overlay, screen: &Screen) -> Vec<Span<'static>> {
     let (symbol, rgb) = match overlay {
         Overlay::Contours => return Vec::new(),
         Overlay::Directions => ('\u{2192}', theme.cursor),
+        Overlay::Unexplored => (if mono { UNVISITED_MARK } else { '\u{2592}' }, theme.frontier),
         Overlay::Agents => (if mono { 'o' } else { '\u{25a0}' }, theme.agent),
         Overlay::Candidates => (if mono { ':' } else { '\u{2022}' }, theme.cursor),
         Overlay::Edges => ('\u{2500}', theme.edges[0]),

@@ -7,6 +7,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Color, Modifier, Style};
 
+use super::unexplored::Unexplored;
 use crate::bridge::EdgeStatus;
 use crate::map::Grid;
 use crate::tui::canvas::{Canvas, WALL_MARK};
@@ -15,7 +16,7 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
-use crate::view::{Field, Ground, Raster, ShownEdge, contour_at, contour_interval};
+use crate::view::{Exploration, Field, Ground, Raster, ShownEdge, contour_at, contour_interval};
 
 /// Minimum characters per cell for drawing bridge candidates and labels, and for drawing candidates in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;
@@ -23,6 +24,9 @@ const MIN_SIZED_CANDIDATE_SCALE: f32 = 2.0;
 
 /// Longest untried edges that are drawn, in spacings of the candidates.
 const MAX_UNTRIED_EDGE_SPACINGS: f32 = 1.5;
+
+/// The sign of a goal at the frontier.
+pub const FRONTIER_SIGN: char = '\u{25c6}';
 
 /// Relative error from which the colour is the strongest.
 pub const MAX_SHOWN_ERROR: f32 = 0.5;
@@ -57,6 +61,7 @@ struct Base {
     map: Arc<Grid>,
     field: Option<Arc<Vec<f32>>>,
     edges: Arc<Vec<ShownEdge>>,
+    exploration: Arc<Exploration>,
     canvas: Canvas,
     /// The canvas as characters.
     painted: Buffer,
@@ -69,10 +74,12 @@ impl Base {
         let mut canvas = Canvas::new(map_frame);
         terrain(&mut canvas, &map_frame.raster, screen);
         let field = Self::field_on(&map_frame.raster, screen).cloned();
+        let unexplored = Unexplored::new(map_frame, screen);
         let mut labels = Vec::new();
         if let Some(field) = &field {
-            labels = colour(&mut canvas, map_frame, field, screen);
+            labels = colour(&mut canvas, map_frame, field, &unexplored, screen);
         }
+        unexplored.draw(&mut canvas, map_frame, screen);
         if screen.overlays.has(Overlay::Edges) {
             // The most informative kind goes on top, and each kind is blended with the ground only once.
             let [confirmed, demoted, untried] = screen.theme.edges;
@@ -91,7 +98,7 @@ impl Base {
                 canvas.lines(map_frame, ends, (rgb, share, mark));
             }
         }
-        let edges = screen.view.edges.clone();
+        let (edges, exploration) = (screen.view.edges.clone(), screen.view.exploration.clone());
         let mut painted = Buffer::empty(map_frame.area);
         canvas.paint(&mut painted, map_frame, &screen.theme);
         Self {
@@ -102,6 +109,7 @@ impl Base {
             map: screen.map().clone(),
             field,
             edges,
+            exploration,
             canvas,
             labels,
         }
@@ -120,8 +128,9 @@ impl Base {
         };
         let same_edges = !screen.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &screen.view.edges);
         let same_map = Arc::ptr_eq(&self.map, screen.map());
+        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.view.exploration);
         let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.map_frame == *map_frame && same_field && same_edges && same_map && same_style
+        self.map_frame == *map_frame && same_field && same_edges && same_map && same_exploration && same_style
     }
 }
 
@@ -143,8 +152,15 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     }
 }
 
-/// Draws the field as colours, with contour lines; returns a position for each line's label.
-fn colour(canvas: &mut Canvas, map_frame: &MapFrame, field: &[f32], screen: &Screen) -> Vec<([f32; 2], f32)> {
+/// Draws the field as colours, with contour lines where values mean something; returns a position for each line's
+/// label.
+fn colour(
+    canvas: &mut Canvas,
+    map_frame: &MapFrame,
+    field: &[f32],
+    unexplored: &Unexplored,
+    screen: &Screen,
+) -> Vec<([f32; 2], f32)> {
     let (theme, farthest) = (&screen.theme, screen.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
     let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
@@ -161,7 +177,7 @@ fn colour(canvas: &mut Canvas, map_frame: &MapFrame, field: &[f32], screen: &Scr
             Field::Visits => theme.distance_colour(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
             _ => theme.distance_colour(field[i] / farthest),
         };
-        let Some(level) = contour_at(field, columns, apart, i).filter(|_| lines) else {
+        let Some(level) = contour_at(field, columns, apart, i).filter(|_| lines && !unexplored.hides(i)) else {
             canvas.set(i, Some(rgb), ' ');
             continue;
         };
@@ -264,6 +280,11 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
     }
     for (marks, letter) in [(screen.map().starts(), 's'), (screen.map().goals(), 'g')] {
         marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
+    }
+    if shows(Overlay::Agents) {
+        for at in screen.snapshot.frontier_goals.chunks_exact(2) {
+            glyphs.symbol([at[0], at[1]], FRONTIER_SIGN, Some(theme.frontier));
+        }
     }
     if let Some(followed) = &screen.snapshot.followed {
         glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);

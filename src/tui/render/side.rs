@@ -44,10 +44,15 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     }
 }
 
-/// Returns the areas of panes below each other: text takes what it needs, curves and log share the rest.
+/// Returns the areas of panes below each other: text takes what it needs, from the top; curves and log share the rest.
 fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
+    let mut left = area.height;
     let height = |pane: &Pane| match lines(*pane, screen) {
-        Some(lines) if panes.len() > 1 => Constraint::Length(lines.len() as u16 + 1),
+        Some(lines) if panes.len() > 1 => {
+            let rows = (lines.len() as u16 + 1).min(left);
+            left -= rows;
+            Constraint::Length(rows)
+        }
         _ => Constraint::Fill(1),
     };
     Layout::vertical(panes.iter().map(height)).split(area).to_vec()

@@ -33,7 +33,16 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
                 .all(|key| binding.long.is_empty() || help.contains(key.as_str()))
         );
     }
-    for symbol in ["goal", "walking agent", "start of @", "planned path", "exploring agents", "bridge candidates"] {
+    for symbol in [
+        "goal",
+        "walking agent",
+        "start of @",
+        "planned path",
+        "exploring agents",
+        "bridge candidates",
+        "unvisited cells",
+        "frontier goals",
+    ] {
         assert!(help.contains(symbol), "{symbol} is missing");
     }
     assert!(app.screen.dialogs.is_empty(), "Esc closes it");

@@ -12,7 +12,7 @@ use jiff::tz::TimeZone;
 use super::*;
 use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use crate::train::{
-    CheckpointError, Counters, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent, LossPoint, Score,
+    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent, Score,
     Snapshot, Success,
 };
 use crate::tui::action::Action;
@@ -22,7 +22,7 @@ use crate::tui::layers::Overlay;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
-use crate::view::{Candidate, View, Walk};
+use crate::view::{Candidate, Exploration, View, Walk};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
@@ -34,13 +34,18 @@ fn score(success: f64) -> Score {
     Score { success: Some(success), spl: Some(success), steps_ratio: Some(1.1), by_distance: by_distance.collect() }
 }
 
+/// Returns the fraction explored at a share of the run.
+fn coverage(at: f64) -> f64 {
+    0.8 * at.sqrt()
+}
+
 fn evaluation(at: f64) -> Evaluation {
     Evaluation {
         greedy: score(0.6 * at),
         planned: Some(score(at)),
         distance_error: Some(DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() }),
         bridges: None,
-        coverage: Some(1.0),
+        coverage: Some(coverage(at)),
         marked: None,
     }
 }
@@ -81,12 +86,14 @@ fn staged_app(width: u16, height: u16) -> App {
             replay: (15_000, 20_000),
             agents: Arc::new(vec![4.5, 3.5, 7.5, 1.5, 14.5, 2.5]),
             trails: Arc::new(vec![vec![3.5, 3.5, 4.0, 3.5, 4.5, 3.5]]),
+            frontier_goals: Arc::new(vec![13.5, 1.5]),
             followed: Some(Arc::new(followed.clone())),
             search: Some(Arc::new(search.clone())),
             evaluations: Arc::new(Vec::new()),
             curve: {
                 let mut curve = app.screen.snapshot.curve.to_vec();
-                curve.push(LossPoint { updates, losses: [losses.critic, losses.model, losses.actor] });
+                let coverage = Some(coverage(updates as f64 / 10_000.0) as f32);
+                curve.push(CurvePoint { updates, losses: [losses.critic, losses.model, losses.actor], coverage });
                 Arc::new(curve)
             },
             ..(*app.screen.snapshot).clone()
@@ -108,6 +115,10 @@ fn staged_app(width: u16, height: u16) -> App {
     let standings = [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Confirmed, EdgeStatus::Confirmed];
     let edges = candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
+    // Everything but the right end and a single cell.
+    let map = app.screen.map();
+    let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
+    let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
     let view = View {
         goal: (Some(app.screen.goal), 1),
         kind: Field::Learned,
@@ -117,6 +128,7 @@ fn staged_app(width: u16, height: u16) -> App {
         directions: Arc::new(vec![([5.5, 2.5], [1.0, 0.0]), ([12.5, 1.5], [0.7, 0.7]), ([16.5, 1.5], [0.0, 1.0])]),
         candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
         edges: Arc::new(edges.collect()),
+        exploration: Arc::new(Exploration::new(app.screen.map(), &visits)),
         path: vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]],
         trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
         walk: Walk {
@@ -222,6 +234,33 @@ fn all_overlays_together_match_their_snapshot() {
     );
     app.screen.pane = Pane::Legend;
     check("overlays-120x40", &mut app, 120, 40);
+}
+
+#[test]
+fn frontier_goals_are_marked_together_with_the_agents() {
+    let mut app = staged_app(80, 24);
+    let marked = |app: &mut App| text(&draw(app, 80, 24)).contains('\u{25c6}');
+    assert!(marked(&mut app));
+    press(&mut app, KeyCode::Char('a'));
+    assert!(!marked(&mut app), "hidden with the agents");
+}
+
+#[test]
+fn what_is_unexplored_can_be_hidden_and_is_not_drawn_once_everything_is_explored() {
+    for theme in [Theme::new(ThemeName::Dark, ColourDepth::True), Theme::new(ThemeName::Mono, ColourDepth::Mono)] {
+        let mut app = staged_app(80, 24);
+        app.screen.theme = theme;
+        let shown = picture(&draw(&mut app, 80, 24));
+        app.screen.overlays.toggle(Overlay::Unexplored);
+        let hidden = picture(&draw(&mut app, 80, 24));
+        assert_ne!(shown, hidden);
+        app.screen.overlays.toggle(Overlay::Unexplored);
+        assert_eq!(picture(&draw(&mut app, 80, 24)), shown);
+        let map = app.screen.map().clone();
+        let exploration = Arc::new(Exploration::new(&map, &vec![1; map.free().len()]));
+        app.on_view(Arc::new(View { exploration, ..(*app.screen.view).clone() }));
+        assert_eq!(picture(&draw(&mut app, 80, 24)), hidden);
+    }
 }
 
 #[test]
@@ -383,8 +422,10 @@ fn everything_can_be_exported() {
                 let text = String::from_utf8(bytes).expect("text");
                 let lines: Vec<&str> = text.lines().collect();
                 assert!(lines[0].starts_with("updates,critic_loss") && lines[0].contains("planned_at_30_steps"));
+                assert_eq!(lines[0].split(',').nth(4), Some("coverage"));
                 let last: Vec<&str> = lines.last().expect("lines").split(',').collect();
                 assert_eq!((last[0], last.len()), ("10000", lines[0].split(',').count()));
+                assert!(last[4].starts_with("0.8"), "the coverage: {}", last[4]);
             }
         }
     }

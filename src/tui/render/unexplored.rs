@@ -1,0 +1,91 @@
+//! Unvisited cells, and the edge of the known world.
+
+use crate::tui::canvas::{Canvas, UNVISITED_MARK};
+use crate::tui::layers::Overlay;
+use crate::tui::raster::MapFrame;
+use crate::tui::screen::Screen;
+use crate::tui::theme::{ColourDepth, blend};
+use crate::view::{Field, Ground, Knowledge};
+
+/// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and what lies beyond), and
+/// hatched ones into that of walls.
+const POCKET_FADE: f32 = 0.35;
+const FADE: f32 = 0.7;
+const HATCH: f32 = 0.5;
+
+/// Pixels between two lines of hatching.
+const HATCH_SPACING: usize = 4;
+
+/// How strongly the edge is tinted.
+const TINT: f32 = 0.65;
+
+/// What the agents know of the cell that each pixel shows; all of it if that is not shown.
+pub struct Unexplored {
+    known: Vec<Knowledge>,
+    /// Whether unvisited cells fade, which hides values: not where these are true even there.
+    fades: bool,
+}
+
+impl Unexplored {
+    /// Looks up each pixel's cell.
+    pub fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
+        let (raster, map, exploration) = (&map_frame.raster, screen.map(), &screen.view.exploration);
+        if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
+            return Self { known: Vec::new(), fades: false };
+        }
+        let (columns, rows) = raster.pixels;
+        let known = |i: usize| match raster.ground(map, i % columns, i / columns) {
+            Ground::Free(at) => exploration.at(at),
+            Ground::Wall | Ground::Outside => Knowledge::Known,
+        };
+        let fades = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
+        Self { known: (0..columns * rows).map(known).collect(), fades }
+    }
+
+    /// Returns whether values at pixel `i` mean nothing, as it shows a cell beyond the known world.
+    pub fn hides(&self, i: usize) -> bool {
+        self.fades && self.is_beyond(i)
+    }
+
+    fn is_beyond(&self, i: usize) -> bool {
+        self.known.get(i) == Some(&Knowledge::Beyond)
+    }
+
+    /// Fades the colours of unvisited cells, except where they show what is true even there, and draws the edge.
+    pub fn draw(&self, canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
+        let theme = &screen.theme;
+        let columns = canvas.columns();
+        // A pixel that shows several cells may show the edge without being represented by a cell at the edge.
+        let coarse = map_frame.raster.window[2] > map_frame.raster.pixels.0 as f32;
+        let mono = theme.depth == ColourDepth::Mono;
+        for (i, known) in self.known.iter().enumerate() {
+            let Some(ground) = canvas.colour(i) else { continue };
+            match known {
+                Knowledge::Beyond if self.fades => {
+                    let hatched = (i % columns + i / columns).is_multiple_of(HATCH_SPACING);
+                    let faded = blend(ground, theme.unknown, FADE);
+                    let rgb = if hatched { blend(faded, theme.wall, HATCH) } else { faded };
+                    canvas.set(i, Some(rgb), UNVISITED_MARK);
+                }
+                Knowledge::Pocket if self.fades => {
+                    canvas.set(i, Some(blend(ground, theme.unknown, POCKET_FADE)), canvas.mark(i));
+                }
+                Knowledge::Beyond => canvas.set(i, Some(ground), UNVISITED_MARK),
+                Knowledge::Pocket => {}
+                Knowledge::Edge | Knowledge::Known => {
+                    let edge = *known == Knowledge::Edge || coarse && !canvas.is_wall(i);
+                    if edge && !mono && self.borders(i, columns) {
+                        canvas.set(i, Some(blend(ground, theme.frontier, TINT)), ' ');
+                    }
+                }
+            }
+        }
+    }
+
+    /// Whether a pixel beside or diagonal to pixel `i` shows a cell beyond the known world.
+    fn borders(&self, i: usize, columns: usize) -> bool {
+        let (x, y) = (i % columns, i / columns);
+        let around = (y.saturating_sub(1)..=y + 1).flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
+        around.filter(|(x, _)| *x < columns).any(|(x, y)| self.is_beyond(y * columns + x))
+    }
+}
