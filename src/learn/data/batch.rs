@@ -46,7 +46,7 @@ pub struct Batch {
     pub lower: Vec<f32>,
     /// Whether targets are capped at the actor's one-step lookahead (see [`LearnSettings::greedy_targets`]).
     pub greedy_targets: bool,
-    /// Whether the actor is pulled out of saturation where its action makes no progress (see [`STUCK_BOUND`]).
+    /// Whether the actor is pulled out of saturation where its action makes no progress, while distances are relearned.
     pub frees_stuck_actor: bool,
     /// States of the dynamics model's transitions, `(batch, state_dim)`.
     pub from: Vec<f32>,
