@@ -24,7 +24,7 @@ const MAX_RESULT_BYTES: u64 = 64 << 20;
 pub enum State {
     /// Nothing is stored.
     NotBegun,
-    /// There is a checkpoint after so many updates.
+    /// Begun: the checkpoint's number of updates.
     Begun(u64),
     /// There is a result.
     Done(Box<JobResult>),

@@ -20,7 +20,7 @@ use crate::signals::TerminationSignal;
 use crate::text::{counted, eprint_line, sanitized_lines};
 use crate::train::Registry;
 
-/// Default updates by free cells: up to so many cells, so many updates.
+/// Default budgets: maximum number of free cells, and updates.
 const BUDGETS: [(usize, u64); 2] = [(6_000, 60_000), (50_000, 200_000)];
 
 /// Default updates on larger maps.

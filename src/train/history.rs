@@ -1,4 +1,5 @@
-//! A run's history: curves of losses and coverage, evaluations and event log. Checkpoints contain it; training does not depend on it.
+//! A run's history: curves of losses and coverage, evaluations and event log. Checkpoints contain it; training does not
+//! depend on it.
 
 use std::sync::Arc;
 

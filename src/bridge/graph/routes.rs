@@ -29,7 +29,7 @@ pub(crate) const GROWN_FACTOR: f32 = 0.85;
 /// ... less this many steps.
 pub(crate) const GROWN_SLACK_STEPS: f32 = 2.0;
 
-/// Slack on the graph's distance as an upper bound, in steps.
+/// A distance has shrunk only if D exceeds the graph's, by that factor and by this many steps.
 pub(crate) const SHRUNK_SLACK_STEPS: f32 = 1.0;
 
 /// Graph distances as training targets.

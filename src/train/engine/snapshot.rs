@@ -177,6 +177,7 @@ impl Snapshot {
             notice: (0, String::new()),
         })
     }
+
     /// Returns the fraction of the world explored over time: updates and coverage, from the curve's points and the
     /// evaluations.
     pub fn coverage(&self) -> Vec<(u64, f64)> {
