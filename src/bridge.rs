@@ -3,8 +3,10 @@
 //! [`Candidates`] spreads candidates over the visited states and records the fewest steps observed between them;
 //! [`BridgeGraph`] connects them with edges that the critics propose and observed trajectories verify; [`Walker`]
 //! follows the graph to a goal, one waypoint at a time; [`search()`] is the published search for a single bridge point.
+//! [`Excursions`] lead agents beyond the frontier of what has been visited.
 
 mod candidates;
+mod excursion;
 mod graph;
 mod planner;
 mod search;
@@ -14,13 +16,17 @@ pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub(crate) use candidates::{
     DETOUR_FACTOR, DETOUR_SLACK_STEPS, MAX_SPACING_SHARE, MIN_SPACING_RADII, WELL_KNOWN_PATHS,
 };
+pub use excursion::Excursions;
+pub(crate) use excursion::{
+    EXCURSION_STEPS, HELD_STEPS, MAX_ATTEMPTS, MAX_PLACES, MIN_ATTEMPTS, MIN_STRIDE, RANDOM_SHARE,
+};
 pub use graph::{BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
 pub(crate) use graph::{
-    CHANGED_GOALS, CHANGED_MARGIN, DEMOTED_FACTOR, FRONTIER_SAMPLES, GROWN_FACTOR, GROWN_SLACK_STEPS, OBSERVED_FACTOR,
+    CHANGED_GOALS, CHANGED_MARGIN, DEMOTED_FACTOR, GROWN_FACTOR, GROWN_SLACK_STEPS, OBSERVED_FACTOR,
     OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, SHRUNK_SLACK_STEPS,
 };
 pub(crate) use planner::MAX_STRIKES;
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};
-pub(crate) use settings::{FRONTIER_GAIN, MAX_FRONTIER_SHARE, MIN_FRONTIER_SHARE};
+pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE};

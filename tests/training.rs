@@ -7,7 +7,7 @@ use std::sync::Arc;
 
 use gdg_tui::env::{PointMaze, Restart};
 use gdg_tui::learn::{Auto, Scratch};
-use gdg_tui::map::{Cell, Grid, parse_map};
+use gdg_tui::map::{Cell, Grid, RandomMapKind, parse_map, random};
 use gdg_tui::store::{Array, Store};
 use gdg_tui::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 
@@ -483,32 +483,49 @@ fn from_one_start_everything_is_explored() {
 }
 
 #[test]
-fn agents_know_which_of_their_goals_are_at_the_frontier() {
+fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
+    let maze = random(RandomMapKind::Perfect, Some(21), 1);
+    let rows = maze.free().chunks(maze.width()).map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
+    let text: Vec<String> = rows.map(String::from_iter).collect();
+    let map = Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap());
+    let explored = |frontier: Auto<f32>| {
+        let mut settings = settings();
+        settings.bridge.frontier_epsilon = frontier;
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings };
+        let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+        train_to(&mut run, 1_500);
+        run.world().coverage().unwrap()
+    };
+    let (with, without) = (explored(Auto::AUTO), explored(Auto::Given(0.0)));
+    assert!(with > 0.95, "explored {with}");
+    assert!(without < with - 0.2, "without excursions {without}");
+}
+
+#[test]
+fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
     let mut settings = settings();
     settings.bridge.frontier_epsilon = Auto::Given(1.0);
     let mut run = trainer(settings, 5, 1);
-    train_to(&mut run, 700);
+    while run.counters().env_steps < 640 {
+        run.tick().unwrap();
+    }
     let goals = |run: &Trainer| -> Vec<Option<Vec<f32>>> {
-        let rollout = run.rollout();
-        (0..rollout.agents().len()).map(|i| rollout.frontier_goal(i).map(<[f32]>::to_vec)).collect()
+        (0..run.rollout().agents().len()).map(|i| run.rollout().excursions().destination(i)).collect()
     };
     let pursued = goals(&run);
-    assert!(pursued.iter().any(Option::is_some), "every episode begins with one");
-    for (i, goal) in pursued.iter().enumerate().filter(|(_, goal)| goal.is_some()) {
-        assert_eq!(goal.as_deref(), Some(run.rollout().goal_and_waypoints(i).0), "it is the first goal");
-        assert!(run.rollout().agents()[i].after_bridge.is_some(), "another one follows");
-    }
+    assert!(pursued.iter().any(Option::is_some), "every goal begins with an excursion");
     let store = run.save().unwrap();
     let resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
     assert_eq!(goals(&resumed), pursued);
-    // A checkpoint from before agents knew it.
-    let text = store.text("trainer").unwrap();
-    let former = text.replace("\"to_frontier\":true,", "").replace("\"to_frontier\":false,", "");
-    assert_ne!(former, text);
-    let mut store = run.save().unwrap();
-    store.put_text("trainer", &former);
-    let resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
+    // A checkpoint from before there were excursions.
+    let (arrays, texts) = store.into_parts();
+    let mut former = Store::default();
+    let older = |name: &str| !name.starts_with("excursions") && !name.starts_with("places");
+    arrays.into_iter().filter(|(name, _)| older(name)).for_each(|(name, array)| former.put(name, array));
+    texts.into_iter().filter(|(name, _)| older(name)).for_each(|(name, text)| former.put_text(name, text));
+    let mut resumed = Trainer::load(&former, &Registry::builtin(), 1).unwrap();
     assert!(goals(&resumed).iter().all(Option::is_none));
+    train_to(&mut resumed, 20);
 }
 
 #[test]

@@ -137,11 +137,6 @@ impl Candidates {
         *self = Self { next_id: self.next_id, ..fresh };
     }
 
-    /// Returns the number of candidates that have appeared since `earlier`, including those that have retired again.
-    pub fn new_since(&self, earlier: &Self) -> usize {
-        self.next_id.saturating_sub(earlier.next_id) as usize
-    }
-
     /// Returns the number of candidates.
     pub fn len(&self) -> usize {
         self.ids.len()

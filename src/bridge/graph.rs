@@ -7,9 +7,6 @@ pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
 
 use std::sync::Arc;
 
-use rand::RngExt;
-use rand_chacha::ChaCha8Rng;
-
 use super::candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 use super::settings::BridgeSettings;
 use crate::env::Spec;
@@ -90,9 +87,6 @@ const MAX_EDGE_STEPS: f32 = 1e4;
 
 /// Cost multiplier of a demoted edge.
 pub(crate) const DEMOTED_FACTOR: f32 = 3.0;
-
-/// Random candidates from which the frontier candidate is chosen.
-pub(crate) const FRONTIER_SAMPLES: usize = 12;
 
 /// Snapshot of candidates and edges at one point in training.
 #[derive(Clone, Debug)]
@@ -226,18 +220,6 @@ impl BridgeGraph {
         let (Some(from), Some(to)) = (from, to) else { return None };
         link_cost(&self.settings, distance, self.candidates.observed(from, to))
     }
-
-    /// Draws a frontier candidate: of a few random ones, the one with the fewest outgoing edges.
-    pub fn frontier(&self, rng: &mut ChaCha8Rng) -> Option<usize> {
-        if self.candidates.is_empty() {
-            return None;
-        }
-        let leaving = |i: usize| {
-            let from = self.edges.partition_point(|e| e.from < i);
-            self.edges[from..].iter().take_while(|e| e.from == i).count()
-        };
-        (0..FRONTIER_SAMPLES).map(|_| rng.random_range(0..self.candidates.len())).min_by_key(|i| leaving(*i))
-    }
 }
 
 /// Returns the `count` candidates nearest to `state` by straight-line distance, nearest first.
@@ -276,8 +258,6 @@ fn link_cost(settings: &BridgeSettings, distance: f32, observed: u16) -> Option<
 
 #[cfg(test)]
 mod tests {
-    use rand::SeedableRng;
-
     use super::*;
     use crate::bridge::candidates::tests::line;
 
@@ -314,15 +294,6 @@ mod tests {
         assert!((0..last).all(|i| route.next[i] as usize == i + 1));
         let route = graph.route_to_candidate(0);
         assert!(route.steps[1..].iter().all(|s| s.is_infinite()), "edges are directed");
-    }
-
-    #[test]
-    fn the_frontier_has_few_outgoing_edges() {
-        let graph = row();
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let last = graph.candidates().len() - 1;
-        let at_the_end = (0..200).filter(|_| graph.frontier(&mut rng) == Some(last)).count();
-        assert!(at_the_end > 80, "the only candidate without outgoing edges was chosen {at_the_end} of 200 times");
     }
 
     #[test]

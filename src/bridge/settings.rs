@@ -4,14 +4,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::learn::{Auto, OutOfRange};
 
-/// The automatic share of frontier goals is this many times the share of candidates that are new ...
-pub(crate) const FRONTIER_GAIN: f32 = 10.0;
+/// Automatic share of excursions while there is anything left to try ...
+pub(crate) const FRONTIER_SHARE: f32 = 0.5;
 
-/// ... but at least this, as a door may open at any time ...
-pub(crate) const MIN_FRONTIER_SHARE: f32 = 0.05;
-
-/// ... and at most this.
-pub(crate) const MAX_FRONTIER_SHARE: f32 = 0.5;
+/// ... and afterwards, as a door may open at any time.
+pub(crate) const EXPLORED_SHARE: f32 = 0.05;
 
 /// How agents plan on the learned distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,11 +77,11 @@ pub struct BridgeSettings {
     pub search_budget: usize,
     /// Whether to plan once and follow the plan to its end, instead of replanning at every waypoint.
     pub open_loop: bool,
-    /// Probability that an episode walks through the bridge graph, which trains the actor on the waypoints it will be
-    /// given and confirms or demotes edges.
+    /// Probability that an agent walks to a new goal through the bridge graph, which trains the actor on the waypoints it
+    /// will be given and confirms or demotes edges.
     pub planned_episodes: f32,
-    /// Probability that an episode's first goal is at the frontier: a candidate with few outgoing edges. Automatic: high
-    /// while new candidates appear.
+    /// Probability that an agent explores beyond the frontier of what has been visited before it pursues a new goal.
+    /// Automatic: high while there is anything left to try.
     pub frontier_epsilon: Auto<f32>,
     /// Whether planning and evaluation use the running averages of critics and actor.
     pub averaged_weights: bool,
@@ -164,12 +161,9 @@ impl BridgeSettings {
         }
     }
 
-    /// Returns the probability that an episode's first goal is at the frontier, where `new` of `candidates` have appeared
-    /// since the bridge graph was built.
-    pub fn frontier_share(&self, new: usize, candidates: usize) -> f32 {
-        let discovery = new as f32 / candidates.max(1) as f32;
-        let automatic = (FRONTIER_GAIN * discovery).clamp(MIN_FRONTIER_SHARE, MAX_FRONTIER_SHARE);
-        self.frontier_epsilon.given().unwrap_or(automatic)
+    /// Returns the probability of an excursion beyond the frontier, if there is a known one.
+    pub fn frontier_share(&self, has_frontier: bool) -> f32 {
+        self.frontier_epsilon.given().unwrap_or(if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE })
     }
 
     /// Returns the maximum number of candidates, which only large maps reach.
@@ -210,12 +204,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_share_of_frontier_goals_follows_the_share_of_new_candidates() {
+    fn excursions_are_frequent_while_there_is_a_frontier() {
         let automatic = BridgeSettings::default();
-        let shares = [(0, 64), (2, 64), (60, 64)].map(|(new, all)| automatic.frontier_share(new, all));
-        assert_eq!(shares, [0.05, 0.3125, 0.5]);
-        assert_eq!(automatic.frontier_share(0, 0), 0.05);
+        assert!(automatic.frontier_share(true) > automatic.frontier_share(false));
         let given = BridgeSettings { frontier_epsilon: Auto::Given(0.2), ..automatic };
-        assert_eq!(given.frontier_share(90, 100), 0.2);
+        assert_eq!([true, false].map(|has_frontier| given.frontier_share(has_frontier)), [0.2; 2]);
     }
 }

@@ -334,14 +334,16 @@ impl Worker {
         let state = rollout.env().states()[agent * s..(agent + 1) * s].to_vec();
         let own = &rollout.agents()[agent];
         let (goal, waypoints) = rollout.goal_and_waypoints(agent);
+        let frontier = rollout.excursions().destination(agent);
+        let (aim, goal) = frontier.as_deref().map_or((&own.goal[..], goal), |frontier| (frontier, frontier));
         let mut distances = (0.0, 0.0);
         let mut measure = |policy: &dyn Policy| {
-            distances = (policy.distance(&state, &own.goal, scratch), policy.distance(&state, goal, scratch));
+            distances = (policy.distance(&state, aim, scratch), policy.distance(&state, goal, scratch));
         };
         trainer.learner().with_policy(false, &mut measure)?;
         // Before the first step of an episode, the replay buffer holds none of its states.
         let start = trainer.replay().latest_states(agent, usize::MAX).next().unwrap_or(&state).to_vec();
-        let (aim, goal, planned) = (own.goal.clone(), goal.to_vec(), !waypoints.is_empty());
+        let (aim, goal, planned) = (aim.to_vec(), goal.to_vec(), !waypoints.is_empty());
         let steps = (own.steps, trainer.episode_steps());
         Ok(Some(FollowedAgent { agent, start, state, steps, aim, goal, distances, planned }))
     }

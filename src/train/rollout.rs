@@ -8,10 +8,18 @@ use rand_distr::{Distribution, StandardNormal};
 use serde::{Deserialize, Serialize};
 
 use super::settings::Settings;
-use crate::bridge::{BridgeGraph, Candidates, Hop, SearchOutcome, Walker, WalkerState, search};
+use crate::bridge::{
+    BridgeGraph, BridgeSettings, Candidates, Excursions, Hop, SearchOutcome, Walker, WalkerState, search,
+};
 use crate::env::{Environment, Restart};
 use crate::learn::{Acting, Policy, Replay, Scratch, look_ahead};
 use crate::store::StoreError;
+
+/// An agent gives up on a goal after this multiple of D to it ...
+pub(crate) const GIVE_UP_FACTOR: f32 = 3.0;
+
+/// ... plus this many steps.
+pub(crate) const GIVE_UP_SLACK_STEPS: f32 = 50.0;
 
 /// One agent's episode.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -20,13 +28,13 @@ pub struct Agent {
     pub goal: Vec<f32>,
     /// Goal to pursue after `goal`, which is a bridge point while this is set.
     pub after_bridge: Option<Vec<f32>>,
-    /// Whether the goal pursued before `after_bridge` is a frontier candidate. Only for display.
-    #[serde(default)]
-    pub to_frontier: bool,
     /// Steps of the episode so far.
     pub steps: u32,
     /// Held random action and its remaining steps.
     held: Option<(Vec<f32>, u32)>,
+    /// Step of the episode at which it gives up on its goal.
+    #[serde(default)]
+    give_up_at: u32,
 }
 
 /// An agent's plan to a goal through the bridge graph; the agent pursues its waypoints.
@@ -54,8 +62,6 @@ pub struct StepContext<'a> {
     pub acting: Acting,
     /// Steps per episode.
     pub episode_steps: u32,
-    /// Probability that an episode's first goal is at the frontier.
-    pub frontier_share: f32,
     /// All settings.
     pub settings: &'a Settings,
     /// The current policy.
@@ -77,6 +83,7 @@ pub struct Rollout {
     actions: Vec<f32>,
     goals: Vec<f32>,
     scratch: Scratch,
+    excursions: Excursions,
     last_search: Option<Arc<SearchOutcome>>,
 }
 
@@ -110,10 +117,12 @@ impl Rollout {
             env.restart(i, &mut rng);
             let mut goal = vec![0.0; goal_dim];
             env.sample_goal(i, &mut rng, &mut goal);
-            Agent { goal, after_bridge: None, to_frontier: false, steps: 0, held: None }
+            // Without a policy there is no telling how long the way is: the first step chooses another goal.
+            Agent { goal, after_bridge: None, steps: 0, held: None, give_up_at: 0 }
         });
         let agents: Vec<_> = agents.collect();
         Self {
+            excursions: Excursions::new(env.spec(), agents.len()),
             plans: agents.iter().map(|_| None).collect(),
             env,
             agents,
@@ -150,11 +159,14 @@ impl Rollout {
         }
     }
 
-    /// Returns the frontier candidate that agent `i` pursues as its first goal, if it does.
-    pub fn frontier_goal(&self, i: usize) -> Option<&[f32]> {
-        let agent = &self.agents[i];
-        let first = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
-        (agent.to_frontier && agent.after_bridge.is_some()).then_some(first)
+    /// Returns the excursions beyond the frontier.
+    pub fn excursions(&self) -> &Excursions {
+        &self.excursions
+    }
+
+    /// Returns the excursions mutably, to restore them.
+    pub(super) fn excursions_mut(&mut self) -> &mut Excursions {
+        &mut self.excursions
     }
 
     /// Returns the latest bridge search.
@@ -167,6 +179,7 @@ impl Rollout {
     pub fn step(&mut self, context: &mut StepContext) -> Option<RoundResult> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
         self.follow_plans(context);
+        self.follow_excursions(context);
         self.choose_actions(context);
         if !self.actions.iter().all(|a| a.is_finite()) {
             return None;
@@ -180,30 +193,34 @@ impl Rollout {
         let mut round = RoundResult::default();
         for i in 0..self.agents.len() {
             let state = &self.env.states()[i * s..(i + 1) * s];
-            let agent = &mut self.agents[i];
-            agent.steps += 1;
-            let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
-            if agent.steps >= context.episode_steps {
+            self.agents[i].steps += 1;
+            if self.agents[i].steps >= context.episode_steps {
                 context.replay.end_episode(i, state);
                 context.candidates.visit(i, state);
                 context.candidates.end_episode(i);
                 round.episodes += 1;
                 self.start_episode(i, context);
-            } else if self.env.spec().reached(state, pursued) {
-                if let Some(goal) = agent.after_bridge.take() {
-                    agent.goal = goal;
-                    agent.to_frontier = false;
-                    self.plans[i] = None;
-                } else if context.settings.train.new_goal_when_reached {
-                    round.reached += 1;
-                    self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
-                    if self.plans[i].take().is_some() {
-                        self.plan(i, context);
-                    }
-                }
+            } else if !self.excursions.is_on(i) {
+                self.end_pursuit(i, context, &mut round);
             }
         }
         Some(round)
+    }
+
+    /// Gives agent `i` its next goal if it has reached its own or gives up on it.
+    fn end_pursuit(&mut self, i: usize, context: &StepContext, round: &mut RoundResult) {
+        let s = self.env.spec().state_dim();
+        let agent = &mut self.agents[i];
+        let pursued = self.plans[i].as_ref().map_or(&agent.goal, |plan| &plan.goal);
+        let reached = self.env.spec().reached(&self.env.states()[i * s..(i + 1) * s], pursued);
+        if reached && let Some(goal) = agent.after_bridge.take() {
+            agent.goal = goal;
+            self.plans[i] = None;
+            self.set_deadline(i, context);
+        } else if context.settings.train.new_goal_when_reached && (reached || agent.steps >= agent.give_up_at) {
+            round.reached += u64::from(reached);
+            self.choose_goal(i, context);
+        }
     }
 
     /// Drops all plans; their agents pursue the plans' goals directly.
@@ -215,8 +232,8 @@ impl Rollout {
         }
     }
 
-    /// Starts an episode with a new start and goal. With given probabilities, a frontier candidate or a bridge point
-    /// (Algorithm 1's epsilon) is the first goal, and the agent follows a plan through the bridge graph.
+    /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge point is the first goal
+    /// (Algorithm 1).
     fn start_episode(&mut self, i: usize, context: &StepContext) {
         let stays = match context.settings.train.restart {
             Restart::Never => true,
@@ -226,28 +243,52 @@ impl Rollout {
         if !stays {
             self.env.restart(i, &mut self.rng);
         }
-        self.restart_episode(i);
-        if !context.bridges {
-            return;
-        }
-        let bridge = &context.settings.bridge;
-        let mut chance = |probability: f32| probability > 0.0 && self.rng.random::<f32>() < probability;
-        let (frontier, search, planned) =
-            (chance(context.frontier_share), chance(bridge.bridge_epsilon), chance(bridge.planned_episodes));
-        let first = match context.graph {
-            Some(graph) if frontier => graph.frontier(&mut self.rng).map(|c| graph.point(c).to_vec()),
-            _ if search => self.search_bridge(i, context),
-            _ => None,
-        };
-        let to_frontier = first.is_some() && frontier;
-        if let Some(point) = first {
+        self.begin_episode(i);
+        self.choose_goal(i, context);
+        if context.bridges
+            && self.chance(context.settings.bridge.bridge_epsilon)
+            && !self.excursions.is_on(i)
+            && let Some(point) = self.search_bridge(i, context)
+        {
             let agent = &mut self.agents[i];
             agent.after_bridge = Some(std::mem::replace(&mut agent.goal, point));
-            agent.to_frontier = to_frontier;
+            if self.plans[i].is_some() {
+                self.plan(i, context);
+            }
+            self.set_deadline(i, context);
         }
-        if planned || to_frontier {
-            self.plan(i, context);
+    }
+
+    /// Gives agent `i` a random goal. With given probabilities, it first goes on an excursion beyond the frontier, or
+    /// follows a plan through the bridge graph.
+    fn choose_goal(&mut self, i: usize, context: &StepContext) {
+        let agent = &mut self.agents[i];
+        agent.after_bridge = None;
+        self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
+        self.plans[i] = None;
+        if context.bridges {
+            let BridgeSettings { planned_episodes, .. } = context.settings.bridge;
+            if self.chance(context.settings.bridge.frontier_share(self.excursions.has_frontier())) {
+                self.excursions.begin(i);
+            } else if self.chance(planned_episodes) {
+                self.plan(i, context);
+            }
         }
+        self.set_deadline(i, context);
+    }
+
+    fn chance(&mut self, probability: f32) -> bool {
+        probability > 0.0 && self.rng.random::<f32>() < probability
+    }
+
+    /// Sets the step at which agent `i` gives up on its goal: most goals in unexplored parts cannot be reached yet.
+    fn set_deadline(&mut self, i: usize, context: &StepContext) {
+        let s = self.env.spec().state_dim();
+        let agent = &mut self.agents[i];
+        let state = &self.env.states()[i * s..(i + 1) * s];
+        let distance = context.policy.distance(state, &agent.goal, &mut self.scratch);
+        let steps = GIVE_UP_FACTOR * distance + GIVE_UP_SLACK_STEPS;
+        agent.give_up_at = agent.steps.saturating_add(steps as u32);
     }
 
     /// Runs the published search for a bridge point between agent `i` and its goal.
@@ -282,8 +323,9 @@ impl Rollout {
         let before = std::mem::replace(&mut self.env, env);
         for i in 0..self.agents.len() {
             self.env.set_full_state(i, &before.full_state(i));
-            self.restart_episode(i);
+            self.begin_episode(i);
         }
+        self.excursions.forget_outcomes();
     }
 
     /// Ends the episodes under way in the replay buffer, for agents that do not continue them.
@@ -297,10 +339,11 @@ impl Rollout {
     }
 
     /// Starts an episode from agent `i`'s current state to a random goal.
-    fn restart_episode(&mut self, i: usize) {
+    fn begin_episode(&mut self, i: usize) {
         let agent = &mut self.agents[i];
-        (agent.steps, agent.held, agent.after_bridge, agent.to_frontier) = (0, None, None, false);
+        (agent.steps, agent.held, agent.after_bridge, agent.give_up_at) = (0, None, None, 0);
         self.plans[i] = None;
+        self.excursions.end(i);
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
     }
 
@@ -336,6 +379,21 @@ impl Rollout {
         }
     }
 
+    /// Tells agents on an excursion where they are; those whose excursion ends get a goal.
+    fn follow_excursions(&mut self, context: &StepContext) {
+        if !context.bridges {
+            return;
+        }
+        let s = self.env.spec().state_dim();
+        for i in 0..self.agents.len() {
+            let was_on = self.excursions.is_on(i);
+            self.excursions.arrive(i, &self.env.states()[i * s..(i + 1) * s]);
+            if was_on && !self.excursions.is_on(i) {
+                self.choose_goal(i, context);
+            }
+        }
+    }
+
     /// Chooses actions: the actor's with noise, or a random direction held for several steps.
     fn choose_actions(&mut self, context: &StepContext) {
         let StepContext { acting, settings, policy, graph, .. } = *context;
@@ -362,7 +420,11 @@ impl Rollout {
         };
         let begin = if share > 0.0 { share / (share + (1.0 - share) * hold) } else { 0.0 };
         let rng = &mut self.rng;
-        for (agent, action) in self.agents.iter_mut().zip(self.actions.chunks_exact_mut(a)) {
+        for (i, (agent, action)) in self.agents.iter_mut().zip(self.actions.chunks_exact_mut(a)).enumerate() {
+            if self.excursions.act(i, action, rng) {
+                agent.held = None;
+                continue;
+            }
             if agent.held.is_none() && rng.random::<f32>() < begin {
                 let direction = (0..a).map(|_| rng.random_range(-1.0..=1.0)).collect();
                 let steps = (1.0 - hold * (1.0 - rng.random::<f32>()).ln()).min(1e6) as u32;

@@ -23,7 +23,7 @@ use super::settings::{Settings, UpdateWhen};
 use crate::bridge::{Candidates, CandidatesState, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
-    Acting, Auto, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Relearning, Replay, ReplayState, Stage,
+    Acting, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Relearning, Replay, ReplayState, Stage,
     TrainingData,
 };
 use crate::store::{Store, StoreError};
@@ -273,15 +273,12 @@ impl Trainer {
         let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
         let graph = graphs.current().map(|built| &*built.graph);
         let (acting, settings) = (learner.acting(), &run.settings);
-        let new = graph.map_or(0, |graph| candidates.new_since(graph.candidates()));
-        let frontier_share = run.bridge().frontier_share(new, candidates.len());
         let (mut act, mut done) = (Some(act), None);
         learner.with_policy(false, &mut |policy| {
             let mut context = StepContext {
                 bridges: run.method.bridges(),
                 acting,
                 episode_steps,
-                frontier_share,
                 settings,
                 policy,
                 graph,
@@ -334,8 +331,7 @@ impl Trainer {
     /// Whether training uses bridge graphs.
     fn needs_graph(&self) -> bool {
         let Settings { learn, bridge, .. } = &self.run.settings;
-        let wanted =
-            learn.distillation > 0.0 || bridge.planned_episodes > 0.0 || bridge.frontier_epsilon != Auto::Given(0.0);
+        let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0;
         wanted && self.run.method.bridges()
     }
 
@@ -449,6 +445,7 @@ impl Trainer {
         }
         self.replay.snapshot().write(&mut store);
         self.candidates.state().write(&mut store, CANDIDATES);
+        self.rollout.excursions().write(&mut store)?;
         for (name, graph) in GRAPHS.iter().zip(self.graphs.state()) {
             if let Some(graph) = graph {
                 graph.write(&mut store, name);
@@ -483,6 +480,7 @@ impl Trainer {
         trainer.replay.restore(&ReplayState::read(store)?)?;
         trainer.candidates.restore(&CandidatesState::read(store, CANDIDATES)?)?;
         trainer.rollout.env_mut().restore_statistics(store)?;
+        trainer.rollout.excursions_mut().restore(world.spec(), store)?;
         let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
         let graphs = [current?, next?];
         // Format 1 has no history.

@@ -77,7 +77,7 @@ pub struct Snapshot {
     pub agents: Arc<Vec<f32>>,
     /// The latest states of each agent's episode, oldest first, `(states, state_dim)`.
     pub trails: Arc<Vec<Vec<f32>>>,
-    /// Goals at the frontier that agents pursue, `(goals, goal_dim)`.
+    /// Places at the frontier that agents are heading for, `(goals, goal_dim)`.
     pub frontier_goals: Arc<Vec<f32>>,
     /// State of the followed agent.
     pub followed: Option<Arc<FollowedAgent>>,
@@ -137,9 +137,10 @@ pub struct FollowedAgent {
     pub planned: bool,
 }
 
-/// Returns the goals at the frontier that agents pursue, concatenated.
+/// Returns the places at the frontier that agents are heading for, concatenated.
 pub(super) fn frontier_goals(rollout: &Rollout) -> Arc<Vec<f32>> {
-    Arc::new((0..rollout.agents().len()).filter_map(|i| rollout.frontier_goal(i)).flatten().copied().collect())
+    let excursions = rollout.excursions();
+    Arc::new((0..rollout.agents().len()).filter_map(|i| excursions.destination(i)).flatten().collect())
 }
 
 impl Snapshot {

@@ -161,12 +161,6 @@ fn edges_and_plans() -> Vec<Constant> {
             "cost multiplier of an edge on which two walks in a row failed",
         ),
         constant(
-            "FRONTIER_SAMPLES",
-            bridge::FRONTIER_SAMPLES as f64,
-            "candidates",
-            "random candidates of which the one with the fewest edges is the frontier",
-        ),
-        constant(
             "MIN_GAIN_STEPS",
             learn::MIN_GAIN_STEPS,
             "steps",
@@ -202,13 +196,46 @@ fn edges_and_plans() -> Vec<Constant> {
 fn exploration() -> Vec<Constant> {
     vec![
         constant(
-            "FRONTIER_GAIN",
-            bridge::FRONTIER_GAIN,
+            "FRONTIER_SHARE",
+            bridge::FRONTIER_SHARE,
             "",
-            "automatic frontier_epsilon as a multiple of the fraction of candidates that are new ...",
+            "automatic frontier_epsilon while there is anything left to try ...",
         ),
-        constant("MIN_FRONTIER_SHARE", bridge::MIN_FRONTIER_SHARE, "", "... at least"),
-        constant("MAX_FRONTIER_SHARE", bridge::MAX_FRONTIER_SHARE, "", "... and at most"),
+        constant("EXPLORED_SHARE", bridge::EXPLORED_SHARE, "", "... and afterwards"),
+        constant(
+            "EXCURSION_STEPS",
+            bridge::EXCURSION_STEPS,
+            "steps",
+            "an excursion ends this long after it last found something new",
+        ),
+        constant("RANDOM_SHARE", bridge::RANDOM_SHARE, "", "fraction of random actions on an excursion"),
+        constant("HELD_STEPS", bridge::HELD_STEPS, "steps", "steps for which an excursion attempts an action at most"),
+        constant(
+            "MIN_STRIDE",
+            bridge::MIN_STRIDE,
+            "",
+            "least length of an excursion's step, as a fraction of a full one",
+        ),
+        constant(
+            "MIN_ATTEMPTS",
+            f64::from(bridge::MIN_ATTEMPTS),
+            "",
+            "failed attempts in a row after which an action leads nowhere ...",
+        ),
+        constant("MAX_ATTEMPTS", f64::from(bridge::MAX_ATTEMPTS), "", "... and as long as nothing else is left to try"),
+        constant("MAX_PLACES", bridge::MAX_PLACES as f64, "", "maximum number of places that excursions tell apart"),
+        constant(
+            "GIVE_UP_FACTOR",
+            crate::train::rollout::GIVE_UP_FACTOR,
+            "",
+            "an agent gives up on a goal after this multiple of D ...",
+        ),
+        constant(
+            "GIVE_UP_SLACK_STEPS",
+            crate::train::rollout::GIVE_UP_SLACK_STEPS,
+            "steps",
+            "... plus this many steps",
+        ),
         constant(
             "EPISODE_FACTOR",
             super::EPISODE_FACTOR,

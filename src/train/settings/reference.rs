@@ -335,14 +335,14 @@ pub const SETTINGS: [Setting; 55] = [
         "planned_episodes",
         "",
         PROBABILITY_RANGE,
-        "probability that an episode follows a plan through the bridge graph",
+        "probability that an agent walks to a new goal through the bridge graph",
     ),
     Setting::new(
         Exploration,
         "frontier_epsilon",
         "",
         "auto, or a probability from 0 to 1",
-        "probability that an episode's first goal is at the frontier: a candidate with few outgoing edges; auto: ten times the fraction of candidates that are new, 0.05 to 0.5",
+        "probability that an agent explores beyond the frontier before it pursues a new goal; auto: 0.5 while there is anything left to try, 0.05 afterwards",
     ),
     Setting::new(
         Bridges,

@@ -1,0 +1,416 @@
+//! Places that agents have been at, and where actions lead from them: a table, not a network.
+
+use std::collections::{HashMap, VecDeque};
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+
+use crate::env::Spec;
+use crate::store::{Store, StoreError};
+
+/// An action has been tried once this many attempts in a row have left the agent where it was ...
+pub(crate) const MIN_ATTEMPTS: u16 = 2;
+
+/// ... and, as nothing else is left to try, up to this many.
+pub(crate) const MAX_ATTEMPTS: u16 = 8;
+
+/// Distances to the frontier are computed after this many arrivals, or as many as there are places.
+const MEASURE_EVERY: usize = 512;
+
+/// Maximum number of places.
+pub(crate) const MAX_PLACES: usize = 200_000;
+
+/// Distance to the frontier where no known action leads there.
+pub const NO_FRONTIER: u32 = u32::MAX;
+
+/// An action that has led to no other place yet.
+const NOWHERE: u32 = u32::MAX;
+
+/// Names in the store.
+const NAMES: [&str; 6] = ["keys", "to", "attempts", "ahead", "moved", "counters"];
+
+/// A grid over the achieved goals, one goal radius wide: the cells that agents have visited, and what each of a fixed
+/// set of actions has led to there.
+///
+/// An action that has not been tried at a place is expected to lead to the neighbour in the direction in which it has
+/// led elsewhere. If nobody has visited that neighbour, the place is at the frontier.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Places {
+    spec: Spec,
+    /// `(actions, action_dim)`: a full step forwards and backwards along each axis, in turns.
+    actions: Vec<f32>,
+    index: HashMap<Box<[i32]>, u32>,
+    /// Coordinates of each place in the grid, `(places, goal_dim)`.
+    keys: Vec<i32>,
+    /// Place that each action led to last, or [`NOWHERE`], `(places, actions)`.
+    to: Vec<u32>,
+    /// Attempts since then that left the agent where it was, `(places, actions)`.
+    attempts: Vec<u16>,
+    /// Actions from each place to the frontier, as of the latest computation, `(places)`.
+    ahead: Vec<u32>,
+    /// Sum of the changes of coordinates that each action has brought, `(actions, goal_dim)`.
+    moved: Vec<i64>,
+    /// Failed attempts after which an action counts as tried.
+    enough_attempts: u16,
+    /// Arrivals until the distances to the frontier are computed again.
+    measure_in: usize,
+}
+
+/// Where an action leads, as far as known or expected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    Unvisited,
+    Place(usize),
+    Blocked,
+}
+
+impl Places {
+    /// Returns no places in a world with `spec`.
+    pub fn new(spec: &Spec) -> Self {
+        let along = |axis: usize, sign: f32| (0..spec.action_dim).map(move |i| if i == axis { sign } else { 0.0 });
+        let actions = (0..spec.action_dim).flat_map(|axis| along(axis, 1.0).chain(along(axis, -1.0)));
+        Self {
+            actions: actions.collect(),
+            index: HashMap::new(),
+            keys: Vec::new(),
+            to: Vec::new(),
+            attempts: Vec::new(),
+            ahead: Vec::new(),
+            moved: vec![0; 2 * spec.action_dim * spec.goal_dim()],
+            enough_attempts: MIN_ATTEMPTS,
+            measure_in: 0,
+            spec: spec.clone(),
+        }
+    }
+
+    /// Returns the number of places.
+    pub fn len(&self) -> usize {
+        self.ahead.len()
+    }
+
+    /// Returns action `i`, `(action_dim)`.
+    pub fn action(&self, i: usize) -> &[f32] {
+        &self.actions[i * self.spec.action_dim..(i + 1) * self.spec.action_dim]
+    }
+
+    fn action_count(&self) -> usize {
+        2 * self.spec.action_dim
+    }
+
+    fn key(&self, place: usize) -> &[i32] {
+        let g = self.spec.goal_dim();
+        &self.keys[place * g..(place + 1) * g]
+    }
+
+    /// Returns the centre of `place` as a goal, `(goal_dim)`.
+    pub fn centre(&self, place: usize) -> Vec<f32> {
+        self.key(place).iter().map(|k| (*k as f32 + 0.5) * self.spec.goal_radius).collect()
+    }
+
+    /// Returns the place of `state` and whether it is new; `None` if it is new and there is no room.
+    pub fn visit(&mut self, state: &[f32]) -> Option<(usize, bool)> {
+        if self.measure_in == 0 {
+            self.measure();
+            self.measure_in = MEASURE_EVERY.max(self.len());
+        }
+        self.measure_in -= 1;
+        let key: Box<[i32]> = self.spec.achieved(state).map(|v| (v / self.spec.goal_radius).floor() as i32).collect();
+        if let Some(place) = self.index.get(&key) {
+            return Some((*place as usize, false));
+        }
+        let place = self.len();
+        if place >= MAX_PLACES {
+            return None;
+        }
+        self.keys.extend(&key);
+        self.index.insert(key, place as u32);
+        self.to.resize(self.to.len() + self.action_count(), NOWHERE);
+        self.attempts.resize(self.to.len(), 0);
+        self.ahead.push(0);
+        Some((place, true))
+    }
+
+    /// Records that `action` led from place `from` to place `to`, which are the same if it left the agent there.
+    pub fn record(&mut self, from: usize, action: usize, to: usize) {
+        let (count, g) = (self.action_count(), self.spec.goal_dim());
+        let at = from * count + action;
+        if from == to {
+            self.attempts[at] = self.attempts[at].saturating_add(1);
+        } else {
+            (self.to[at], self.attempts[at]) = (to as u32, 0);
+            for i in 0..g {
+                self.moved[action * g + i] += i64::from(self.keys[to * g + i]) - i64::from(self.keys[from * g + i]);
+            }
+            // The way back is usually possible; if not, attempts will show it.
+            let back = to * count + (action ^ 1);
+            if self.to[back] == NOWHERE && self.attempts[back] == 0 {
+                self.to[back] = from as u32;
+            }
+            self.ahead[to] = self.least_ahead(to);
+        }
+        self.ahead[from] = self.least_ahead(from);
+    }
+
+    /// Whether some action that may lead to a new place has not been tried.
+    pub fn has_frontier(&self) -> bool {
+        self.enough_attempts == MIN_ATTEMPTS
+    }
+
+    fn outcome(&self, place: usize, action: usize) -> Outcome {
+        let at = place * self.action_count() + action;
+        let (to, attempts) = (self.to[at], self.attempts[at]);
+        if to != NOWHERE {
+            return if attempts < 2 * MIN_ATTEMPTS { Outcome::Place(to as usize) } else { Outcome::Blocked };
+        }
+        if attempts >= self.enough_attempts {
+            return Outcome::Blocked;
+        }
+        let g = self.spec.goal_dim();
+        let moved = &self.moved[action * g..(action + 1) * g];
+        let longest = moved.iter().map(|sum| sum.abs()).max().unwrap_or(0);
+        if longest == 0 {
+            return Outcome::Unvisited;
+        }
+        let direction = moved.iter().map(|sum| (*sum as f64 / longest as f64).round() as i32);
+        let expected: Box<[i32]> =
+            self.key(place).iter().zip(direction).map(|(k, step)| k.saturating_add(step)).collect();
+        self.index.get(&expected).map_or(Outcome::Unvisited, |to| Outcome::Place(*to as usize))
+    }
+
+    /// Returns the number of actions from `place` to the frontier that begin with `action`, or [`NO_FRONTIER`].
+    fn ahead_after(&self, place: usize, action: usize) -> u32 {
+        match self.outcome(place, action) {
+            Outcome::Unvisited => 0,
+            Outcome::Place(to) => self.ahead[to].saturating_add(1),
+            Outcome::Blocked => NO_FRONTIER,
+        }
+    }
+
+    fn least_ahead(&self, place: usize) -> u32 {
+        (0..self.action_count()).map(|action| self.ahead_after(place, action)).min().unwrap_or(NO_FRONTIER)
+    }
+
+    /// Returns the number of actions from `place` to the frontier, or [`NO_FRONTIER`].
+    pub fn ahead(&self, place: usize) -> u32 {
+        self.ahead[place]
+    }
+
+    /// Computes the distances to the frontier by breadth-first search, backwards from it.
+    fn measure(&mut self) {
+        let mut into: Vec<Vec<u32>> = vec![Vec::new(); self.len()];
+        let mut queue = VecDeque::new();
+        let mut ahead = vec![NO_FRONTIER; self.len()];
+        for (place, ahead) in ahead.iter_mut().enumerate() {
+            for action in 0..self.action_count() {
+                match self.outcome(place, action) {
+                    Outcome::Unvisited => *ahead = 0,
+                    Outcome::Place(to) => into[to].push(place as u32),
+                    Outcome::Blocked => {}
+                }
+            }
+            if *ahead == 0 {
+                queue.push_back(place);
+            }
+        }
+        if queue.is_empty() && self.len() > 0 && self.enough_attempts < MAX_ATTEMPTS {
+            self.enough_attempts += 1;
+        }
+        while let Some(place) = queue.pop_front() {
+            for from in &into[place] {
+                let from = *from as usize;
+                if ahead[from] == NO_FRONTIER {
+                    ahead[from] = ahead[place] + 1;
+                    queue.push_back(from);
+                }
+            }
+        }
+        self.ahead = ahead;
+    }
+
+    /// Returns an action at `place` that leads towards the frontier, the one with the fewest attempts.
+    pub fn action_ahead(&self, place: usize, rng: &mut ChaCha8Rng) -> usize {
+        let count = self.action_count();
+        let keys: Vec<(u32, u16)> =
+            (0..count).map(|action| (self.ahead_after(place, action), self.attempts[place * count + action])).collect();
+        let least = keys.iter().min();
+        let best: Vec<usize> = (0..count).filter(|action| Some(&keys[*action]) == least).collect();
+        best[rng.random_range(0..best.len())]
+    }
+
+    /// Returns a random action.
+    pub fn random_action(&self, rng: &mut ChaCha8Rng) -> usize {
+        rng.random_range(0..self.action_count())
+    }
+
+    /// Returns the place at the frontier that the known actions lead to from `place`, if any.
+    pub fn frontier_from(&self, place: usize) -> Option<usize> {
+        let mut at = place;
+        // Distances to the frontier may be out of date, and the way to it a circle.
+        for _ in 0..=self.len() {
+            if self.ahead[at] == 0 {
+                return Some(at);
+            }
+            let next = (0..self.action_count()).filter_map(|action| match self.outcome(at, action) {
+                Outcome::Place(to) if self.ahead[to] < self.ahead[at] => Some(to),
+                _ => None,
+            });
+            at = next.min_by_key(|to| self.ahead[*to])?;
+        }
+        None
+    }
+
+    /// Forgets where actions lead, but neither the places nor the direction of each action.
+    pub fn forget_outcomes(&mut self) {
+        self.to.fill(NOWHERE);
+        self.attempts.fill(0);
+        (self.enough_attempts, self.measure_in) = (MIN_ATTEMPTS, 0);
+    }
+
+    /// Writes the state to `store` under names that start with `prefix`.
+    pub fn write(&self, store: &mut Store, prefix: &str) {
+        let name = |i: usize| format!("{prefix}.{}", NAMES[i]);
+        store.put(name(0), self.keys.iter().map(|k| k.cast_unsigned()).collect::<Vec<u32>>());
+        store.put(name(1), self.to.clone());
+        store.put(name(2), self.attempts.clone());
+        store.put(name(3), self.ahead.clone());
+        store.put(name(4), self.moved.iter().map(|sum| sum.cast_unsigned()).collect::<Vec<u64>>());
+        store.put(name(5), vec![u64::from(self.enough_attempts), self.measure_in as u64]);
+    }
+
+    /// Reads the state that [`Self::write`] wrote; no places if there is none, as in older checkpoints.
+    ///
+    /// # Errors
+    /// A part is missing, has the wrong type or length, or is out of range.
+    pub fn read(spec: &Spec, store: &Store, prefix: &str) -> Result<Self, StoreError> {
+        let name = |i: usize| format!("{prefix}.{}", NAMES[i]);
+        let mut places = Self::new(spec);
+        if !store.has(&name(0)) {
+            return Ok(places);
+        }
+        let inconsistent = || StoreError::inconsistent("the stored places do not fit this world");
+        let g = spec.goal_dim();
+        places.keys = store.u32(&name(0))?.iter().map(|k| k.cast_signed()).collect();
+        places.to = store.u32(&name(1))?.to_vec();
+        places.attempts = store.u16(&name(2))?.to_vec();
+        places.ahead = store.u32(&name(3))?.to_vec();
+        let moved: Vec<i64> = store.u64(&name(4))?.iter().map(|sum| sum.cast_signed()).collect();
+        let count = places.ahead.len();
+        let exits = count * places.action_count();
+        // Far from overflow, as one action changes a coordinate by few units.
+        let sound = moved.len() == places.moved.len() && moved.iter().all(|sum| sum.unsigned_abs() < 1 << 60);
+        if count > MAX_PLACES || places.keys.len() != count * g || !sound {
+            return Err(inconsistent());
+        }
+        if places.to.len() != exits
+            || places.attempts.len() != exits
+            || places.to.iter().any(|to| *to != NOWHERE && *to as usize >= count)
+        {
+            return Err(inconsistent());
+        }
+        let [enough_attempts, measure_in] = store.u64(&name(5))? else { return Err(inconsistent()) };
+        if !(u64::from(MIN_ATTEMPTS)..=u64::from(MAX_ATTEMPTS)).contains(enough_attempts)
+            || *measure_in > MEASURE_EVERY.max(count) as u64
+        {
+            return Err(inconsistent());
+        }
+        let keys = places.keys.chunks_exact(g).enumerate().map(|(i, key)| (Box::from(key), i as u32));
+        places.index = keys.collect();
+        if places.index.len() != count {
+            return Err(inconsistent());
+        }
+        Ok(Self { moved, enough_attempts: *enough_attempts as u16, measure_in: *measure_in as usize, ..places })
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+
+    /// Returns the spec of a plane in which an agent moves at most one goal radius per step.
+    pub fn plane() -> Spec {
+        Spec {
+            state_centre: vec![50.0; 2],
+            state_half_range: vec![50.0; 2],
+            change_scale: vec![1.0; 2],
+            achieved: vec![0, 1],
+            action_dim: 2,
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        }
+    }
+
+    /// Visits the middles of cells `x` of a row and returns their places.
+    fn row(places: &mut Places, x: std::ops::Range<i32>) -> Vec<usize> {
+        x.map(|x| places.visit(&[x as f32 + 0.5, 0.5]).expect("there is room").0).collect()
+    }
+
+    #[test]
+    fn the_frontier_is_where_an_untried_action_may_lead_to_an_unvisited_place() {
+        let mut places = Places::new(&plane());
+        let row = row(&mut places, 0..6);
+        let (right, left, up, down) = (0, 1, 2, 3);
+        for pair in row.windows(2) {
+            places.record(pair[0], right, pair[1]);
+        }
+        // Walls above and below everywhere, and at both ends but the right one.
+        let block = |places: &mut Places, at: usize, action: usize| {
+            (0..MIN_ATTEMPTS).for_each(|_| places.record(at, action, at));
+        };
+        for at in &row {
+            block(&mut places, *at, up);
+            block(&mut places, *at, down);
+        }
+        block(&mut places, row[0], left);
+        places.measure();
+        let ahead: Vec<u32> = row.iter().map(|place| places.ahead(*place)).collect();
+        assert_eq!(ahead, [5, 4, 3, 2, 1, 0]);
+        assert_eq!(places.frontier_from(row[0]), Some(row[5]));
+        assert_eq!(places.centre(row[5]), [5.5, 0.5]);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        assert!((0..20).all(|_| places.action_ahead(row[2], &mut rng) == right));
+        assert!(places.has_frontier());
+        block(&mut places, row[5], right);
+        places.measure();
+        assert!(!places.has_frontier());
+        assert!(row.iter().all(|place| places.frontier_from(*place).is_none()));
+        // Walls may have opened: all is tried again, more patiently first ...
+        places.measure();
+        assert_eq!(places.frontier_from(row[0]), Some(row[0]));
+        // ... and from the beginning after a change of the world.
+        places.forget_outcomes();
+        assert!(places.has_frontier());
+    }
+
+    #[test]
+    fn an_action_is_expected_to_lead_where_it_has_led_elsewhere() {
+        let mut places = Places::new(&plane());
+        let row = row(&mut places, 0..4);
+        let (right, left) = (0, 1);
+        places.record(row[0], right, row[1]);
+        places.record(row[1], left, row[0]);
+        let outcomes = |action| row.iter().map(|place| places.outcome(*place, action)).collect::<Vec<_>>();
+        let to = |i: usize| Outcome::Place(row[i]);
+        assert_eq!(outcomes(right), [to(1), to(2), to(3), Outcome::Unvisited]);
+        assert_eq!(outcomes(left), [Outcome::Unvisited, to(0), to(1), to(2)]);
+    }
+
+    #[test]
+    fn places_round_trip_through_a_store_and_invalid_ones_are_rejected() {
+        let mut places = Places::new(&plane());
+        let row = row(&mut places, -3..3);
+        places.record(row[0], 0, row[1]);
+        places.record(row[1], 2, row[1]);
+        let mut store = Store::default();
+        places.write(&mut store, "p");
+        assert_eq!(Places::read(&plane(), &store, "p").expect("its own state"), places);
+        assert_eq!(Places::read(&plane(), &Store::default(), "p").expect("an older checkpoint").len(), 0);
+        let wrong = [("to", vec![99u32; 24]), ("to", vec![0; 3]), ("keys", vec![0; 12]), ("ahead", vec![0; 7])];
+        for (name, numbers) in wrong {
+            let mut store = store.clone();
+            store.put(format!("p.{name}"), numbers);
+            assert!(Places::read(&plane(), &store, "p").is_err(), "{name}");
+        }
+    }
+}
