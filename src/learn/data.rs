@@ -1,4 +1,5 @@
-//! The replay buffer, and the batches sampled from it.
+//! The replay buffer, the batches sampled from it, and places among goals.
 
 pub mod batch;
+pub mod places;
 pub mod replay;
