@@ -24,6 +24,7 @@ pub use data::batch::{Batch, BatchSampler};
 pub(crate) use data::batch::{
     GRAPH_LOWER_FACTOR, GRAPH_LOWER_SLACK_STEPS, RELEARN_N_STEP, RELEARN_RECENT, STUCK_BOUND, STUCK_PROGRESS_STEPS,
 };
+pub use data::goal_index::GoalIndex;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub use gdg::{FullGradient, Gdg};
 pub use kernels::{kernel, product};

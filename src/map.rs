@@ -19,6 +19,7 @@ pub use ascii::print_ascii;
 pub use builtin::{BUILTIN, builtin};
 pub use distance::{Components, Diameter, StepSearch, UNREACHABLE};
 pub use error::{MapError, MapResult};
+pub(crate) use flood::Flood;
 pub use grid::{Cell, Grid, MAX_CELLS};
 pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes};
 pub use movingai::print_movingai;

@@ -298,6 +298,13 @@ proptest! {
         let diameter = search.diameter(&grid, usize::MAX);
         prop_assert!(diameter.exact);
         prop_assert_eq!(diameter.steps, farthest);
+        let (middle, radius) = diameter.middle.unwrap();
+        for cell in within {
+            let steps = search.steps_from(cell);
+            prop_assert!(steps[grid.index(middle)] <= radius);
+            let ways = steps.iter().filter(|s| **s != UNREACHABLE);
+            prop_assert!(ways.max().unwrap() <= &(steps[grid.index(middle)] + radius));
+        }
     }
 
     #[test]

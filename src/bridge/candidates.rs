@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use super::settings::BridgeSettings;
 use crate::env::Spec;
+use crate::learn::GoalIndex;
 pub use state::CandidatesState;
 
 /// Step count between two candidates that no trajectory connected within the time window.
@@ -52,8 +53,8 @@ pub struct Candidates {
     min_spacing: f32,
     /// `(candidates, state_dim)`.
     states: Vec<f32>,
-    /// `(candidates, goal_dim)`.
-    points: Vec<f32>,
+    /// The candidates as goals. Shared with frozen copies until the next change.
+    goal_index: Arc<GoalIndex>,
     /// The ids, in ascending order.
     ids: Vec<u32>,
     /// The next candidate's id.
@@ -107,7 +108,7 @@ impl Candidates {
             spacing: settings.candidate_spacing * spec.goal_radius,
             min_spacing: MIN_SPACING_RADII.min(settings.candidate_spacing) * spec.goal_radius,
             states: Vec::new(),
-            points: Vec::new(),
+            goal_index: Arc::new(GoalIndex::new(spec)),
             ids: Vec::new(),
             next_id: 0,
             paths: Vec::new(),
@@ -122,7 +123,7 @@ impl Candidates {
         Arc::new(Self {
             spec: self.spec.clone(),
             states: self.states.clone(),
-            points: self.points.clone(),
+            goal_index: self.goal_index.clone(),
             ids: self.ids.clone(),
             paths: self.paths.clone(),
             visits: Vec::new(),
@@ -154,7 +155,12 @@ impl Candidates {
 
     /// Returns the candidates as goals, `(candidates, goal_dim)`.
     pub fn points(&self) -> &[f32] {
-        &self.points
+        self.goal_index.goals()
+    }
+
+    /// Returns the candidates as goals, to search by position.
+    pub fn goal_index(&self) -> &GoalIndex {
+        &self.goal_index
     }
 
     /// Returns the fewest steps of any trajectory from near `from` to near `to`, or [`UNOBSERVED`] if there is none.
@@ -237,14 +243,12 @@ impl Candidates {
 
     /// Returns the candidate nearest to `state` and its distance, which is infinite without candidates.
     fn nearest(&self, state: &[f32]) -> (usize, f32) {
-        let mut best = (0, f32::INFINITY);
-        for (i, point) in self.points.chunks_exact(self.spec.goal_dim()).enumerate() {
-            let squared: f32 = self.spec.achieved(state).zip(point).map(|(a, p)| (a - p) * (a - p)).sum();
-            if squared < best.1 {
-                best = (i, squared);
-            }
-        }
-        (best.0, best.1.sqrt())
+        self.goal_index.nearest(&self.achieved(state)).unwrap_or((0, f32::INFINITY))
+    }
+
+    /// Returns the goal that `state` achieves.
+    fn achieved(&self, state: &[f32]) -> Vec<f32> {
+        self.spec.achieved(state).collect()
     }
 
     /// Whether trajectories show that `state` is far from all candidates within the spacing: `latest`, the candidate
@@ -254,12 +258,8 @@ impl Candidates {
         if self.paths[latest].observed.len() < WELL_KNOWN_PATHS {
             return false;
         }
-        let g = self.spec.goal_dim();
-        let mut within = (0..self.len()).filter_map(|i| {
-            let distance = self.spec.goal_distance(state, &self.points[i * g..(i + 1) * g]);
-            (distance <= self.spacing).then_some((i, distance))
-        });
-        !within.any(|(i, distance)| self.may_be_joined(latest, i, distance + steps as f32))
+        let joined = |i, distance| self.may_be_joined(latest, i, distance + steps as f32);
+        !self.goal_index.any_within(&self.achieved(state), self.spacing, joined)
     }
 
     /// Whether candidates `i` and `j` may be joined by a path that is not much longer than `distance`: such a path has
@@ -287,7 +287,8 @@ impl Candidates {
             }
         }
         self.states.extend(state);
-        self.points.extend(self.spec.achieved(state));
+        let place = self.achieved(state);
+        Arc::make_mut(&mut self.goal_index).push(&place);
         self.ids.push(self.next_id);
         self.paths.push(Arc::default());
         self.next_id += 1;
@@ -297,17 +298,15 @@ impl Candidates {
     /// Retires candidates closer than the spacing to an older one, unless trajectories show that a wall separates them
     /// and there is room.
     fn thin(&mut self) {
-        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let s = self.spec.state_dim();
         let full = self.len() >= self.max_count;
-        let mut kept: Vec<usize> = Vec::new();
+        let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
         for i in 0..self.len() {
-            let state = &self.states[i * s..(i + 1) * s];
-            let stays = |k: &usize| {
-                let distance = self.spec.goal_distance(state, &self.points[k * g..(k + 1) * g]);
-                distance > self.spacing || !(full || self.may_be_joined(i, *k, distance))
-            };
-            if kept.iter().all(stays) {
+            let place = self.goal_index.goal(i);
+            let too_close = |k: usize, distance| full || self.may_be_joined(i, kept[k], distance);
+            if !places.any_within(place, self.spacing, too_close) {
                 kept.push(i);
+                places.push(place);
             }
         }
         let mut new_index = vec![None; self.len()];
@@ -322,7 +321,7 @@ impl Candidates {
         });
         self.paths = paths.collect();
         self.states = kept.iter().flat_map(|i| self.states[i * s..(i + 1) * s].to_vec()).collect();
-        self.points = kept.iter().flat_map(|i| self.points[i * g..(i + 1) * g].to_vec()).collect();
+        self.goal_index = Arc::new(places);
         self.ids = ids;
         for visits in &mut self.visits {
             let moved = visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));

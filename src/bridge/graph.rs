@@ -111,21 +111,21 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Self {
         let mut edges = Vec::new();
-        let (s, g) = (spec.state_dim(), spec.goal_dim());
+        let s = spec.state_dim();
         let (mut states, mut goals, mut distances) = (Vec::new(), Vec::new(), Vec::new());
         for from in 0..candidates.len() {
             let state = &candidates.states()[from * s..(from + 1) * s];
             let to: Vec<usize> = if settings.verify_edges {
                 candidates.observed_from(from).collect()
             } else {
-                let near = nearest(spec, candidates, state, LINK_CANDIDATES);
+                let near = candidates.goal_index().nearest_few(candidates.goal_index().goal(from), LINK_CANDIDATES);
                 near.into_iter().filter(|to| *to != from).collect()
             };
             states.clear();
             goals.clear();
             for to in &to {
                 states.extend(state);
-                goals.extend(&candidates.points()[to * g..(to + 1) * g]);
+                goals.extend(candidates.goal_index().goal(*to));
             }
             distances.resize(to.len(), 0.0);
             policy.distances(&states, &goals, &mut distances, scratch);
@@ -196,8 +196,7 @@ impl BridgeGraph {
 
     /// Returns candidate `i` as a goal, `(goal_dim)`.
     pub fn point(&self, i: usize) -> &[f32] {
-        let g = self.spec.goal_dim();
-        &self.candidates.points()[i * g..(i + 1) * g]
+        self.candidates.goal_index().goal(i)
     }
 
     /// Returns candidate `i` as a state, `(state_dim)`.
@@ -220,18 +219,6 @@ impl BridgeGraph {
         let (Some(from), Some(to)) = (from, to) else { return None };
         link_cost(&self.settings, distance, self.candidates.observed(from, to))
     }
-}
-
-/// Returns the `count` candidates nearest to `state` by straight-line distance, nearest first.
-fn nearest(spec: &Spec, candidates: &Candidates, state: &[f32], count: usize) -> Vec<usize> {
-    let points = candidates.points().chunks_exact(spec.goal_dim());
-    let mut all: Vec<(usize, f32)> = points.enumerate().map(|(i, p)| (i, spec.goal_distance(state, p))).collect();
-    if all.len() > count {
-        all.select_nth_unstable_by(count, |a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-        all.truncate(count);
-    }
-    all.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
-    all.into_iter().map(|(i, _)| i).collect()
 }
 
 /// Slack on observed steps: trajectories start and end up to a goal radius off, and exploration wanders.

@@ -322,7 +322,7 @@ impl Environment for PointMaze {
     /// random tasks at six distances, the farthest at 0.9 of the map's diameter.
     fn tasks(&self, per_group: usize, rng: &mut ChaCha8Rng) -> TaskSet {
         if self.scenario.is_empty() {
-            tasks::at_distances(&self.map, self.diameter().steps, per_group, rng)
+            tasks::at_distances(&self.map, &self.components[self.largest as usize], self.diameter(), per_group, rng)
         } else {
             tasks::from_scenario(&self.map, &self.scenario, per_group)
         }

@@ -1,4 +1,5 @@
-//! The replay buffer, and the batches sampled from it.
+//! The replay buffer, the batches sampled from it, and an index of goals by position.
 
 pub mod batch;
+pub mod goal_index;
 pub mod replay;

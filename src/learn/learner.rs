@@ -6,6 +6,7 @@ use std::sync::Arc;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
+use crate::learn::data::goal_index::GoalIndex;
 use crate::learn::data::replay::Replay;
 use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
@@ -58,8 +59,8 @@ pub struct Relearning {
 pub struct KnownDistances<'a> {
     /// `(places, state_dim)`.
     pub states: &'a [f32],
-    /// The same places as goals, `(places, goal_dim)`.
-    pub goals: &'a [f32],
+    /// The same places as goals.
+    pub goals: &'a GoalIndex,
     /// Start, goal, and the steps between them.
     pub pairs: &'a [(u32, u32, f32)],
     /// Distances that have changed, while they are relearned.

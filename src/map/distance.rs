@@ -36,6 +36,8 @@ pub struct Diameter {
     pub steps: u32,
     /// Whether no pair can be farther apart; if not, `steps` is the largest distance found before the search gave up.
     pub exact: bool,
+    /// A central cell, and a distance from it that no cell connected to it exceeds; `None` on a map without free cells.
+    pub middle: Option<(Cell, u32)>,
 }
 
 /// Cell visits allowed for a diameter: enough to be exact on the built-in maps, and seconds on the largest ones.
@@ -61,15 +63,16 @@ impl Diameter {
     /// most 2 i apart.
     fn bounded(searches: usize, grid: &Grid, components: &Components) -> Self {
         let Some(first) = components.largest_cells(grid).next() else {
-            return Self { steps: 0, exact: true };
+            return Self { steps: 0, exact: true, middle: None };
         };
         let mut flood = Flood::new(grid);
         let (a, _) = flood.farthest(first);
         let (b, across) = flood.farthest(a);
         // Of all cells halfway between a and b, the most central one makes the best middle; trying a few is cheaper
         // than searching from more rings.
-        let mut halfway = flood.ring(a, across / 2);
-        let to_b = flood.ring(b, across - across / 2);
+        let mut ring =
+            |from, steps| flood.rings(from, steps..=steps).into_iter().map(|(cell, _)| cell).collect::<Vec<_>>();
+        let (mut halfway, to_b) = (ring(a, across / 2), ring(b, across - across / 2));
         halfway.retain(|cell| to_b.binary_search_by_key(&(cell.y, cell.x), |c| (c.y, c.x)).is_ok());
         let middles = (searches / SEARCHES_PER_MIDDLE).clamp(1, MAX_MIDDLES);
         let tried: Vec<Cell> = halfway.iter().step_by(halfway.len().div_ceil(middles).max(1)).copied().collect();
@@ -77,17 +80,20 @@ impl Diameter {
             [only] => only,
             _ => tried.into_iter().min_by_key(|cell| flood.farthest(*cell).1).unwrap_or(first),
         };
-        let mut steps = across;
-        for (count, (ring, cell)) in flood.outermost(middle, across / 2, searches).into_iter().enumerate() {
+        let outermost = flood.outermost(middle, across / 2, searches);
+        let radius = outermost.first().map_or(across / 2, |(ring, _)| *ring);
+        let (mut steps, mut exact) = (across, true);
+        for (count, (ring, cell)) in outermost.into_iter().enumerate() {
             if steps >= 2 * ring {
                 break;
             }
             if count >= searches {
-                return Self { steps, exact: false };
+                exact = false;
+                break;
             }
             steps = steps.max(flood.farthest(cell).1);
         }
-        Self { steps, exact: true }
+        Self { steps, exact, middle: Some((middle, radius)) }
     }
 }
 

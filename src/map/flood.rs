@@ -1,8 +1,11 @@
-//! Finds the cells farthest from a given cell, 64 cells at a time.
+//! Finds the cells at given distances, or the distances of given cells, 64 cells at a time.
 //!
-//! On large maps a search that stores the distance to every cell is memory-bound. When only the last cells reached
-//! matter, one bit per cell is enough, and neighbours in a row are reached together.
+//! On large maps a search that stores the distance to every cell is memory-bound. When only some rings or some cells
+//! matter, one bit per cell is enough, neighbours in a row are reached together, and the search can end early.
 
+use std::ops::{ControlFlow, RangeInclusive};
+
+use super::distance::UNREACHABLE;
 use super::grid::{Cell, Grid};
 
 /// Cells per word.
@@ -10,10 +13,9 @@ const BITS: usize = u64::BITS as usize;
 
 /// Flood fills over one map; reuses its buffers.
 pub struct Flood {
-    /// Bits from a cell to the one below it: one row plus a wall bit that separates it from the next row.
-    stride: usize,
-    /// Wall words before the first row; at least as many follow the last one.
-    before: usize,
+    /// Words per row. The last one has at least one wall bit, which separates the row from the next.
+    row: usize,
+    /// Row by row, with a row of walls and one more word of walls before and after the map.
     cells: Vec<Word>,
     /// Words that contain cells of the next ring.
     next: Vec<usize>,
@@ -31,65 +33,72 @@ struct Word {
     next_ring: u64,
 }
 
-/// Distance to another cell's bit: whole words plus bits.
-#[derive(Clone, Copy)]
-struct Offset {
-    words: isize,
-    bits: u32,
-}
-
-impl Offset {
-    fn new(bits: isize) -> Self {
-        Self { words: bits.div_euclid(BITS as isize), bits: bits.rem_euclid(BITS as isize) as u32 }
-    }
-
-    /// Returns the `free` bits at this distance from the bits of `word`.
-    fn free(self, cells: &[Word], word: usize) -> u64 {
-        let at = word.wrapping_add_signed(self.words);
-        // Shifted in two steps because a single shift by 64 bits would overflow.
-        cells[at].free >> self.bits | cells[at + 1].free << 1 << (BITS as u32 - 1 - self.bits)
-    }
-}
-
 impl Flood {
     /// Prepares flood fills over `grid`.
     pub fn new(grid: &Grid) -> Self {
-        let stride = grid.width() + 1;
-        let before = (stride + 1) / BITS + 1;
-        let words = (grid.height() * stride).div_ceil(BITS) + 2 * before + 1;
-        let mut cells = vec![Word::default(); words];
-        for (y, row) in grid.free().chunks_exact(grid.width()).enumerate() {
-            for x in (0..row.len()).filter(|x| row[*x]) {
-                let bit = before * BITS + y * stride + x;
-                cells[bit / BITS].free |= 1 << (bit % BITS);
-            }
+        let row = grid.width() / BITS + 1;
+        let cells = vec![Word::default(); (grid.height() + 2) * row + 2];
+        let mut flood = Self { row, cells, next: Vec::new(), ring: Vec::new() };
+        for cell in grid.free_cells() {
+            let (word, bit) = flood.place(cell);
+            flood.cells[word].free |= bit;
         }
-        Self { stride, before, cells, next: Vec::new(), ring: Vec::new() }
+        flood
     }
 
     /// Returns the cell farthest from `cell` (on a tie, the first in row order) and its distance in steps.
     pub fn farthest(&mut self, cell: Cell) -> (Cell, u32) {
-        let steps = self.flood(cell, u32::MAX, |_, _| {});
+        let steps = self.flood(cell, |_, _, _| ControlFlow::Continue(()));
         let (word, bits) = *self.ring.iter().min().expect("a flood reaches at least its own start");
         (self.cell(word, bits), steps)
     }
 
-    /// Returns the cells exactly `steps` away from `cell`, in row order.
-    pub fn ring(&mut self, cell: Cell, steps: u32) -> Vec<Cell> {
-        let reached = self.flood(cell, steps, |_, _| {});
-        let mut ring = std::mem::take(&mut self.ring);
-        ring.sort_unstable();
-        if reached == steps { self.cells_of(&ring).collect() } else { Vec::new() }
+    /// Returns the cells at a distance of `steps` from `cell`, with their distances, in row order.
+    pub fn rings(&mut self, cell: Cell, steps: RangeInclusive<u32>) -> Vec<(Cell, u32)> {
+        let mut found = Vec::new();
+        self.flood(cell, |at, ring, _| {
+            if steps.contains(&at) {
+                found.extend(ring.iter().map(|(word, bits)| (*word, *bits, at)));
+            }
+            if at < *steps.end() { ControlFlow::Continue(()) } else { ControlFlow::Break(()) }
+        });
+        let cells =
+            found.into_iter().flat_map(|(word, bits, at)| self.cells_of(word, bits).map(move |cell| (cell, at)));
+        let mut cells: Vec<(Cell, u32)> = cells.collect();
+        cells.sort_unstable_by_key(|(cell, _)| (cell.y, cell.x));
+        cells
+    }
+
+    /// Returns the steps from `cell` to each of `targets`, [`UNREACHABLE`] where there is no path. Searches no farther
+    /// than the farthest of them.
+    pub fn steps_to(&mut self, cell: Cell, targets: &[Cell]) -> Vec<u32> {
+        let mut steps = vec![UNREACHABLE; targets.len()];
+        let places: Vec<(usize, u64)> = targets.iter().map(|target| self.place(*target)).collect();
+        let mut left: Vec<usize> =
+            (0..places.len()).filter(|i| self.cells[places[*i].0].free & places[*i].1 != 0).collect();
+        self.flood(cell, |at, _, cells| {
+            left.retain(|i| {
+                let (word, bit) = places[*i];
+                let reached = cells[word].unreached & bit == 0;
+                if reached {
+                    steps[*i] = at;
+                }
+                !reached
+            });
+            if left.is_empty() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+        });
+        steps
     }
 
     /// Returns the cells more than `near` steps away from `cell`, with their distances: ring by ring from the outside
     /// in, in row order within a ring. Stops after the whole ring that brings the count above `enough`.
     pub fn outermost(&mut self, cell: Cell, near: u32, enough: usize) -> Vec<(u32, Cell)> {
         let mut rings = Vec::new();
-        self.flood(cell, u32::MAX, |steps, ring| {
+        self.flood(cell, |steps, ring, _| {
             if steps > near {
                 rings.extend(ring.iter().map(|bits| (steps, *bits)));
             }
+            ControlFlow::Continue(())
         });
         let mut found = Vec::new();
         for ring in rings.chunk_by_mut(|a, b| a.0 == b.0).rev() {
@@ -97,57 +106,44 @@ impl Flood {
                 break;
             }
             ring.sort_unstable();
-            for (steps, bits) in ring {
-                found.extend(self.cells_of(&[*bits]).map(|cell| (*steps, cell)));
+            for &mut (steps, (word, bits)) in ring {
+                found.extend(self.cells_of(word, bits).map(|cell| (steps, cell)));
             }
         }
         found
     }
 
-    /// Returns the cells whose bits are set.
-    fn cells_of(&self, ring: &[(usize, u64)]) -> impl Iterator<Item = Cell> {
-        ring.iter().flat_map(move |(word, bits)| {
-            let rest = std::iter::successors(Some(*bits), |bits| Some(bits & (bits - 1)));
-            rest.take_while(|bits| *bits != 0).map(move |bits| self.cell(*word, bits))
-        })
+    /// Returns the cells whose bits are set in a word.
+    fn cells_of(&self, word: usize, bits: u64) -> impl Iterator<Item = Cell> {
+        let rest = std::iter::successors(Some(bits), |bits| Some(bits & (bits - 1)));
+        rest.take_while(|bits| *bits != 0).map(move |bits| self.cell(word, bits))
+    }
+
+    /// Returns a cell's word and its bit in there.
+    fn place(&self, cell: Cell) -> (usize, u64) {
+        (1 + (cell.y + 1) * self.row + cell.x / BITS, 1 << (cell.x % BITS))
     }
 
     /// Returns the cell of the lowest set bit of a word.
     fn cell(&self, word: usize, bits: u64) -> Cell {
-        let bit = (word - self.before) * BITS + bits.trailing_zeros() as usize;
-        Cell::new(bit % self.stride, bit / self.stride)
+        let (y, in_row) = ((word - 1) / self.row - 1, (word - 1) % self.row);
+        Cell::new(in_row * BITS + bits.trailing_zeros() as usize, y)
     }
 
-    /// Floods ring by ring, up to `max_steps` steps away, and passes each ring to `pass`. Returns the distance of the
+    /// Floods ring by ring and passes each ring and all cells to `pass`, until that breaks. Returns the distance of the
     /// last ring.
-    fn flood(&mut self, cell: Cell, max_steps: u32, mut pass: impl FnMut(u32, &[(usize, u64)])) -> u32 {
+    fn flood(&mut self, cell: Cell, mut pass: impl FnMut(u32, &[(usize, u64)], &[Word]) -> ControlFlow<()>) -> u32 {
         self.cells.iter_mut().for_each(|word| word.unreached = word.free);
-        let bit = self.before * BITS + cell.y * self.stride + cell.x;
-        self.reach(bit / BITS, 1 << (bit % BITS));
-        let row = self.stride as isize;
-        let [here, west, east, north, south] = [0, -1, 1, -row, row].map(Offset::new);
+        let (word, bit) = self.place(cell);
+        self.reach(word, bit);
         let mut ring = std::mem::take(&mut self.ring);
         let mut steps = 0;
         loop {
             ring.clear();
             ring.extend(self.next.drain(..).map(|word| (word, std::mem::take(&mut self.cells[word].next_ring))));
-            pass(steps, &ring);
-            if steps < max_steps {
-                for &(word, bits) in &ring {
-                    // Cells whose neighbour on that side is free.
-                    let [w, e, n, s] = [west, east, north, south].map(|side| bits & side.free(&self.cells, word));
-                    for (ways, to) in [(bits, here), (n, north), (s, south)] {
-                        // Spread left and right within that row too: a diagonal needs both adjacent sides free (no
-                        // corner cutting).
-                        let (left, right) = (ways & w, ways & e);
-                        self.reach_from(word, ways | left >> 1 | right << 1, to);
-                        if left & 1 != 0 {
-                            self.reach_from(word - 1, 1 << (BITS - 1), to);
-                        }
-                        if right >> (BITS - 1) != 0 {
-                            self.reach_from(word + 1, 1, to);
-                        }
-                    }
+            if pass(steps, &ring, &self.cells).is_continue() {
+                for (word, bits) in &ring {
+                    self.spread(*word, *bits);
                 }
             }
             if self.next.is_empty() {
@@ -158,12 +154,26 @@ impl Flood {
         }
     }
 
-    /// Marks the cells at distance `offset` from the given bits of a word as reached.
+    /// Reaches the neighbours of the given cells of a word.
     #[inline]
-    fn reach_from(&mut self, word: usize, bits: u64, offset: Offset) {
-        let at = word.wrapping_add_signed(offset.words);
-        self.reach(at, bits << offset.bits);
-        self.reach(at + 1, bits >> 1 >> (BITS as u32 - 1 - offset.bits));
+    fn spread(&mut self, word: usize, bits: u64) {
+        const LAST: u32 = u64::BITS - 1;
+        let free = |word: usize| self.cells[word].free;
+        let (north, south) = (word - self.row, word + self.row);
+        // Cells whose neighbour on that side is free.
+        let west = bits & (free(word) << 1 | free(word - 1) >> LAST);
+        let east = bits & (free(word) >> 1 | free(word + 1) << LAST);
+        for (ways, to) in [(bits, word), (bits & free(north), north), (bits & free(south), south)] {
+            // Spread left and right within that row too: a diagonal needs both adjacent sides free (no corner cutting).
+            let (left, right) = (ways & west, ways & east);
+            self.reach(to, ways | left >> 1 | right << 1);
+            if left & 1 != 0 {
+                self.reach(to - 1, 1 << LAST);
+            }
+            if right >> LAST != 0 {
+                self.reach(to + 1, 1);
+            }
+        }
     }
 
     /// Marks the given cells of a word as reached, except walls and cells already reached.
@@ -209,10 +219,18 @@ mod tests {
             let mut flood = Flood::new(&grid);
             let (max_steps, first) = cells[0];
             assert_eq!(flood.farthest(start), (first, max_steps), "{width} x {height}");
-            for ring in [0, max_steps / 2, max_steps, max_steps + 1] {
-                let expected: Vec<Cell> = cells.iter().filter(|c| c.0 == ring).map(|c| c.1).collect();
-                assert_eq!(flood.ring(start, ring), expected, "ring {ring} of {width} x {height}");
+            for last in [0, max_steps / 2, max_steps, max_steps + 2] {
+                let rings = last.saturating_sub(2)..=last;
+                let of_cell = |i: usize| (grid.cell(i), steps[i]);
+                let expected: Vec<(Cell, u32)> =
+                    (0..steps.len()).map(of_cell).filter(|c| rings.contains(&c.1)).collect();
+                assert_eq!(flood.rings(start, rings), expected, "rings up to {last} of {width} x {height}");
             }
+            // Some may be walls, unreachable, the start itself or the same cell twice.
+            let targets: Vec<usize> = (0..rng.random_range(0..9)).map(|_| rng.random_range(0..steps.len())).collect();
+            let expected: Vec<u32> = targets.iter().map(|i| steps[*i]).collect();
+            let targets: Vec<Cell> = targets.iter().map(|i| grid.cell(*i)).collect();
+            assert_eq!(flood.steps_to(start, &targets), expected, "{width} x {height}");
             let near = max_steps / 3;
             cells.retain(|(steps, _)| *steps > near);
             assert_eq!(flood.outermost(start, near, usize::MAX), cells);

@@ -303,7 +303,7 @@ impl Trainer {
         let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
         let known = graphs.current().map(|BuiltGraph { graph, distilled, changed, .. }| KnownDistances {
             states: graph.candidates().states(),
-            goals: graph.candidates().points(),
+            goals: graph.candidates().goal_index(),
             pairs: &distilled.pairs,
             changed: changed.as_deref().filter(|_| relearns),
         });

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::{Candidates, KnownPaths, UNOBSERVED, WalkRecord};
+use crate::learn::GoalIndex;
 use crate::store::{Store, StoreError};
 
 /// Upper bound on the candidate ids that a run may assign.
@@ -136,7 +137,9 @@ impl Candidates {
         self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
         self.spacing = state.spacing;
         self.states.clone_from(&state.states);
-        self.points = state.states.chunks_exact(self.spec.state_dim()).flat_map(|s| self.spec.achieved(s)).collect();
+        let mut places = GoalIndex::new(&self.spec);
+        state.states.chunks_exact(self.spec.state_dim()).for_each(|state| places.push(&self.achieved(state)));
+        self.goal_index = Arc::new(places);
         self.ids = ids.to_vec();
         self.next_id = *next_id;
         self.paths = paths.into_iter().map(Arc::new).collect();

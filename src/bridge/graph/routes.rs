@@ -4,7 +4,7 @@ use pathfinding::directed::dijkstra::dijkstra_all;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::{BridgeGraph, nearest};
+use super::BridgeGraph;
 use crate::learn::{ChangedDistances, Policy, Scratch};
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
@@ -87,22 +87,16 @@ impl BridgeGraph {
     /// Finds the shortest paths to `goal`: last links from the candidates around it, then a backward search through the
     /// graph.
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
-        let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
         // Preselect candidates by straight-line distance; D then gives their actual distance.
-        let mut nearby: Vec<(usize, f32)> = (0..self.candidates.len())
-            .map(|i| (i, self.spec.goal_distance(&self.candidates.states()[i * s..(i + 1) * s], goal)))
-            .collect();
-        nearby.sort_by(|a, b| a.1.total_cmp(&b.1));
-        nearby.truncate(LINK_CANDIDATES);
-        let states: Vec<f32> = nearby.iter().flat_map(|(i, _)| self.candidate(*i).iter().copied()).collect();
+        let nearby = self.candidates.goal_index().nearest_few(goal, LINK_CANDIDATES);
+        let states: Vec<f32> = nearby.iter().flat_map(|i| self.candidate(*i).iter().copied()).collect();
         let mut distances = vec![0.0; nearby.len()];
-        policy.distances(&states, &goal.repeat(states.len() / s), &mut distances, scratch);
-        debug_assert_eq!(goal.len(), g);
-        let nearest = nearby.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|((i, _), _)| *i);
+        policy.distances(&states, &goal.repeat(nearby.len()), &mut distances, scratch);
+        let nearest = nearby.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
         let links: Vec<(u32, u32)> = nearby
             .iter()
             .zip(&distances)
-            .filter_map(|((i, _), d)| {
+            .filter_map(|(i, d)| {
                 Some((*i as u32, cost_units(self.link(Some(*i), nearest, *d)? + self.settings.hop_steps)))
             })
             .collect();
@@ -179,8 +173,11 @@ impl BridgeGraph {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Vec<HopOptions> {
-        let nearby: Vec<Vec<usize>> =
-            states.iter().map(|state| nearest(&self.spec, &self.candidates, state, links)).collect();
+        let near = |state: &&[f32]| {
+            let at: Vec<f32> = self.spec.achieved(state).collect();
+            self.candidates.goal_index().nearest_few(&at, links)
+        };
+        let nearby: Vec<Vec<usize>> = states.iter().map(near).collect();
         let (mut from, mut to) = (Vec::new(), Vec::new());
         for (state, nearby) in states.iter().zip(&nearby) {
             from.extend(state.repeat(nearby.len() + 1));

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::full_state_at;
 use crate::env::{Task, TaskSet};
-use crate::map::{Cell, Grid, ScenarioTask, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Diameter, Flood, Grid, ScenarioTask, StepSearch, UNREACHABLE};
 
 /// Number of distances at which a map is evaluated.
 const DISTANCE_GROUPS: usize = 6;
@@ -26,21 +26,26 @@ fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
     }
 }
 
-/// Draws `per_distance` random tasks at each of six distances, each to within one step, the farthest at 0.9 of the
-/// diameter. Skips distances that do not occur on the map.
-pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut ChaCha8Rng) -> TaskSet {
-    let mut search = StepSearch::new(map);
-    let components = search.components(map);
-    let cells: Vec<Cell> = components.largest_cells(map).collect();
+/// Draws `per_distance` random tasks between `cells`, which are connected, at each of six distances, each to within one
+/// step, the farthest at 0.9 of the diameter. Skips distances that do not occur.
+pub fn at_distances(
+    map: &Grid,
+    cells: &[Cell],
+    diameter: Diameter,
+    per_distance: usize,
+    rng: &mut ChaCha8Rng,
+) -> TaskSet {
+    let mut starts = Starts::new(map, cells, diameter);
     let mut set = TaskSet::default();
     for i in 1..=DISTANCE_GROUPS {
-        let distance = (MAX_DISTANCE_SHARE * f64::from(diameter) * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
+        let distance =
+            (MAX_DISTANCE_SHARE * f64::from(diameter.steps) * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
         if distance == 0 || set.distances.contains(&Some(f64::from(distance))) {
             continue;
         }
         let group = set.distances.len();
         let tasks = (0..per_distance).filter_map(|_| {
-            let (start, goal, shortest) = draw(map, &mut search, &cells, distance, rng)?;
+            let (start, goal, shortest) = starts.draw(distance, rng)?;
             Some(task(start, goal, shortest, group))
         });
         set.tasks.extend(tasks);
@@ -52,11 +57,11 @@ pub fn at_distances(map: &Grid, diameter: u32, per_distance: usize, rng: &mut Ch
 /// Picks tasks evenly spaced through a scenario, `per_group` in each of six ranges of shortest-path length. Skips
 /// unsolvable tasks.
 pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) -> TaskSet {
-    let mut search = StepSearch::new(map);
+    let mut flood = Flood::new(map);
     let count = (DISTANCE_GROUPS * per_group).clamp(1, scenario.len());
     let chosen = (0..count).map(|i| scenario[i * scenario.len() / count]);
     let mut found: Vec<(u32, Cell, Cell)> = chosen
-        .map(|t| (search.steps_from(t.start)[map.index(t.goal)], t.start, t.goal))
+        .map(|t| (flood.steps_to(t.start, &[t.goal])[0], t.start, t.goal))
         .filter(|(shortest, ..)| *shortest != UNREACHABLE)
         .collect();
     found.sort_by_key(|(shortest, ..)| *shortest);
@@ -74,26 +79,96 @@ pub fn from_scenario(map: &Grid, scenario: &[ScenarioTask], per_group: usize) ->
 /// Returns the task from the map's first start to its first goal, if it has both and a path between them.
 pub fn marked(map: &Grid) -> Option<Task> {
     let (start, goal) = (*map.starts().first()?, *map.goals().first()?);
-    let steps = StepSearch::new(map).steps_from(goal)[map.index(start)];
+    let steps = Flood::new(map).steps_to(goal, &[start])[0];
     (steps != UNREACHABLE).then(|| task(start, goal, steps, 0))
 }
 
-/// Draws a random pair of cells whose distance is within one step of `distance`.
-fn draw(
-    map: &Grid,
-    search: &mut StepSearch,
-    cells: &[Cell],
-    distance: u32,
-    rng: &mut ChaCha8Rng,
-) -> Option<(Cell, Cell, u32)> {
-    for _ in 0..MAX_TRIES {
-        let start = cells[rng.random_range(0..cells.len())];
-        let steps = search.steps_from(start);
-        let fitting: Vec<usize> = (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();
-        if !fitting.is_empty() {
-            let goal = fitting[rng.random_range(0..fitting.len())];
-            return Some((start, map.cell(goal), steps[goal]));
+/// Draws starts, and goals at a given distance from them.
+struct Starts<'a> {
+    map: &'a Grid,
+    cells: &'a [Cell],
+    flood: Flood,
+    /// Steps from the map's middle, row-major, and the most of them.
+    from_middle: Vec<u32>,
+    radius: u32,
+}
+
+impl<'a> Starts<'a> {
+    fn new(map: &'a Grid, cells: &'a [Cell], diameter: Diameter) -> Self {
+        let (middle, radius) = diameter.middle.unwrap_or((cells[0], UNREACHABLE));
+        let from_middle = StepSearch::new(map).steps_from(middle).to_vec();
+        Self { map, cells, flood: Flood::new(map), from_middle, radius }
+    }
+
+    /// Draws a random pair of cells whose distance is within one step of `distance`.
+    fn draw(&mut self, distance: u32, rng: &mut ChaCha8Rng) -> Option<(Cell, Cell, u32)> {
+        for _ in 0..MAX_TRIES {
+            let start = self.cells[rng.random_range(0..self.cells.len())];
+            // No way from here is longer than one through the middle: most starts without a goal need no search.
+            if self.from_middle[self.map.index(start)].saturating_add(self.radius) < distance - 1 {
+                continue;
+            }
+            let fitting = self.flood.rings(start, distance - 1..=distance + 1);
+            if !fitting.is_empty() {
+                let (goal, steps) = fitting[rng.random_range(0..fitting.len())];
+                return Some((start, goal, steps));
+            }
+        }
+        None
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::SeedableRng;
+
+    use super::*;
+    use crate::map::{RandomMapKind, random};
+
+    /// Draws a pair by searching the whole map from every start.
+    fn draw_from_whole_maps(map: &Grid, cells: &[Cell], distance: u32, rng: &mut ChaCha8Rng) -> Option<Task> {
+        let mut search = StepSearch::new(map);
+        for _ in 0..MAX_TRIES {
+            let start = cells[rng.random_range(0..cells.len())];
+            let steps = search.steps_from(start);
+            let fitting: Vec<usize> = (0..steps.len()).filter(|i| steps[*i].abs_diff(distance) <= 1).collect();
+            if !fitting.is_empty() {
+                let goal = fitting[rng.random_range(0..fitting.len())];
+                return Some(task(start, map.cell(goal), steps[goal], 0));
+            }
+        }
+        None
+    }
+
+    #[test]
+    fn bounded_searches_draw_the_same_tasks_as_searches_of_the_whole_map() {
+        for kind in [RandomMapKind::City, RandomMapKind::Maze, RandomMapKind::Perfect] {
+            let map = random(kind, Some(70), 3);
+            let cells: Vec<Cell> = map.free_cells().collect();
+            let diameter = Diameter::compute(&map);
+            // Beyond the diameter there are no tasks; just below it, few starts have a goal.
+            for distance in [1, 2, diameter.steps / 2, diameter.steps - 3, diameter.steps + 2] {
+                let mut starts = Starts::new(&map, &cells, diameter);
+                let rngs = || ChaCha8Rng::seed_from_u64(u64::from(distance));
+                let (mut own, mut other) = (rngs(), rngs());
+                for _ in 0..5 {
+                    let drawn = starts.draw(distance, &mut own).map(|(start, goal, steps)| task(start, goal, steps, 0));
+                    assert_eq!(drawn.is_none(), distance > diameter.steps + 1, "{kind:?}, {distance} steps");
+                    assert_eq!(drawn, draw_from_whole_maps(&map, &cells, distance, &mut other));
+                    assert_eq!(own, other, "both have drawn as many random numbers");
+                }
+            }
         }
     }
-    None
+
+    #[test]
+    fn scenarios_skip_tasks_that_an_edit_has_made_impossible() {
+        let map = crate::map::parse_map("map", b"..#.\n..#.\n").expect("a map");
+        let task = |start, goal| ScenarioTask { start, goal, optimal_octile: 1.0 };
+        let (inside, wall, beyond) = (Cell::new(0, 0), Cell::new(2, 0), Cell::new(3, 1));
+        let scenario = [task(inside, Cell::new(1, 1)), task(inside, wall), task(wall, inside), task(inside, beyond)];
+        let set = from_scenario(&map, &scenario, 1);
+        assert_eq!(set.tasks.len(), 1);
+        assert_eq!(set.tasks[0].shortest, Some(1));
+    }
 }

@@ -5,7 +5,7 @@ use rand_chacha::ChaCha8Rng;
 
 use super::GOAL_RADIUS_CELLS;
 use crate::env::{GroundTruth, NEAR_STEPS, TruePairs};
-use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Flood, Grid, StepSearch, UNREACHABLE};
 
 /// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
@@ -16,12 +16,13 @@ pub struct MazeGroundTruth<'a> {
     /// The cells that pairs are drawn from.
     cells: &'a [Cell],
     search: StepSearch,
+    flood: Flood,
 }
 
 impl<'a> MazeGroundTruth<'a> {
     /// Creates the true distances of `map`; pairs are drawn from `cells`.
     pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
-        Self { map, cells, search: StepSearch::new(map) }
+        Self { map, cells, search: StepSearch::new(map), flood: Flood::new(map) }
     }
 }
 
@@ -57,22 +58,21 @@ impl GroundTruth for MazeGroundTruth<'_> {
     }
 
     fn pairs(&mut self, rng: &mut ChaCha8Rng) -> Vec<TruePairs> {
-        let Self { map, cells, search } = self;
+        let Self { cells, flood, .. } = self;
         let (goals, starts, near_starts) = ERROR_PAIRS;
+        let mut draw = |count: usize| rng.random_range(0..count);
         let of_goal = |_| {
-            let goal = cells[rng.random_range(0..cells.len())];
-            let steps = search.steps_from(goal);
-            let around: Vec<usize> = (0..steps.len()).filter(|i| (1..=NEAR_STEPS).contains(&steps[*i])).collect();
+            let goal = cells[draw(cells.len())];
+            let drawn: Vec<Cell> = (0..starts).map(|_| cells[draw(cells.len())]).collect();
+            let around = flood.rings(goal, 1..=NEAR_STEPS);
+            let near = (0..near_starts.min(around.len())).map(|_| around[draw(around.len())]);
+            let far = drawn.iter().copied().zip(flood.steps_to(goal, &drawn)).filter(|(_, steps)| *steps > 0);
             let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
-            let mut push = |i: usize, near: bool| {
-                if steps[i] > 0 {
-                    pairs.states.extend(map.cell(i).centre());
-                    pairs.steps.push(steps[i]);
-                    pairs.near.push(near);
-                }
-            };
-            (0..starts).for_each(|_| push(map.index(cells[rng.random_range(0..cells.len())]), false));
-            (0..near_starts.min(around.len())).for_each(|_| push(around[rng.random_range(0..around.len())], true));
+            for ((cell, steps), near) in far.map(|pair| (pair, false)).chain(near.map(|pair| (pair, true))) {
+                pairs.states.extend(cell.centre());
+                pairs.steps.push(steps);
+                pairs.near.push(near);
+            }
             pairs
         };
         (0..goals).map(of_goal).collect()

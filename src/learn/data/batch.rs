@@ -4,6 +4,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
+use crate::learn::data::goal_index::GoalIndex;
 use crate::learn::data::replay::{Moment, Replay};
 use crate::learn::learner::{KnownDistances, Relearning};
 use crate::learn::settings::LearnSettings;
@@ -143,24 +144,22 @@ impl BatchSampler {
             return;
         }
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
+        let state_of = |place: usize| &known.states[place * s..(place + 1) * s];
         let count = (self.settings.distillation * batch.len() as f32).round() as usize;
         for i in 0..count {
             let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
-            let (from, to) = (from as usize, to as usize);
-            let (state, goal) = (&known.states[from * s..(from + 1) * s], &known.goals[to * g..(to + 1) * g]);
-            batch.set_graph_distance(i, state, goal, steps);
+            batch.set_graph_distance(i, state_of(from as usize), known.goals.goal(to as usize), steps);
         }
         let Some(changed) = known.changed else { return };
-        let places = known.goals.len() / g;
-        let point = |place: usize| &known.goals[place * g..(place + 1) * g];
+        let mut changed_goals = GoalIndex::new(&self.spec);
+        changed.goals.iter().for_each(|place| changed_goals.push(known.goals.goal(*place as usize)));
         for i in 0..batch.len() {
             let state: Vec<f32> = self.spec.achieved(&batch.states[i * s..(i + 1) * s]).collect();
             let goal = &batch.goals[i * g..(i + 1) * g];
-            let from = nearest(&state, (0..places).map(point));
-            let to = nearest(goal, changed.goals.iter().map(|place| point(*place as usize)));
+            let (from, to) = (known.goals.nearest(&state), changed_goals.nearest(goal));
             if let (Some((from, off_start)), Some((to, off_goal))) = (from, to) {
                 // The triangle inequality, with straight lines for the short distances to the nearest places.
-                let (pair, off) = (to * places + from, off_start + off_goal);
+                let (pair, off) = (to * known.goals.len() + from, off_start + off_goal);
                 batch.bound[i] = batch.bound[i].min(changed.upper[pair] + off);
                 batch.lower[i] = batch.lower[i].max(changed.lower[pair] - off).min(batch.bound[i]);
             }
@@ -210,13 +209,6 @@ impl BatchSampler {
     }
 }
 
-/// Returns the index of the point nearest to `at`, and the straight-line distance to it.
-fn nearest<'a>(at: &[f32], points: impl Iterator<Item = &'a [f32]>) -> Option<(usize, f32)> {
-    let squared = |p: &[f32]| at.iter().zip(p).map(|(a, b)| (a - b) * (a - b)).sum::<f32>();
-    let nearest = points.map(squared).enumerate().min_by(|a, b| a.1.total_cmp(&b.1));
-    nearest.map(|(i, squared)| (i, squared.sqrt()))
-}
-
 fn later(moment: Moment, steps: usize) -> Moment {
     Moment { slot: moment.slot + steps as u64, ..moment }
 }
@@ -254,10 +246,12 @@ mod tests {
         let mut batch = Batch::default();
         sampler.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.greedy_targets && !batch.frees_stuck_actor && batch.lower.iter().all(|steps| *steps == 0.0));
-        // Places at both ends; from the first to the second it is much farther than D says.
-        let (places, pairs) = ([10.0, 90.0], [(0, 1, 200.0), (1, 0, 80.0)]);
+        // GoalIndex at both ends; from the first to the second it is much farther than D says.
+        let (states, pairs) = ([10.0, 90.0], [(0, 1, 200.0), (1, 0, 80.0)]);
+        let mut places = GoalIndex::new(&spec);
+        states.iter().for_each(|state| places.push(&[*state]));
         let changed = ChangedDistances { goals: vec![1], lower: vec![150.0, 0.0], upper: vec![f32::MAX, 7.0] };
-        let known = KnownDistances { states: &places, goals: &places, pairs: &pairs, changed: None };
+        let known = KnownDistances { states: &states, goals: &places, pairs: &pairs, changed: None };
         sampler.add_known(&known, &mut rng, &mut batch);
         for i in 0..16 {
             let (upper, lower) = if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };
