@@ -7,15 +7,22 @@ mod baseline;
 mod cases;
 #[cfg(feature = "tui")]
 mod interface;
+mod time_to;
 
+use std::fmt::Display;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
 use miette::{IntoDiagnostic, Report};
 use serde::Serialize;
 
+use crate::train::TrainError;
+
 /// Shapes at which updates are measured: batch and width.
 const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
+
+/// Maps on which whole runs of the default preset are measured.
+const MAPS: [&str; 2] = ["fourrooms", "city"];
 
 /// Environment variable from which candle reads its number of threads.
 const CANDLE_THREADS: &str = "RAYON_NUM_THREADS";
@@ -27,7 +34,9 @@ struct Measurements {
     /// Peak multiply-add rate of one core, in GFLOP/s (two operations each).
     peak_gflops: f64,
     updates: Vec<UpdateTimes>,
-    default_preset: DefaultTimes,
+    default_update: DefaultUpdateTimes,
+    default_preset: Vec<DefaultTimes>,
+    time_to_success: Vec<TimeToSuccess>,
     /// Unless this was built without the interface.
     interface: Option<InterfaceTimes>,
     other: Vec<TimedOperation>,
@@ -51,13 +60,39 @@ struct UpdateTimes {
     peak_share: f64,
 }
 
-/// Complete training on the four rooms with the default preset, in updates per second.
+/// One whole update of the default preset: on candle's tape (the setting `backend=tape`) and by the kernels.
+#[derive(Debug, Serialize)]
+struct DefaultUpdateTimes {
+    runs: usize,
+    tape_us: f64,
+    /// On one thread, and on all threads.
+    kernels_us: f64,
+    kernels_threads_us: f64,
+    /// Speed-up of the kernels over the tape on one thread; of all threads over one.
+    speed_up: f64,
+    threads_speed_up: f64,
+}
+
+/// Complete training on a map with the default preset, in updates per second.
 #[derive(Debug, Serialize)]
 struct DefaultTimes {
+    map: &'static str,
     runs: usize,
     one_thread: f64,
     all_threads: f64,
     phases: Vec<PhaseTimes>,
+}
+
+/// Training from scratch until planned success first reaches a rate, for each seed; null if it never does.
+#[derive(Debug, Serialize)]
+struct TimeToSuccess {
+    map: &'static str,
+    success: f64,
+    updates: Vec<Option<u64>>,
+    /// On all threads, without evaluations.
+    seconds: Vec<Option<f64>>,
+    median_updates: Option<f64>,
+    median_seconds: Option<f64>,
 }
 
 /// Mean time per update of one phase of training.
@@ -114,7 +149,9 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
         threads,
         peak_gflops,
         updates: updates.collect::<Result<_, _>>().into_diagnostic()?,
-        default_preset: cases::default_preset((threads, runs)).into_diagnostic()?,
+        default_update: cases::default_update((threads, runs)).into_diagnostic()?,
+        default_preset: of_maps(&|map| cases::default_preset(map, (threads, runs)))?,
+        time_to_success: of_maps(&|map| time_to::measure(map, (threads, runs)))?,
         #[cfg(feature = "tui")]
         interface: Some(interface::measure((threads, runs)).into_diagnostic()?),
         #[cfg(not(feature = "tui"))]
@@ -125,6 +162,11 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
         return Ok(serde_json::to_string_pretty(&found).into_diagnostic()? + "\n");
     }
     Ok(found.table())
+}
+
+/// Measures each of [`MAPS`].
+fn of_maps<T>(measure: &dyn Fn(&'static str) -> Result<T, TrainError>) -> Result<Vec<T>, Report> {
+    MAPS.iter().map(|map| measure(map)).collect::<Result<_, _>>().into_diagnostic()
 }
 
 impl Measurements {
@@ -138,11 +180,26 @@ impl Measurements {
             let share = format!("{:.0} %", 100.0 * u.peak_share);
             out += &format!("{share:>8}{:>9.0} us{:>8.2}{:>7}\n", u.fused_threads_us, u.threads_speed_up, u.runs);
         }
-        let d = &self.default_preset;
-        out += &format!("\nfourrooms, default preset: {:.0} updates/s on one thread, ", d.one_thread);
-        out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.threads, d.runs);
-        for p in &d.phases {
-            out += &format!("  {:<36}{:>8.1} us{:>8.1} us\n", p.phase, p.one_thread_us, p.all_threads_us);
+        let u = &self.default_update;
+        out += &format!("\ndefault preset, one update: {:.0} us on candle's tape, {:.0} us ", u.tape_us, u.kernels_us);
+        out +=
+            &format!("({:.1} times as fast), on {} threads {:.0} us ", u.speed_up, self.threads, u.kernels_threads_us);
+        out += &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
+        for d in &self.default_preset {
+            out += &format!("\n{}, default preset: {:.0} updates/s on one thread, ", d.map, d.one_thread);
+            out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.threads, d.runs);
+            for p in &d.phases {
+                out += &format!("  {:<36}{:>8.1} us{:>8.1} us\n", p.phase, p.one_thread_us, p.all_threads_us);
+            }
+        }
+        out += "\n";
+        for t in &self.time_to_success {
+            let what = format!("{}: time to {} planned success on {} threads", t.map, t.success, self.threads);
+            let (s, n) = (told(t.median_seconds.as_ref(), 1), told(t.median_updates.as_ref(), 0));
+            out += &format!("{what:<58}{s:>6} s, {n:>6} updates (");
+            let seeds =
+                t.seconds.iter().zip(&t.updates).map(|(s, n)| told(s.as_ref(), 1) + " s, " + &told(n.as_ref(), 0));
+            out += &(seeds.collect::<Vec<_>>().join("; ") + ")\n");
         }
         out += "\n";
         if let Some(i) = &self.interface {
@@ -155,6 +212,11 @@ impl Measurements {
         }
         out
     }
+}
+
+/// Returns a number as text, with so many decimals.
+fn told<T: Display>(number: Option<&T>, decimals: usize) -> String {
+    number.map_or("never".to_owned(), |number| format!("{number:.decimals$}"))
 }
 
 /// Returns the time that `work` takes, in microseconds.

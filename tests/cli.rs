@@ -462,9 +462,19 @@ fn bench_reports_every_measurement() {
             positive(&format!("/updates/{i}/{field}"));
         }
     }
-    ["one_thread", "all_threads", "phases/0/one_thread_us"]
-        .iter()
-        .for_each(|f| positive(&format!("/default_preset/{f}")));
+    for field in ["tape_us", "kernels_us", "kernels_threads_us", "speed_up", "threads_speed_up"] {
+        positive(&format!("/default_update/{field}"));
+    }
+    for (i, map) in ["fourrooms", "city"].into_iter().enumerate() {
+        assert_eq!(found["default_preset"][i]["map"], map);
+        ["one_thread", "all_threads", "phases/0/one_thread_us"]
+            .iter()
+            .for_each(|f| positive(&format!("/default_preset/{i}/{f}")));
+        assert_eq!(found["time_to_success"][i]["map"], map);
+        ["updates/0", "seconds/0", "median_updates", "median_seconds"]
+            .iter()
+            .for_each(|f| positive(&format!("/time_to_success/{i}/{f}")));
+    }
     ["alone", "ratio", "frame_us"].iter().for_each(|f| positive(&format!("/interface/{f}")));
     assert!(found["other"].as_array().unwrap().len() >= 5);
     (0..5).for_each(|i| positive(&format!("/other/{i}/us")));

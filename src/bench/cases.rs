@@ -6,10 +6,10 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use super::baseline::Baseline;
-use super::{DefaultTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us};
+use super::{DefaultTimes, DefaultUpdateTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us};
 use crate::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
 use crate::env::{Environment, PointMaze};
-use crate::learn::{Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
+use crate::learn::{Backend, Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
 use crate::map::{Grid, builtin};
 use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 
@@ -27,17 +27,17 @@ fn open_map() -> Arc<Grid> {
     Arc::new(Grid::new("open", OPEN_MAP_SIDE, vec![true; OPEN_MAP_SIDE * OPEN_MAP_SIDE], Vec::new(), Vec::new()))
 }
 
-/// Returns random pairs and transitions on a 100 x 100 map.
-fn batch(rows: usize) -> Batch {
-    let mut rng = rng();
+/// Returns random pairs and transitions on a square map of `side` cells.
+fn batch(rows: usize, side: f32) -> Batch {
+    let (mut rng, last) = (rng(), side - 1.0);
     let mut numbers = |from: f32, to: f32| -> Vec<f32> { (0..2 * rows).map(|_| rng.random_range(from..to)).collect() };
-    let from = numbers(1.0, 99.0);
+    let from = numbers(1.0, last);
     let actions = numbers(-1.0, 1.0);
     let next = from.iter().zip(&actions).map(|(s, a)| s + a).collect();
     Batch {
-        states: numbers(1.0, 99.0),
-        goals: numbers(1.0, 99.0),
-        bootstrap_states: numbers(1.0, 99.0),
+        states: numbers(1.0, last),
+        goals: numbers(1.0, last),
+        bootstrap_states: numbers(1.0, last),
         steps: vec![1.0; rows],
         bootstrap: vec![1.0; rows],
         bound: vec![f32::INFINITY; rows],
@@ -74,7 +74,7 @@ pub fn updates(
     let mut fused = Gdg::new(world.spec(), &settings, 1, &mut rng())?;
     let mut together = Gdg::new(world.spec(), &settings, threads, &mut rng())?;
     let mut plain = Baseline::new(&settings)?;
-    let batch = batch(rows);
+    let batch = batch(rows, 100.0);
     let (mut of_plain, mut of_fused, mut of_together) = (Vec::new(), Vec::new(), Vec::new());
     let (mut failure, mut profile) = (Ok(()), Profile::default());
     // The first turn is a warm-up.
@@ -111,13 +111,46 @@ pub fn updates(
     })
 }
 
-/// Measures training on the four rooms with the default preset.
-pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, TrainError> {
+/// Measures one whole update of the default preset on a map of 32 x 32 cells: on candle's tape, by the kernels on one
+/// thread and on all, in turns.
+pub fn default_update((threads, runs): (usize, usize)) -> Result<DefaultUpdateTimes, TrainError> {
+    const SIDE: usize = 32;
+    let map = Grid::new("open", SIDE, vec![true; SIDE * SIDE], Vec::new(), Vec::new());
+    let world = PointMaze::new(Arc::new(map), 1);
+    let kernels = LearnSettings::default();
+    let tape = LearnSettings { backend: Backend::Tape, ..kernels.clone() };
+    let mut learners = [
+        Gdg::new(world.spec(), &tape, 1, &mut rng())?,
+        Gdg::new(world.spec(), &kernels, 1, &mut rng())?,
+        Gdg::new(world.spec(), &kernels, threads, &mut rng())?,
+    ];
+    let batch = Batch { greedy_targets: true, ..batch(kernels.batch_size, SIDE as f32) };
+    let mut times = [const { Vec::new() }; 3];
+    let (mut failure, mut profile) = (Ok(()), Profile::default());
+    // The first turn is a warm-up.
+    for turn in 0..=runs {
+        for (learner, times) in learners.iter_mut().zip(&mut times) {
+            let mut update = || failure = learner.update_on(&batch, &mut profile).map(drop);
+            let took = time_us(|| (0..UPDATES_PER_TURN).for_each(|_| update())) / UPDATES_PER_TURN as f64;
+            if turn > 0 {
+                times.push(took);
+            }
+        }
+    }
+    failure?;
+    let ratio = |a: &[f64], b: &[f64]| median(a.iter().zip(b).map(|(a, b)| a / b).collect());
+    let (speed_up, threads_speed_up) = (ratio(&times[0], &times[1]), ratio(&times[1], &times[2]));
+    let [tape_us, kernels_us, kernels_threads_us] = times.map(median);
+    Ok(DefaultUpdateTimes { runs, tape_us, kernels_us, kernels_threads_us, speed_up, threads_speed_up })
+}
+
+/// Measures training on a built-in map with the default preset.
+pub fn default_preset(map: &'static str, (threads, runs): (usize, usize)) -> Result<DefaultTimes, TrainError> {
     const UPDATES_PER_TURN: u64 = 500;
-    let Some(map) = builtin("fourrooms").map(Arc::new) else { unreachable!("it is built in") };
+    let Some(grid) = builtin(map).map(Arc::new) else { unreachable!("{map} is built in") };
     let trainer = |threads| {
         let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
-        Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
+        Trainer::new(run, &PointMaze::new(grid.clone(), 0), &Registry::builtin(), threads)
     };
     let mut trainers = [trainer(1)?, trainer(threads)?];
     let mut rates = [Vec::new(), Vec::new()];
@@ -137,7 +170,7 @@ pub fn default_preset((threads, runs): (usize, usize)) -> Result<DefaultTimes, T
         let us = |t: &Trainer| t.profile().spent(*phase).as_secs_f64() * 1e6 / t.counters().updates as f64;
         PhaseTimes { phase: phase.name(), one_thread_us: us(&trainers[0]), all_threads_us: us(&trainers[1]) }
     });
-    Ok(DefaultTimes { runs, one_thread: one, all_threads: all, phases: phases.collect() })
+    Ok(DefaultTimes { map, runs, one_thread: one, all_threads: all, phases: phases.collect() })
 }
 
 /// Measures acting, the field of a whole map, planning, and environment steps.
