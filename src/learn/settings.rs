@@ -149,7 +149,7 @@ impl Default for LearnSettings {
             goal_hindsight: 0.5,
             goal_geometric: 0.5,
             goal_geometric_mean_steps: 25.0,
-            goal_random: 0.25,
+            goal_random: 0.1,
             loss: LossScale::Sqrt,
             distance_scale_steps: 40.0,
             actor_bound: 2.5,
