@@ -11,8 +11,8 @@ use crate::store::{Store, StoreError};
 pub(crate) use places::{MAX_ATTEMPTS, MAX_PLACES, MIN_ATTEMPTS};
 use places::{NO_FRONTIER, Places};
 
-/// An excursion ends this many steps after it last found a new place. On its way to the frontier it has three times the
-/// number of actions that lead there in addition.
+/// An excursion ends after this many steps without a new place. The way to the frontier has an additional allowance of
+/// three steps per action.
 pub(crate) const EXCURSION_STEPS: u32 = 30;
 
 /// Share of random actions on an excursion, which free agents that the table leads in circles.
@@ -21,7 +21,7 @@ pub(crate) const RANDOM_SHARE: f32 = 0.1;
 /// Steps for which an action is held to leave a place.
 pub(crate) const HELD_STEPS: u32 = 3;
 
-/// Smallest share of an action that an agent takes per step; at this share, the held steps still lead out of a place.
+/// Smallest share of an action that an agent takes per step. Half a step, held for [`HELD_STEPS`], still crosses a place.
 pub(crate) const MIN_STRIDE: f32 = 0.5;
 
 /// Names in the store.
@@ -50,8 +50,8 @@ struct Held {
 ///
 /// On an excursion, an agent follows what actions have led to before to the nearest place at the frontier, where some
 /// action may lead to a place that nobody has visited, and tries it: return first, then explore (Ecoffet et al. 2021),
-/// with optimism about what nobody has tried (R-max, Brafman and Tennenholtz 2002). Neither D nor the actor is needed,
-/// which have yet to be learned there.
+/// with optimism about what nobody has tried (R-max, Brafman and Tennenholtz 2002). This needs neither D nor the actor,
+/// which are not trained there yet.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Excursions {
     places: Places,
@@ -144,11 +144,21 @@ impl Excursions {
         true
     }
 
+    /// Ends all excursions.
+    pub fn end_all(&mut self) {
+        self.at.fill(None);
+        self.under_way.fill(None);
+    }
+
+    /// Continues with the places of `before`, in the same world.
+    pub fn keep_places(&mut self, before: Self) {
+        self.places = before.places;
+    }
+
     /// Ends all excursions and forgets where actions lead, as the world has changed.
     pub fn forget_outcomes(&mut self) {
         self.places.forget_outcomes();
-        self.at.fill(None);
-        self.under_way.fill(None);
+        self.end_all();
     }
 
     /// Writes the state to `store`.
@@ -157,7 +167,7 @@ impl Excursions {
     /// It cannot be expressed as JSON.
     pub fn write(&self, store: &mut Store) -> Result<(), StoreError> {
         self.places.write(store, PLACES);
-        let Self { at, under_way, .. } = self.clone();
+        let (at, under_way) = (self.at.clone(), self.under_way.clone());
         store.put_json(STATE, &ExcursionsState { at, under_way })
     }
 
@@ -174,7 +184,9 @@ impl Excursions {
         let ExcursionsState { at, under_way } = store.json(STATE)?;
         let known = |place: &usize| *place < places.len();
         let fits = |excursion: &Excursion| {
-            let held = excursion.held.is_none_or(|held| known(&held.from) && held.action < 2 * spec.action_dim);
+            let held = excursion
+                .held
+                .is_none_or(|held| known(&held.from) && held.action < 2 * spec.action_dim && held.steps <= HELD_STEPS);
             held && excursion.left != Some(0)
         };
         if at.len() != self.at.len()

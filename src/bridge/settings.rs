@@ -161,7 +161,7 @@ impl BridgeSettings {
         }
     }
 
-    /// Returns the probability of an excursion beyond the frontier, if there is a known one.
+    /// Returns the probability of an excursion beyond the frontier, given whether any action is left to try.
     pub fn frontier_share(&self, has_frontier: bool) -> f32 {
         self.frontier_epsilon.given().unwrap_or(if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE })
     }

@@ -49,11 +49,11 @@ const VARIANTS: [Variant; 25] = [
     without("no progress check", "progress_check=false"),
     without("current weights, no averages", "averaged_weights=false"),
     without("no bridge goals in exploration", "bridge_epsilon=0"),
-    without("no planned episodes", "planned_episodes=0"),
+    without("no plans in exploration", "planned_episodes=0"),
     without("no lookahead", "lookahead=false"),
     without("episodes from anywhere", "restart=anywhere"),
     without("episodes of 150 steps", "episode_steps=150"),
-    without("no frontier goals", "frontier_epsilon=0"),
+    without("no excursions", "frontier_epsilon=0"),
     Variant { name: "method sorb", method: "sorb", set: "" },
     Variant { name: "method gdg (no bridges)", method: "gdg", set: "" },
 ];

@@ -15,8 +15,8 @@ const PARAMETER_COPIES: u64 = 36;
 /// Memory per bridge candidate: observed paths from it, edges and distilled distances, including all copies.
 const BYTES_PER_CANDIDATE: u64 = 20_000;
 
-/// The program itself, its threads and buffers.
-const BASE_BYTES: u64 = 60 << 20;
+/// The program itself, its threads and buffers, and the places of excursions.
+const BASE_BYTES: u64 = 90 << 20;
 
 /// Address space that threads and allocators reserve but do not use; counts only where address space is limited.
 const RESERVED_BYTES: u64 = 600 << 20;

@@ -164,7 +164,12 @@ impl Rollout {
         &self.excursions
     }
 
-    /// Returns the excursions mutably, to restore them.
+    /// Returns the excursions, to keep what they have found.
+    pub(super) fn into_excursions(self) -> Excursions {
+        self.excursions
+    }
+
+    /// Returns the excursions mutably, to restore or replace them.
     pub(super) fn excursions_mut(&mut self) -> &mut Excursions {
         &mut self.excursions
     }
@@ -193,7 +198,7 @@ impl Rollout {
         let mut round = RoundResult::default();
         for i in 0..self.agents.len() {
             let state = &self.env.states()[i * s..(i + 1) * s];
-            self.agents[i].steps += 1;
+            self.agents[i].steps = self.agents[i].steps.saturating_add(1);
             if self.agents[i].steps >= context.episode_steps {
                 context.replay.end_episode(i, state);
                 context.candidates.visit(i, state);
@@ -223,8 +228,9 @@ impl Rollout {
         }
     }
 
-    /// Drops all plans; their agents pursue the plans' goals directly.
+    /// Drops all plans, whose agents pursue the plans' goals directly, and ends all excursions.
     pub fn discard_plans(&mut self) {
+        self.excursions.end_all();
         for (agent, plan) in self.agents.iter_mut().zip(&mut self.plans) {
             if let Some(plan) = plan.take() {
                 agent.goal = plan.goal;

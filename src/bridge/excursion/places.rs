@@ -8,10 +8,10 @@ use rand_chacha::ChaCha8Rng;
 use crate::env::Spec;
 use crate::store::{Store, StoreError};
 
-/// An action has been tried once this many attempts in a row have left the agent where it was ...
+/// Failed attempts in a row after which an action counts as blocked ...
 pub(crate) const MIN_ATTEMPTS: u16 = 2;
 
-/// ... and, as nothing else is left to try, up to this many.
+/// ... raised step by step to this many when no action is left to try.
 pub(crate) const MAX_ATTEMPTS: u16 = 8;
 
 /// Distances to the frontier are computed after this many arrivals, or as many as there are places.
@@ -19,6 +19,9 @@ const MEASURE_EVERY: usize = 512;
 
 /// Maximum number of places.
 pub(crate) const MAX_PLACES: usize = 200_000;
+
+/// Most actions ahead at which the place at the frontier is looked up.
+const MAX_LOOKAHEAD: u32 = 2_000;
 
 /// Distance to the frontier where no known action leads there.
 pub const NO_FRONTIER: u32 = u32::MAX;
@@ -46,7 +49,8 @@ pub struct Places {
     to: Vec<u32>,
     /// Attempts since then that left the agent where it was, `(places, actions)`.
     attempts: Vec<u16>,
-    /// Actions from each place to the frontier, as of the latest computation, `(places)`.
+    /// Actions from each place to the frontier, computed by [`Self::measure`] and corrected by [`Self::record`],
+    /// `(places)`.
     ahead: Vec<u32>,
     /// Sum of the changes of coordinates that each action has brought, `(actions, goal_dim)`.
     moved: Vec<i64>,
@@ -127,6 +131,8 @@ impl Places {
         self.to.resize(self.to.len() + self.action_count(), NOWHERE);
         self.attempts.resize(self.to.len(), 0);
         self.ahead.push(0);
+        // There is more to find than it seemed.
+        self.enough_attempts = MIN_ATTEMPTS;
         Some((place, true))
     }
 
@@ -165,16 +171,17 @@ impl Places {
         if attempts >= self.enough_attempts {
             return Outcome::Blocked;
         }
+        let unvisited = if self.len() < MAX_PLACES { Outcome::Unvisited } else { Outcome::Blocked };
         let g = self.spec.goal_dim();
         let moved = &self.moved[action * g..(action + 1) * g];
         let longest = moved.iter().map(|sum| sum.abs()).max().unwrap_or(0);
         if longest == 0 {
-            return Outcome::Unvisited;
+            return unvisited;
         }
         let direction = moved.iter().map(|sum| (*sum as f64 / longest as f64).round() as i32);
         let expected: Box<[i32]> =
             self.key(place).iter().zip(direction).map(|(k, step)| k.saturating_add(step)).collect();
-        self.index.get(&expected).map_or(Outcome::Unvisited, |to| Outcome::Place(*to as usize))
+        self.index.get(&expected).map_or(unvisited, |to| Outcome::Place(*to as usize))
     }
 
     /// Returns the number of actions from `place` to the frontier that begin with `action`, or [`NO_FRONTIER`].
@@ -242,11 +249,11 @@ impl Places {
         rng.random_range(0..self.action_count())
     }
 
-    /// Returns the place at the frontier that the known actions lead to from `place`, if any.
+    /// Returns the place at the frontier that the known actions lead to from `place`, unless there is none or it is too
+    /// far to look up (for display only).
     pub fn frontier_from(&self, place: usize) -> Option<usize> {
         let mut at = place;
-        // Distances to the frontier may be out of date, and the way to it a circle.
-        for _ in 0..=self.len() {
+        for _ in 0..MAX_LOOKAHEAD {
             if self.ahead[at] == 0 {
                 return Some(at);
             }

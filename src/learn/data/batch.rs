@@ -246,7 +246,7 @@ mod tests {
         let mut batch = Batch::default();
         sampler.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.greedy_targets && !batch.frees_stuck_actor && batch.lower.iter().all(|steps| *steps == 0.0));
-        // GoalIndex at both ends; from the first to the second it is much farther than D says.
+        // Places at both ends; from the first to the second it is much farther than D says.
         let (states, pairs) = ([10.0, 90.0], [(0, 1, 200.0), (1, 0, 80.0)]);
         let mut places = GoalIndex::new(&spec);
         states.iter().for_each(|state| places.push(&[*state]));

@@ -285,7 +285,7 @@ pub const SETTINGS: [Setting; 55] = [
         "new_goal_when_reached",
         "",
         SWITCH_VALUES,
-        "give an agent that reaches its goal a new one within the episode",
+        "give an agent that reaches its goal, or gives up on it, a new one within the episode",
     ),
     Setting::new(
         Agents,
@@ -321,7 +321,7 @@ pub const SETTINGS: [Setting; 55] = [
         "bridge_epsilon",
         "",
         PROBABILITY_RANGE,
-        "probability that an episode's first goal is a bridge point (Algorithm 1's epsilon)",
+        "probability that an episode that begins without an excursion has a bridge point as its first goal (Algorithm 1's epsilon)",
     ),
     Setting::new(
         Exploration,

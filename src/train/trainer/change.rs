@@ -132,7 +132,9 @@ impl Trainer {
         let mut world = fork_world(&self.run, self.world());
         // They come from this world, so they fit.
         let _ = world.restore_statistics(&statistics);
-        self.rollout = Rollout::new(world, stream(self.run.seed, Stream::Explore));
+        let rollout = Rollout::new(world, stream(self.run.seed, Stream::Explore));
+        let before = std::mem::replace(&mut self.rollout, rollout);
+        self.rollout.excursions_mut().keep_places(before.into_excursions());
     }
 
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
