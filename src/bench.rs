@@ -214,7 +214,7 @@ impl Measurements {
     }
 }
 
-/// Returns a number as text, with so many decimals.
+/// Formats a number with the given number of decimals; `never` without one.
 fn told<T: Display>(number: Option<&T>, decimals: usize) -> String {
     number.map_or("never".to_owned(), |number| format!("{number:.decimals$}"))
 }

@@ -32,7 +32,7 @@ pub use learner::{
     Acting, ChangedDistances, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, Relearning, TrainingData,
 };
 pub use networks::encoder::Encoder;
-pub(crate) use networks::lookahead::MIN_GAIN_STEPS;
+pub(crate) use networks::lookahead::{MIN_GAIN_STEPS, axis_actions};
 pub use networks::network::Network;
 pub use networks::policy::{FrozenNets, Nets, Policy, Scratch, look_ahead};
 pub use networks::state::NetworkState;

@@ -6,6 +6,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
+use crate::learn::axis_actions;
 use crate::store::{Store, StoreError};
 
 /// Failed attempts in a row after which an action counts as blocked ...
@@ -71,10 +72,8 @@ enum Outcome {
 impl Places {
     /// Returns no places in a world with `spec`.
     pub fn new(spec: &Spec) -> Self {
-        let along = |axis: usize, sign: f32| (0..spec.action_dim).map(move |i| if i == axis { sign } else { 0.0 });
-        let actions = (0..spec.action_dim).flat_map(|axis| along(axis, 1.0).chain(along(axis, -1.0)));
         Self {
-            actions: actions.collect(),
+            actions: axis_actions(spec.action_dim),
             index: HashMap::new(),
             keys: Vec::new(),
             to: Vec::new(),
@@ -334,18 +333,11 @@ pub(super) mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use crate::bridge::candidates::tests::line;
 
     /// Returns the spec of a plane in which an agent moves at most one goal radius per step.
     pub fn plane() -> Spec {
-        Spec {
-            state_centre: vec![50.0; 2],
-            state_half_range: vec![50.0; 2],
-            change_scale: vec![1.0; 2],
-            achieved: vec![0, 1],
-            action_dim: 2,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        }
+        Spec { state_centre: vec![50.0; 2], ..line(1).0 }
     }
 
     /// Visits the middles of cells `x` of a row and returns their places.

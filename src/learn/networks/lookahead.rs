@@ -33,9 +33,14 @@ pub fn tried_actions(dim: usize) -> Vec<f32> {
         let digits = |i: usize| (0..dim).map(|axis| (i / 3usize.pow(axis as u32) % 3) as f32 - 1.0).collect();
         (0..count).map(digits).filter(|action: &Vec<f32>| action.iter().any(|v| *v != 0.0)).flatten().collect()
     } else {
-        let along = |axis: usize, sign: f32| (0..dim).map(|i| if i == axis { sign } else { 0.0 }).collect::<Vec<f32>>();
-        (0..dim).flat_map(|axis| [along(axis, 1.0), along(axis, -1.0)].concat()).collect()
+        axis_actions(dim)
     }
+}
+
+/// Returns full steps forwards and backwards along each axis, in turns, `(2 * dim, dim)`.
+pub fn axis_actions(dim: usize) -> Vec<f32> {
+    let along = |axis: usize, sign: f32| (0..dim).map(move |i| if i == axis { sign } else { 0.0 });
+    (0..dim).flat_map(|axis| along(axis, 1.0).chain(along(axis, -1.0))).collect()
 }
 
 impl Shapes {
