@@ -183,8 +183,9 @@ impl Rollout {
     /// stepping if the actor's actions are not finite.
     pub fn step(&mut self, context: &mut StepContext) -> Option<RoundResult> {
         let (s, a) = (self.env.spec().state_dim(), self.env.spec().action_dim);
-        self.follow_plans(context);
+        // In this order, a plan that begins as an excursion ends has a waypoint at once.
         self.follow_excursions(context);
+        self.follow_plans(context);
         self.choose_actions(context);
         if !self.actions.iter().all(|a| a.is_finite()) {
             return None;
