@@ -95,6 +95,10 @@ pub struct LearnSettings {
     pub relearn_updates: u64,
     /// Whether a goal that was reached j steps later bounds the target by j.
     pub hindsight_bound: bool,
+    /// Upper bound of D's targets, in steps; 0 for none. Without discount, D of goals that are never reached grows without
+    /// end (Eq. 5); SoRB's distributional critic is bounded in the same way by its largest bin.
+    #[serde(default)]
+    pub max_distance_steps: f32,
     /// Share of a batch whose goals are states reached later in the same episode.
     pub goal_hindsight: f32,
     /// Share of the hindsight goals whose steps ahead are drawn from a geometric distribution (the rest uniformly from
@@ -146,6 +150,7 @@ impl Default for LearnSettings {
             greedy_targets: true,
             relearn_updates: 3_000,
             hindsight_bound: true,
+            max_distance_steps: 0.0,
             goal_hindsight: 0.5,
             goal_geometric: 0.5,
             goal_geometric_mean_steps: 25.0,
@@ -204,6 +209,7 @@ impl LearnSettings {
             ("critics", (1..=2).contains(&self.critics)),
             ("n_step", (1..=1000).contains(&self.n_step)),
             ("expectile", self.expectile > 0.0 && self.expectile < 1.0),
+            ("max_distance_steps", (0.0..=1e6).contains(&self.max_distance_steps)),
             ("goal_hindsight", share(self.goal_hindsight)),
             ("goal_geometric", share(self.goal_geometric)),
             (

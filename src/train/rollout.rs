@@ -11,7 +11,7 @@ use super::settings::Settings;
 use crate::bridge::{
     BridgeGraph, BridgeSettings, Candidates, Excursions, Hop, SearchOutcome, Walker, WalkerState, search,
 };
-use crate::env::{Environment, Restart};
+use crate::env::{EnvSettings, Environment, Restart};
 use crate::learn::{Acting, Policy, Replay, Scratch, look_ahead};
 use crate::store::StoreError;
 
@@ -82,6 +82,8 @@ pub struct Rollout {
     rng: ChaCha8Rng,
     actions: Vec<f32>,
     goals: Vec<f32>,
+    /// A world with one agent, in which the walks to near goals are taken.
+    aside: Option<Box<dyn Environment>>,
     scratch: Scratch,
     excursions: Excursions,
     last_search: Option<Arc<SearchOutcome>>,
@@ -129,6 +131,7 @@ impl Rollout {
             rng,
             actions: Vec::new(),
             goals: Vec::new(),
+            aside: None,
             scratch: Scratch::default(),
             last_search: None,
         }
@@ -273,6 +276,9 @@ impl Rollout {
         agent.after_bridge = None;
         self.env.sample_goal(i, &mut self.rng, &mut agent.goal);
         self.plans[i] = None;
+        if self.chance(context.settings.train.near_goals) {
+            self.choose_near_goal(i, context.settings.train.near_goal_steps);
+        }
         if context.bridges {
             let BridgeSettings { planned_episodes, .. } = context.settings.bridge;
             if self.chance(context.settings.bridge.frontier_share(self.excursions.has_frontier())) {
@@ -282,6 +288,23 @@ impl Rollout {
             }
         }
         self.set_deadline(i, context);
+    }
+
+    /// Makes the goal of agent `i` the place where a straight walk of at most `longest` steps from its own place ends.
+    fn choose_near_goal(&mut self, i: usize, longest: u32) {
+        let aside = self.aside.get_or_insert_with(|| {
+            let mut world = self.env.fork(1);
+            // The walk is straight even where actions are noisy.
+            world.configure(&EnvSettings::default());
+            world
+        });
+        let action: Vec<f32> =
+            (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
+        aside.set_full_state(0, &self.env.full_state(i));
+        for _ in 0..self.rng.random_range(1..=longest) {
+            aside.step(&action, &mut self.rng);
+        }
+        self.agents[i].goal = self.env.spec().achieved(aside.states()).collect();
     }
 
     fn chance(&mut self, probability: f32) -> bool {
@@ -328,6 +351,7 @@ impl Rollout {
     pub fn enter_environment(&mut self, env: Box<dyn Environment>, replay: &mut Replay) {
         self.end_episodes(replay);
         let before = std::mem::replace(&mut self.env, env);
+        self.aside = None;
         for i in 0..self.agents.len() {
             self.env.set_full_state(i, &before.full_state(i));
             self.begin_episode(i);

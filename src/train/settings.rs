@@ -64,6 +64,11 @@ pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
 /// ... and this many times the longest distance in the bridge graph.
 pub(crate) const EPISODE_FACTOR: f32 = 3.0;
 
+/// Default of [`TrainSettings::near_goal_steps`].
+fn near_goal_steps() -> u32 {
+    4
+}
+
 /// Settings of agents, episodes and exploration.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TrainSettings {
@@ -87,6 +92,13 @@ pub struct TrainSettings {
     /// Standard deviation of the Gaussian noise on the actor's actions.
     #[serde(alias = "action_noise")]
     pub exploration_noise: f32,
+    /// Probability that an agent's goal is where a short straight walk from its place ends, which needs no knowledge of the
+    /// world: SoRB (Eysenbach et al. 2019) trains on near goals with probability 0.8.
+    #[serde(default)]
+    pub near_goals: f32,
+    /// Longest such walk, in steps.
+    #[serde(default = "near_goal_steps")]
+    pub near_goal_steps: u32,
     /// Whether an agent that reaches its goal gets a new one within the episode.
     pub new_goal_when_reached: bool,
     /// Standard deviation of the noise that the environment adds to every action.
@@ -105,6 +117,8 @@ impl Default for TrainSettings {
             random_actions: 0.3,
             random_hold_steps: 10.0,
             exploration_noise: 0.2,
+            near_goals: 0.0,
+            near_goal_steps: near_goal_steps(),
             new_goal_when_reached: true,
             env_noise: 0.0,
         }
@@ -144,6 +158,8 @@ impl TrainSettings {
             ("random_actions", (0.0..=1.0).contains(&self.random_actions)),
             ("random_hold_steps", (1.0..=1e6).contains(&self.random_hold_steps)),
             ("exploration_noise", noise(self.exploration_noise)),
+            ("near_goals", (0.0..=1.0).contains(&self.near_goals)),
+            ("near_goal_steps", (1..=10_000).contains(&self.near_goal_steps)),
             ("env_noise", noise(self.env_noise)),
         ];
         checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))

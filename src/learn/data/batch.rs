@@ -127,7 +127,9 @@ impl BatchSampler {
             batch.bootstrap_states.extend(replay.state(later(moment, steps)));
             batch.steps.push(steps as f32);
             batch.bootstrap.push(if reached { 0.0 } else { 1.0 });
-            batch.bound.push(if self.settings.hindsight_bound { bound } else { f32::INFINITY });
+            let bound = if self.settings.hindsight_bound { bound } else { f32::INFINITY };
+            let most = self.settings.max_distance_steps;
+            batch.bound.push(if most > 0.0 { bound.min(most) } else { bound });
             batch.lower.push(0.0);
             let recent = relearning.filter(|_| row < recent_rows);
             let moment = recent.and_then(|r| replay.sample_recent(r.recent_slots, rng)).unwrap_or(moment);

@@ -110,7 +110,7 @@ const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
-pub const SETTINGS: [Setting; 55] = [
+pub const SETTINGS: [Setting; 58] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
     Setting::new(Networks, "critics", "", "1 or 2", "number of critics; D is their maximum").for_networks(),
@@ -176,6 +176,13 @@ pub const SETTINGS: [Setting; 55] = [
         "",
         SWITCH_VALUES,
         "cap targets at the steps in which a trajectory reached the goal",
+    ),
+    Setting::new(
+        Targets,
+        "max_distance_steps",
+        "steps",
+        "0, or a number up to 1e6",
+        "upper bound of targets; 0 for none",
     ),
     Setting::new(
         Targets,
@@ -280,6 +287,20 @@ pub const SETTINGS: [Setting; 55] = [
         "start of an episode: anywhere, the map's start S, or where the last one ended; auto: never if there is an S",
     )
     .for_agents(),
+    Setting::new(
+        Agents,
+        "near_goals",
+        "",
+        PROBABILITY_RANGE,
+        "probability that an agent's goal is where a short straight walk from its place ends",
+    ),
+    Setting::new(
+        Agents,
+        "near_goal_steps",
+        "steps",
+        "an integer from 1 to 10000",
+        "longest of these walks",
+    ),
     Setting::new(
         Agents,
         "new_goal_when_reached",
