@@ -190,7 +190,7 @@ impl Session<'_> {
     /// Evaluates and prints the result; returns `None` if a signal arrives.
     fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
         let trainer = &mut self.setup.trainer;
-        let Some(evaluation) = evaluate(trainer, self.args.eval_tasks as usize, &self.termination)? else {
+        let Some(evaluation) = evaluate(trainer, self.args.eval_tasks as usize, None, &self.termination)? else {
             return Ok(None);
         };
         if evaluation.success_rate().is_none() {
@@ -201,17 +201,18 @@ impl Session<'_> {
     }
 }
 
-/// Evaluates `trainer` on `per_group` tasks at each distance and adds a finite result to its history. Runs on another
-/// thread so that signals are handled at once; returns `None` if one arrives.
+/// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or `max_steps`, and adds a finite
+/// result to its history. Runs on another thread so that signals are handled at once; returns `None` if one arrives.
 ///
 /// # Errors
 /// The learner or the evaluation fails.
 pub fn evaluate(
     trainer: &mut Trainer,
     per_group: usize,
+    max_steps: Option<u32>,
     termination: &TerminationSignal,
 ) -> Result<Option<Evaluation>, Report> {
-    let job = trainer.evaluation().into_diagnostic()?;
+    let job = trainer.evaluation().into_diagnostic()?.within(max_steps);
     let work = move || job.run(&job.tasks(per_group));
     let evaluation = run_interruptibly("evaluation", termination, work)?;
     if let Some(evaluation) = evaluation.as_ref().filter(|evaluation| evaluation.is_finite()) {

@@ -57,6 +57,15 @@ impl Folder {
         self.0.join(name)
     }
 
+    /// Writes a file in it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
+        let path = self.path(name);
+        write_atomically(&path, bytes).into_diagnostic().wrap_err_with(|| path.display().to_string())
+    }
+
     /// Returns the path of a job's checkpoint.
     pub fn checkpoint(&self, job: &Job) -> PathBuf {
         self.0.join(format!("jobs/{}.safetensors", job.name))
@@ -97,16 +106,17 @@ impl Folder {
         }
     }
 
-    /// Writes the job's result and picture, and removes its checkpoint unless it is to be kept.
+    /// Writes the job's result and, if there is one, its picture, and removes its checkpoint unless it is to be kept.
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn finish(&self, job: &Job, result: &JobResult, picture: &[u8], keep: bool) -> Result<(), Report> {
+    pub fn finish(&self, job: &Job, result: &JobResult, picture: Option<&[u8]>, keep: bool) -> Result<(), Report> {
         let json = serde_json::to_string_pretty(result).into_diagnostic()? + "\n";
-        // The result last: it marks the job as done.
-        for (path, bytes) in [(self.path(&picture_name(job)), picture), (self.result(job), json.as_bytes())] {
-            write_atomically(&path, bytes).into_diagnostic().wrap_err_with(|| path.display().to_string())?;
+        if let Some(picture) = picture {
+            self.write(&picture_name(job), picture)?;
         }
+        // The result last: it marks the job as done.
+        self.write(&format!("jobs/{}.json", job.name), json.as_bytes())?;
         if !keep {
             let checkpoint = self.checkpoint(job);
             // What cannot be removed does no harm: the result counts.

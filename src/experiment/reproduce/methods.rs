@@ -1,0 +1,122 @@
+//! The methods that the figures compare.
+
+use crate::bridge::Planner;
+use crate::train::{Method, Preset};
+use crate::view::Rgb;
+
+/// A method in the figures.
+#[derive(Clone, Copy, Debug)]
+pub struct Entry {
+    /// Its name in data, in names of jobs and in `--set NAME:...`.
+    pub name: &'static str,
+    /// Its name in figures.
+    pub title: &'static str,
+    /// The learner's name.
+    pub learner: &'static str,
+    /// The planner.
+    pub planner: Planner,
+    /// The preset that its settings are based on.
+    pub preset: Preset,
+    /// Settings that differ from the preset's, as `--set` takes them.
+    pub set: &'static [&'static str],
+    /// Its colour: from Okabe and Ito's palette, which colour-blind people can tell apart.
+    pub colour: Rgb,
+}
+
+/// All methods: our default, and those that the paper compares.
+pub const ENTRIES: [Entry; 7] = [
+    Entry {
+        name: "default",
+        title: "default (ours)",
+        learner: "gdg",
+        planner: Planner::Bridges,
+        preset: Preset::Default,
+        set: &[],
+        colour: (213, 94, 0),
+    },
+    Entry {
+        name: "gdg-bridge",
+        title: "GDG, bridges",
+        learner: "gdg",
+        planner: Planner::Bridges,
+        preset: Preset::Paper,
+        set: &[],
+        colour: (0, 114, 178),
+    },
+    Entry {
+        name: "gdg",
+        title: "GDG",
+        learner: "gdg",
+        planner: Planner::None,
+        preset: Preset::Paper,
+        set: &[],
+        colour: (86, 180, 233),
+    },
+    Entry {
+        name: "her",
+        title: "DDPG + HER",
+        learner: "her",
+        planner: Planner::None,
+        preset: Preset::Default,
+        set: &[],
+        colour: (0, 158, 115),
+    },
+    Entry {
+        name: "ddpg",
+        title: "DDPG",
+        learner: "ddpg",
+        planner: Planner::None,
+        preset: Preset::Default,
+        set: &[],
+        colour: (230, 159, 0),
+    },
+    Entry {
+        name: "ddpg-distance",
+        title: "DDPG, distance",
+        learner: "ddpg-distance",
+        planner: Planner::None,
+        preset: Preset::Default,
+        set: &[],
+        colour: (204, 121, 167),
+    },
+    Entry {
+        name: "random",
+        title: "random",
+        learner: "random",
+        planner: Planner::None,
+        preset: Preset::Paper,
+        set: &[],
+        colour: (90, 90, 90),
+    },
+];
+
+impl Entry {
+    /// Returns the entry called `name`.
+    pub fn named(name: &str) -> Option<&'static Self> {
+        ENTRIES.iter().find(|entry| entry.name == name)
+    }
+
+    /// Returns its learner and planner.
+    pub fn method(&self) -> Method {
+        Method { learner: self.learner.to_owned(), planner: self.planner }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::train::{Overrides, settings_from};
+
+    #[test]
+    fn names_and_colours_differ_and_settings_are_valid() {
+        let names: BTreeSet<_> = ENTRIES.iter().map(|entry| entry.name).collect();
+        let colours: BTreeSet<_> = ENTRIES.iter().map(|entry| entry.colour).collect();
+        assert_eq!((names.len(), colours.len()), (ENTRIES.len(), ENTRIES.len()));
+        for entry in &ENTRIES {
+            let set: Vec<String> = entry.set.iter().map(|text| (*text).to_owned()).collect();
+            assert!(settings_from(entry.preset, &Overrides { config: None, set: &set }).is_ok(), "{}", entry.name);
+        }
+    }
+}
