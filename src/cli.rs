@@ -218,9 +218,13 @@ pub struct TrainArgs {
     #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
     pub save_every: Option<f64>,
 
-    /// Replace existing files: recordings and, with --save, checkpoints of other runs
+    /// Replace existing files: recordings, tables and, with --save, checkpoints of other runs
     #[arg(long)]
     pub overwrite: bool,
+
+    /// Also write the metrics of progress and evaluations to this file as CSV
+    #[arg(long, value_name = "FILE", requires = "no_ui")]
+    pub csv: Option<PathBuf>,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]

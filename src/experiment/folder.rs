@@ -40,12 +40,12 @@ impl Folder {
         Self(path.to_owned())
     }
 
-    /// Checks that files can be written to it; creates it if needed.
+    /// Checks that files called `names` can be written to it; creates it if needed.
     ///
     /// # Errors
     /// They cannot.
-    pub fn check_writable(&self) -> Result<(), Report> {
-        let paths = ["report.md", "jobs/NAME.json", "pictures/NAME.png"].map(|name| self.0.join(name));
+    pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
+        let paths: Vec<PathBuf> = names.iter().map(|name| self.0.join(name)).collect();
         paths.iter().try_for_each(|path| files::check_writable(path)).map_err(|error| {
             let help = "give --out a writable folder";
             miette!(help = help, "{}: results cannot be saved here: {error}", self.0.display())

@@ -18,6 +18,10 @@ use crate::train::{EvaluationJob, Trainer};
 /// Seed of the tasks that are walked: the same for every run on a map.
 const TASK_SEED: u64 = 0;
 
+/// Length of the far tasks that are searched for a bridge point, as a share of the map's diameter, and their number.
+const FAR_SHARE: f64 = 0.75;
+const MORE_TASKS: usize = 200;
+
 /// Measured at the end of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Measured {
@@ -56,10 +60,10 @@ pub struct Bridge {
     pub direct: f32,
     /// The point found, if any.
     pub found: Option<Found>,
-    /// Candidates tried, and at most that many would have been.
+    /// Tasks searched, the last one with success if a point was found.
+    pub searches: usize,
+    /// Candidates tried in all these searches.
     pub tried: usize,
-    /// See `tried`.
-    pub budget: usize,
     /// D(s, cell) for every cell, row by row; null for walls.
     pub from_start: Vec<Option<f32>>,
     /// D(cell, g) likewise.
@@ -111,35 +115,46 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Walked {
     }
 }
 
-/// Searches for a bridge point as published, between the map's start and the cell farthest from it.
+/// Searches as published for a bridge point, on one task after another until there is one: from the map's start to the
+/// cell farthest from it, then far tasks drawn at random. If there is none at all, the first task is shown.
 ///
 /// # Errors
 /// D is not finite.
 fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bridge, Report> {
-    let (task, policy, candidates) = (far_task(map), job.policy(), trainer.candidates());
-    let (start, goal): (Vec<f32>, _) = (task.start.iter().map(|v| *v as f32).collect(), &task.goal);
-    let mut scratch = Scratch::default();
-    let outcome = bridge::search(
-        (&start, goal),
-        (candidates.states(), candidates.points()),
-        trainer.run().settings.bridge.search_budget,
-        policy,
-        &mut ChaCha8Rng::seed_from_u64(trainer.run().seed),
-        &mut scratch,
-    );
+    let world = PointMaze::new(map.clone(), 0);
+    let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
+    let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
+    let tasks: Vec<Task> =
+        std::iter::once(far_task(map)).chain(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks).collect();
+    let (candidates, budget) = (trainer.candidates(), trainer.run().settings.bridge.search_budget);
+    let (policy, mut scratch, mut tried) = (job.policy(), Scratch::default(), 0);
+    let (mut outcome, mut searches) = (None, 0);
+    for task in &tasks {
+        searches += 1;
+        let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
+        let places = (candidates.states(), candidates.points());
+        let found = bridge::search((&start, &task.goal), places, budget, policy, &mut rng, &mut scratch);
+        tried += found.tried();
+        if found.found.is_some() {
+            outcome = Some((task, found));
+            break;
+        }
+    }
+    let (task, found) = outcome.map_or((&tasks[0], None), |(task, outcome)| (task, outcome.found));
+    let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
     let mut distance = |from: &[f32], to: &[f32]| {
         let distance = hundredths(policy.distance(from, to, &mut scratch));
         distance.ok_or_else(|| miette!(help = "try another seed", "the distances are not finite"))
     };
-    let found = match &outcome.found {
+    let found = match found {
         Some(bridge) => Some(Found {
             point: position(&bridge.point),
             from_start: distance(&start, &bridge.point)?,
-            to_goal: distance(&bridge.point, goal)?,
+            to_goal: distance(&bridge.point, &task.goal)?,
         }),
         None => None,
     };
-    let direct = distance(&start, goal)?;
+    let direct = distance(&start, &task.goal)?;
     let cells: Vec<Cell> = map.free_cells().collect();
     let places: Vec<[f32; 2]> = cells.iter().map(|cell| cell.centre()).collect();
     let of_cells = |from: &[f32], to: &[f32]| {
@@ -152,11 +167,11 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
     Ok(Bridge {
         direct,
         found,
-        tried: outcome.tried(),
-        budget: outcome.budget,
+        searches,
+        tried,
         from_start: of_cells(&start.repeat(cells.len()), places.as_flattened()),
-        to_goal: of_cells(places.as_flattened(), &goal.repeat(cells.len())),
-        walk: walk(job, &task, task.shortest.unwrap_or(0)),
+        to_goal: of_cells(places.as_flattened(), &task.goal.repeat(cells.len())),
+        walk: walk(job, task, task.shortest.unwrap_or(0)),
     })
 }
 

@@ -89,7 +89,7 @@ pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<
     let own = Reproduction { args, registry: registry.clone(), folder, figures, jobs, unavailable };
     own.chosen()?;
     if !args.list_jobs {
-        own.folder.check_writable()?;
+        own.folder.check_writable(&["report.md", "jobs/NAME.json", "data/NAME.json", "figures/NAME.png"])?;
     }
     Ok(own)
 }

@@ -147,12 +147,13 @@ impl Runner {
             let done = length.done(&trainer.counters());
             if tick == Tick::Update || matches!(length, Length::Episodes(_)) {
                 let updates = trainer.counters().updates;
-                let made_now = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
-                if job.plan.is_due(done, made, made_now) {
+                let mut made_now = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
+                // A step may end several agents' episodes and so pass several marks.
+                while job.plan.is_due(done, made, made_now) {
                     if !self.evaluate(job, trainer, done, at)? {
                         return Ok(false);
                     }
-                    made += 1;
+                    (made, made_now) = (made + 1, true);
                 }
             }
             if done >= length.amount() {

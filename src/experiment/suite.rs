@@ -58,7 +58,7 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
     suite.check_names()?;
     registry.learner(&args.run.method.learner).into_diagnostic()?;
     if !args.list {
-        suite.folder.check_writable()?;
+        suite.folder.check_writable(&["report.md", "jobs/NAME.json", "pictures/NAME.png"])?;
     }
     Ok(suite)
 }

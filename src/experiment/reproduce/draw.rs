@@ -238,6 +238,9 @@ fn paint_map<B: DrawingBackend>(
     let below = top + panel.picture.size().1 as i32;
     root.draw(&Text::new(panel.title.as_str(), (left, top - LINE as i32 + 3), letters(false)))?;
     root.draw(&Text::new(panel.caption.as_str(), (left, below + 3), letters(false)))?;
+    let (columns, rows) = panel.picture.size();
+    let corner = (left + columns as i32, top + rows as i32);
+    root.draw(&Rectangle::new([(left - 1, top - 1), corner], BLACK.mix(0.5)))?;
     for line in &panel.lines {
         let stops: Vec<(i32, i32)> = line.stops.iter().map(place).collect();
         if stops.len() > 1 {

@@ -4,6 +4,7 @@ use super::MethodResults;
 use super::figures::{Figure, Shows};
 use crate::experiment::measure::{Bridge, Walked};
 use crate::map::{Grid, builtin};
+use crate::text::counted;
 use crate::view::{Picture, Rgb, contour, contour_at, contour_interval, distance_colour};
 
 /// Pixels along a panel's longer side, about.
@@ -111,12 +112,12 @@ fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
     let found = bridge.found.map(|found| Dot { at: to_pixels(found.point), colour: BRIDGE });
     let numbers = match &bridge.found {
         Some(found) => format!(
-            "D(s,b) {:.1} + D(b,g) {:.1} = {:.1} < D(s,g) {direct:.1}",
+            "b: {:.2} + {:.2} = {:.2} < {direct:.2}",
             found.from_start,
             found.to_goal,
             found.from_start + found.to_goal
         ),
-        None => format!("none among {} candidates", bridge.tried),
+        None => format!("none in {} tasks, {} candidates", bridge.searches, bridge.tried),
     };
     let plan = [bridge.walk.path.first().copied().into_iter().collect(), bridge.walk.plan.clone()].concat();
     let line = |stops: &[[f32; 2]], colour, width| PolyLine {
@@ -124,7 +125,8 @@ fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
         colour,
         width,
     };
-    let from = panel(format!("{title}: D(s, .)"), format!("D(s,g) {direct:.1}"), &bridge.from_start);
+    let searched = format!("D(s,g) {direct:.2}; searched {}", counted(bridge.searches as u64, "task"));
+    let from = panel(format!("{title}: D(s, .)"), searched, &bridge.from_start);
     let to = panel(format!("{title}: D(., g)"), format!("true steps {}", bridge.walk.shortest), &bridge.to_goal);
     let mut both = panel(format!("{title}: D(s, .) + D(., g)"), numbers, &sum);
     both.dots.extend(found);
@@ -159,7 +161,7 @@ fn field(map: &Grid, values: &[Option<f32>]) -> Picture {
 fn walk_caption(walk: &Walked) -> String {
     let steps = walk.path.len().saturating_sub(1);
     let end = if walk.reached { "reached in" } else { "not reached within" };
-    format!("{} steps; {end} {steps}", walk.shortest)
+    format!("shortest {}; {end} {steps}", walk.shortest)
 }
 
 /// Returns a panel of Figure 5: the path walked, over the plan if there is one.
@@ -220,6 +222,6 @@ mod tests {
             path: vec![[0.5, 0.5], [2.5, 4.5], [7.5, 7.5]],
         };
         assert_eq!(text(&map.expect("a map"), &walk, Some([4.5, 4.5])), "S  #\n *bG\n");
-        assert_eq!(walk_caption(&walk), "7 steps; reached in 2");
+        assert_eq!(walk_caption(&walk), "shortest 7; reached in 2");
     }
 }

@@ -58,7 +58,10 @@ impl Drawn {
             "version": env!("CARGO_PKG_VERSION"),
             "data": self.data,
         });
-        let json = serde_json::to_string_pretty(&data).into_diagnostic()? + "\n";
+        // Paths and distances of all cells are long lists of numbers.
+        let json =
+            if self.maps.is_empty() { serde_json::to_string_pretty(&data) } else { serde_json::to_string(&data) };
+        let json = json.into_diagnostic()? + "\n";
         folder.write(&format!("data/{name}.json"), json.as_bytes())?;
         folder.write(&format!("data/{name}.csv"), &self.csv)?;
         folder.write(&format!("figures/{name}.svg"), self.svg.as_bytes())?;

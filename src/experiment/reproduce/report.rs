@@ -111,7 +111,9 @@ fn distance_table(methods: &[MethodResults], panels: &[Panel]) -> String {
 
 /// Returns the numbers below every map.
 fn maps_table(drawn: &Drawn) -> String {
-    let mut out = "| map | |\n|---|---|\n".to_owned();
+    let mut out =
+        "Blue: the start s; orange: the goal g; red: the bridge point b and the plan.\n\n| map | |\n|---|---|\n"
+            .to_owned();
     for panel in drawn.maps.iter().flatten() {
         out += &format!("| {} | {} |\n", panel.title, panel.caption);
     }
