@@ -9,9 +9,9 @@ use serde::{Deserialize, Serialize};
 
 use super::picture::far_task;
 use super::plan::Plan;
-use crate::bridge;
+use crate::bridge::{self, Candidates};
 use crate::env::{PointMaze, Task};
-use crate::learn::Scratch;
+use crate::learn::{Policy, Scratch};
 use crate::map::{Cell, Grid};
 use crate::train::{EvaluationJob, Trainer};
 
@@ -21,6 +21,9 @@ const TASK_SEED: u64 = 0;
 /// Length of the far tasks that are searched for a bridge point, as a share of the map's diameter, and their number.
 const FAR_SHARE: f64 = 0.75;
 const MORE_TASKS: usize = 200;
+
+/// Bridge points for the figure are at least this share of D(s,g) from either end.
+const MIDDLE_SHARE: f32 = 0.25;
 
 /// Measured at the end of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -116,7 +119,8 @@ fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Walked {
 }
 
 /// Searches as published for a bridge point, on one task after another until there is one: from the map's start to the
-/// cell farthest from it, then far tasks drawn at random. If there is none at all, the first task is shown.
+/// cell farthest from it, then far tasks drawn at random. If there is none at all, the first task is shown. Candidates close
+/// to either end are left out: they would show the noise of D rather than a way.
 ///
 /// # Errors
 /// D is not finite.
@@ -126,14 +130,13 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
     let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
     let tasks: Vec<Task> =
         std::iter::once(far_task(map)).chain(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks).collect();
-    let (candidates, budget) = (trainer.candidates(), trainer.run().settings.bridge.search_budget);
-    let (policy, mut scratch, mut tried) = (job.policy(), Scratch::default(), 0);
-    let (mut outcome, mut searches) = (None, 0);
+    let (budget, policy) = (trainer.run().settings.bridge.search_budget, job.policy());
+    let (mut scratch, mut tried, mut searches, mut outcome) = (Scratch::default(), 0, 0, None);
     for task in &tasks {
         searches += 1;
         let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
-        let places = (candidates.states(), candidates.points());
-        let found = bridge::search((&start, &task.goal), places, budget, policy, &mut rng, &mut scratch);
+        let (states, points) = middle(trainer.candidates(), (&start, &task.goal), policy, &mut scratch);
+        let found = bridge::search((&start, &task.goal), (&states, &points), budget, policy, &mut rng, &mut scratch);
         tried += found.tried();
         if found.found.is_some() {
             outcome = Some((task, found));
@@ -173,6 +176,27 @@ fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bri
         to_goal: of_cells(places.as_flattened(), &task.goal.repeat(cells.len())),
         walk: walk(job, task, task.shortest.unwrap_or(0)),
     })
+}
+
+/// Returns the candidates, as states and as goals, that are at least [`MIDDLE_SHARE`] of D(s,g) from either end.
+fn middle(
+    candidates: &Candidates,
+    (start, goal): (&[f32], &[f32]),
+    policy: &dyn Policy,
+    scratch: &mut Scratch,
+) -> (Vec<f32>, Vec<f32>) {
+    let (s, g, all) = (start.len(), goal.len(), candidates.len());
+    let least = MIDDLE_SHARE * policy.distance(start, goal, scratch);
+    let (mut there, mut on) = (vec![0.0; all], vec![0.0; all]);
+    policy.distances(&start.repeat(all), candidates.points(), &mut there, scratch);
+    policy.distances(candidates.states(), &goal.repeat(all), &mut on, scratch);
+    let kept = (0..all).filter(|i| there[*i] >= least && on[*i] >= least);
+    let (mut states, mut points) = (Vec::new(), Vec::new());
+    for i in kept {
+        states.extend_from_slice(&candidates.states()[s * i..s * (i + 1)]);
+        points.extend_from_slice(&candidates.points()[g * i..g * (i + 1)]);
+    }
+    (states, points)
 }
 
 /// Returns the position in a state or goal of a maze.

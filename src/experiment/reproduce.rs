@@ -26,7 +26,7 @@ use crate::report::from_config_error;
 use crate::setup::{find_map, threads};
 use crate::signals::TerminationSignal;
 use crate::text::{counted, eprint_line};
-use crate::train::{Overrides, Registry, Run, settings_from};
+use crate::train::{Overrides, Preset, Registry, Run, settings_from};
 pub use figures::{FIGURES, Figure};
 use methods::{ENTRIES, Entry};
 
@@ -73,11 +73,10 @@ pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<
     for figure in FIGURES.iter().filter(chosen) {
         let mut methods = Vec::new();
         for entry in figure.methods.iter().filter_map(|name| Entry::named(name)) {
-            if registry.learner(entry.learner).is_err() {
-                unavailable.insert(entry.name);
-                continue;
+            match entry.preset(registry) {
+                Some(preset) => methods.push(MethodJobs { entry, jobs: jobs(figure, entry, preset, args, registry)? }),
+                None => drop(unavailable.insert(entry.name)),
             }
-            methods.push(MethodJobs { entry, jobs: jobs(figure, entry, args, registry)? });
         }
         figures.push(FigureJobs { figure, methods });
     }
@@ -95,7 +94,13 @@ pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<
 }
 
 /// Returns the jobs of a method in a figure, one per seed.
-fn jobs(figure: &Figure, entry: &Entry, args: &ReproduceArgs, registry: &Registry) -> Result<Vec<Job>, Report> {
+fn jobs(
+    figure: &Figure,
+    entry: &Entry,
+    preset: Preset,
+    args: &ReproduceArgs,
+    registry: &Registry,
+) -> Result<Vec<Job>, Report> {
     let map = find_map(figure.map, registry)?;
     let of_method = |text: &String| match prefix(text) {
         Some((method, setting)) => (method == entry.name).then(|| setting.to_owned()),
@@ -103,7 +108,7 @@ fn jobs(figure: &Figure, entry: &Entry, args: &ReproduceArgs, registry: &Registr
     };
     let own = entry.set.iter().map(|text| (*text).to_owned());
     let set: Vec<String> = own.chain(args.set.iter().filter_map(of_method)).collect();
-    let settings = settings_from(entry.preset, &Overrides { config: None, set: &set }).map_err(from_config_error)?;
+    let settings = settings_from(preset, &Overrides { config: None, set: &set }).map_err(from_config_error)?;
     let mut plan = figure.plan(args.budget, entry.name);
     let length = args.updates.map(Length::Updates).or(args.episodes.map(Length::Episodes));
     plan.length = length.unwrap_or(plan.length);
@@ -111,7 +116,7 @@ fn jobs(figure: &Figure, entry: &Entry, args: &ReproduceArgs, registry: &Registr
         (plan.eval_tasks, plan.last_tasks) = (plan.eval_tasks.min(tasks), tasks);
     }
     let seeds = if figure.several_seeds { args.seeds.unwrap_or(figure.seeds()) } else { 1 };
-    let run = |seed| Run { method: entry.method(), preset: entry.preset, seed, settings: settings.clone() };
+    let run = |seed| Run { method: entry.method(), preset, seed, settings: settings.clone() };
     (1..=seeds).map(|seed| Job::new(&map, Some(entry.name), run(seed), plan.clone())).collect()
 }
 

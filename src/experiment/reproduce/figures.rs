@@ -115,7 +115,7 @@ impl Figure {
     /// Returns what a job of `method` does under `budget`. Figures on the same map have the same plans and share jobs.
     pub fn plan(&self, budget: BudgetArg, method: &str) -> Plan {
         let (updates, episodes) = match self.map {
-            "city" => (40_000, 200_000),
+            "city" => (60_000, 200_000),
             _ => (20_000, 100_000),
         };
         let length = match budget {

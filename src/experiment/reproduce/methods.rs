@@ -1,7 +1,7 @@
 //! The methods that the figures compare.
 
 use crate::bridge::Planner;
-use crate::train::{Method, Preset};
+use crate::train::{Method, Preset, Registry};
 use crate::view::Rgb;
 
 /// A method in the figures.
@@ -15,8 +15,8 @@ pub struct Entry {
     pub learner: &'static str,
     /// The planner.
     pub planner: Planner,
-    /// The preset that its settings are based on.
-    pub preset: Preset,
+    /// Name of the preset that its settings are based on.
+    pub preset: &'static str,
     /// Settings that differ from the preset's, as `--set` takes them.
     pub set: &'static [&'static str],
     /// Its colour: from Okabe and Ito's palette, which colour-blind people can tell apart.
@@ -30,7 +30,7 @@ pub const ENTRIES: [Entry; 7] = [
         title: "default (ours)",
         learner: "gdg",
         planner: Planner::Bridges,
-        preset: Preset::Default,
+        preset: "default",
         set: &[],
         colour: (213, 94, 0),
     },
@@ -39,7 +39,7 @@ pub const ENTRIES: [Entry; 7] = [
         title: "GDG, bridges",
         learner: "gdg",
         planner: Planner::Bridges,
-        preset: Preset::Paper,
+        preset: "paper",
         set: &[],
         colour: (0, 114, 178),
     },
@@ -48,7 +48,7 @@ pub const ENTRIES: [Entry; 7] = [
         title: "GDG",
         learner: "gdg",
         planner: Planner::None,
-        preset: Preset::Paper,
+        preset: "paper",
         set: &[],
         colour: (86, 180, 233),
     },
@@ -57,7 +57,7 @@ pub const ENTRIES: [Entry; 7] = [
         title: "DDPG + HER",
         learner: "her",
         planner: Planner::None,
-        preset: Preset::Default,
+        preset: "tuned",
         set: &[],
         colour: (0, 158, 115),
     },
@@ -66,7 +66,7 @@ pub const ENTRIES: [Entry; 7] = [
         title: "DDPG",
         learner: "ddpg",
         planner: Planner::None,
-        preset: Preset::Default,
+        preset: "tuned",
         set: &[],
         colour: (230, 159, 0),
     },
@@ -75,7 +75,7 @@ pub const ENTRIES: [Entry; 7] = [
         title: "DDPG, distance",
         learner: "ddpg-distance",
         planner: Planner::None,
-        preset: Preset::Default,
+        preset: "tuned",
         set: &[],
         colour: (204, 121, 167),
     },
@@ -84,7 +84,7 @@ pub const ENTRIES: [Entry; 7] = [
         title: "random",
         learner: "random",
         planner: Planner::None,
-        preset: Preset::Paper,
+        preset: "paper",
         set: &[],
         colour: (90, 90, 90),
     },
@@ -94,6 +94,11 @@ impl Entry {
     /// Returns the entry called `name`.
     pub fn named(name: &str) -> Option<&'static Self> {
         ENTRIES.iter().find(|entry| entry.name == name)
+    }
+
+    /// Returns its preset, if `registry` has its learner: a build may lack either.
+    pub fn preset(&self, registry: &Registry) -> Option<Preset> {
+        registry.learner(self.learner).is_ok().then(|| Preset::named(self.preset)).flatten()
     }
 
     /// Returns its learner and planner.
@@ -114,9 +119,15 @@ mod tests {
         let names: BTreeSet<_> = ENTRIES.iter().map(|entry| entry.name).collect();
         let colours: BTreeSet<_> = ENTRIES.iter().map(|entry| entry.colour).collect();
         assert_eq!((names.len(), colours.len()), (ENTRIES.len(), ENTRIES.len()));
-        for entry in &ENTRIES {
+        let registry = Registry::builtin();
+        assert!(
+            ["default", "gdg-bridge", "gdg", "random"]
+                .iter()
+                .all(|name| { Entry::named(name).is_some_and(|entry| entry.preset(&registry).is_some()) })
+        );
+        for (entry, preset) in ENTRIES.iter().filter_map(|entry| Some((entry, entry.preset(&registry)?))) {
             let set: Vec<String> = entry.set.iter().map(|text| (*text).to_owned()).collect();
-            assert!(settings_from(entry.preset, &Overrides { config: None, set: &set }).is_ok(), "{}", entry.name);
+            assert!(settings_from(preset, &Overrides { config: None, set: &set }).is_ok(), "{}", entry.name);
         }
     }
 }

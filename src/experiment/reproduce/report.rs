@@ -7,6 +7,10 @@ use super::output::Drawn;
 use crate::experiment::plan::Length;
 use crate::text::counted;
 
+/// How the bridge point of Figure 2 is found.
+const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a bridge point: b with D(s,b) + \
+     D(b,g) < D(s,g), among candidates that are at least a quarter of D(s,g) from either end.";
+
 /// Returns the report, with the sections of all figures.
 pub fn report(arguments: &str, sections: &[String], missing: &[String], unavailable: &[&str]) -> String {
     let mut out = format!(
@@ -41,7 +45,8 @@ pub fn section(figure: &Figure, methods: &[MethodResults], drawn: &Drawn) -> Str
         Shows::Success => training_table(figure, methods, &drawn.panels, "success rate at the end, all distances"),
         Shows::DistanceLeft => training_table(figure, methods, &drawn.panels, "left at the end"),
         Shows::SuccessByDistance => distance_table(methods, &drawn.panels),
-        Shows::Bridge | Shows::Paths => maps_table(drawn),
+        Shows::Bridge => format!("{BRIDGE_SEARCH}\n\n{}", maps_table(drawn)),
+        Shows::Paths => maps_table(drawn),
     };
     out
 }
@@ -63,7 +68,7 @@ fn run(method: &MethodResults) -> String {
         Length::Updates(updates) => counted(updates, "update"),
         Length::Episodes(episodes) => counted(episodes, "episode"),
     };
-    let (name, preset, seeds) = (method.entry.method(), method.entry.preset.name(), method.results.len());
+    let (name, preset, seeds) = (method.entry.method(), method.entry.preset, method.results.len());
     format!("{name}, preset {preset}{settings}; {length}, {}", counted(seeds as u64, "seed"))
 }
 
