@@ -109,7 +109,7 @@ hyperqueue() {
             sh -c 'eval "$HQ_ENTRY"' >/dev/null)
         compare hyperqueue
     elif "${PYTHON:-python3}" -c 'import hyperqueue' 2>/dev/null; then
-        (cd "$work" && "${PYTHON:-python3}" - <<'PYTHON'
+        (cd "$work" && TMPDIR="$work" "${PYTHON:-python3}" - >"$work/hq.out" 2>&1 <<'PYTHON'
 from hyperqueue import Job, LocalCluster
 from hyperqueue.cluster import WorkerConfig
 

@@ -142,11 +142,11 @@ impl Reproduction<'_> {
     /// # Errors
     /// A file cannot be written, or a figure cannot be drawn.
     pub fn run(&self) -> Result<u8, Report> {
-        if self.args.list_jobs {
-            return print(&self.list()).map(|()| 0);
-        }
         if !self.unavailable.is_empty() {
             eprint_line(&format!("left out, as this build has no such learner: {}", self.unavailable.join(", ")));
+        }
+        if self.args.list_jobs {
+            return print(&self.list()).map(|()| 0);
         }
         if self.args.collect {
             return self.draw();

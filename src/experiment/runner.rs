@@ -50,7 +50,8 @@ impl Runner {
     /// job that fails does not end the others.
     pub fn run(&self, jobs: &[&Job], parallel: usize) -> Vec<End> {
         let mut order: Vec<usize> = (0..jobs.len()).collect();
-        order.sort_by_key(|i| std::cmp::Reverse(jobs[*i].plan.length.amount()));
+        let length = |i: &usize| (matches!(jobs[*i].plan.length, Length::Episodes(_)), jobs[*i].plan.length.amount());
+        order.sort_by_key(|i| std::cmp::Reverse(length(i)));
         let progress = Progress::new(jobs, parallel);
         let (next, ended) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let ends: Vec<Mutex<End>> = jobs.iter().map(|_| Mutex::new(End::Interrupted)).collect();
