@@ -138,7 +138,7 @@ fn paint<B: DrawingBackend>(root: &DrawingArea<B, Shift>, drawing: &Drawing) -> 
 }
 
 /// Formats a number on an axis: 40k, 0.2.
-pub fn tick(value: &f64) -> String {
+pub fn tick(value: f64) -> String {
     match value.abs() {
         size if size >= 1e6 => format!("{}M", value / 1e6),
         size if size >= 1e4 => format!("{}k", value / 1e3),
@@ -163,8 +163,8 @@ fn chart<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel) -> Resu
         .y_labels(7)
         .label_style(letters(false))
         .axis_desc_style(letters(false))
-        .x_label_formatter(&tick)
-        .y_label_formatter(&tick)
+        .x_label_formatter(&|value| tick(*value))
+        .y_label_formatter(&|value| tick(*value))
         .bold_line_style(BLACK.mix(0.12))
         .light_line_style(TRANSPARENT)
         .draw()?;
@@ -294,6 +294,6 @@ mod tests {
 
     #[test]
     fn ticks_are_short() {
-        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(|v| tick(&v)), ["0.2", "40", "40k", "2M"]);
+        assert_eq!([0.2, 40.0, 40_000.0, 2e6].map(tick), ["0.2", "40", "40k", "2M"]);
     }
 }

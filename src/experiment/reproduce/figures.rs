@@ -43,8 +43,8 @@ pub enum Shows {
     DistanceLeft,
 }
 
-/// The methods of Figures 3 and 4.
-const COMPARED: &[&str] = &["default", "gdg-bridge", "gdg", "her", "ddpg", "random"];
+/// The methods of Figures 3 and 4: the paper's five, with our default and SoRB beside them.
+const COMPARED: &[&str] = &["default", "gdg-bridge", "gdg", "her", "ddpg", "sorb", "random"];
 
 /// All figures. Figure 1, the arm, is not among them: there is no such world.
 pub const FIGURES: [Figure; 5] = [

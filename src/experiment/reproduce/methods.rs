@@ -19,12 +19,12 @@ pub struct Entry {
     pub preset: &'static str,
     /// Settings that differ from the preset's, as `--set` takes them.
     pub set: &'static [&'static str],
-    /// Its colour: from Okabe and Ito's palette, which colour-blind people can tell apart.
+    /// Its colour: from Okabe and Ito's palette, which colour-blind people can tell apart, or grey.
     pub colour: Rgb,
 }
 
-/// All methods: our default, and those that the paper compares.
-pub const ENTRIES: [Entry; 7] = [
+/// All methods: our default, those that the paper compares, and SoRB, on which it builds.
+pub const ENTRIES: [Entry; 8] = [
     Entry {
         name: "default",
         title: "default (ours)",
@@ -80,13 +80,23 @@ pub const ENTRIES: [Entry; 7] = [
         colour: (204, 121, 167),
     },
     Entry {
+        // As published: search over the distances of a value function.
+        name: "sorb",
+        title: "SoRB on HER",
+        learner: "her",
+        planner: Planner::Sorb,
+        preset: "tuned",
+        set: &[],
+        colour: (0, 0, 0),
+    },
+    Entry {
         name: "random",
         title: "random",
         learner: "random",
         planner: Planner::None,
         preset: "paper",
         set: &[],
-        colour: (90, 90, 90),
+        colour: (150, 150, 150),
     },
 ];
 

@@ -75,9 +75,9 @@ impl Drawn {
         let charts = super::terminal::charts(&self.panels);
         #[cfg(not(feature = "tui"))]
         let charts = String::new();
-        let map = |panel: &MapPanel| match panel.text.is_empty() {
-            true => String::new(),
-            false => format!("\n{} ({})\n{}", panel.title, panel.caption, panel.text),
+        let map = |panel: &MapPanel| {
+            let MapPanel { title, caption, text, .. } = panel;
+            if text.is_empty() { String::new() } else { format!("\n{title} ({caption})\n{text}") }
         };
         // The first row is our default; more would be pages of text.
         let maps: String = self.maps.first().into_iter().flatten().map(map).collect();

@@ -41,7 +41,7 @@ fn chart(panel: &Panel, coloured: bool) -> String {
             .data(points)
     });
     let axis = |title, top: f64| {
-        let labels = [0.0, 0.5, 1.0].map(|share| Line::from(super::draw::tick(&(share * top))));
+        let labels = [0.0, 0.5, 1.0].map(|share| Line::from(super::draw::tick(share * top)));
         Axis::default().title(title).bounds([0.0, 1.02 * top]).labels(labels)
     };
     let chart = Chart::new(data.collect())
