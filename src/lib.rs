@@ -55,6 +55,13 @@
 //! line in `src/tui/render/side.rs`, and a binding in the table of `src/tui/action.rs`, from which help and command palette
 //! are built. Slow computations belong in [`view`].
 //!
+//! # Add a figure
+//!
+//! An entry in `FIGURES` in `src/experiment/reproduce/figures.rs` (map, methods, what it shows) and, for a new method, one in
+//! `methods.rs` beside it. Another kind of chart is a variant of `Shows` with its lines in `curves.rs`, another kind of
+//! picture one in `maps.rs`; files, report and terminal follow. What a figure needs of the trained networks is measured in
+//! `src/experiment/measure.rs`.
+//!
 //! # Invariants
 //!
 //! Same seed, same run, bit for bit: for any number of threads, with or without a front end, with or without evaluations,

@@ -90,7 +90,7 @@ fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {
 fn results(evaluation: Option<&Evaluation>) -> Vec<String> {
     let Some(evaluation) = evaluation else { return vec![String::new(); EVALUATION.len() + 2 * DISTANCES] };
     let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
-    let Evaluation { greedy, planned, distance_error, bridges, coverage, marked } = evaluation;
+    let Evaluation { greedy, planned, distance_error, bridges, coverage, marked, .. } = evaluation;
     let planned = planned.as_ref();
     let left = marked.and_then(|marked| marked.planned.unwrap_or(marked.greedy).left_straight);
     let bridges = bridges.as_ref();
