@@ -31,7 +31,7 @@ compare() {
     echo "$1: $(wc -l <"$work/$1.jobs") jobs, the same bytes as one process alone"
 }
 
-list() { "$program" "${figure[@]}" --out "$work/$1" --list-jobs >"$work/$1.jobs"; }
+list() { "$program" "${figure[@]}" --out "$work/$1" --list-jobs >"$work/$1.jobs" 2>/dev/null; }
 
 slurm() {
     for tool in munged slurmctld slurmd sbatch; do
