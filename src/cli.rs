@@ -1,5 +1,6 @@
 //! The command line.
 
+mod reproduce;
 mod suite;
 
 use std::ffi::OsStr;
@@ -13,6 +14,7 @@ use crate::bridge::Planner;
 use crate::learn::LEARNERS;
 use crate::map::{RANDOM_SIZES, RandomMapKind};
 use crate::train::{Limits, METHODS, Method, Preset};
+pub use reproduce::{BudgetArg, ReproduceArgs};
 pub use suite::SuiteArgs;
 
 /// Exit status of a failure while running.
@@ -33,6 +35,7 @@ Examples:
   gdg-tui --resume saves/my.safetensors      resume where it stopped
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
   gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
+  gdg-tui reproduce all                      the paper's figures, with our default beside its methods
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not reached;
 129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (the run is saved; a second signal exits without saving).";
@@ -68,6 +71,8 @@ pub enum Command {
     Settings,
     /// Benchmark suite: train on every map, and write a table and a report with pictures
     Suite(SuiteArgs),
+    /// Reproduce the paper's figures: data, drawings and a report that compares
+    Reproduce(ReproduceArgs),
     /// Ablation study: measure the effect of switching off each component of the default preset
     Ablate(AblateArgs),
     /// Benchmark the learner on this machine against plain candle-nn
@@ -213,9 +218,13 @@ pub struct TrainArgs {
     #[arg(long, value_name = "MINUTES", value_parser = parse_minutes, requires = "no_ui")]
     pub save_every: Option<f64>,
 
-    /// Replace existing files: recordings and, with --save, checkpoints of other runs
+    /// Replace existing files: recordings, tables and, with --save, checkpoints of other runs
     #[arg(long)]
     pub overwrite: bool,
+
+    /// Also write the metrics of progress and evaluations to this file as CSV
+    #[arg(long, value_name = "FILE", requires = "no_ui")]
+    pub csv: Option<PathBuf>,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]

@@ -4,6 +4,7 @@ mod interruptible;
 mod progress;
 mod records;
 mod saver;
+mod table;
 
 use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
@@ -20,6 +21,7 @@ use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
 pub use saver::Saver;
+use table::Table;
 
 /// Updates between progress records, about a second's worth. Counted in updates so that the same run prints the same
 /// records.
@@ -35,7 +37,8 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
         eprint_line(warning);
     }
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
-    let mut session = Session { setup, args, progress: Progress::new(args), saver, termination };
+    let table = args.csv.as_deref().map(|path| Table::create(path, args.overwrite)).transpose()?;
+    let mut session = Session { setup, args, progress: Progress::new(args), saver, table, termination };
     let ended = session.run();
     // Saves what was learned, even after an error.
     let saved = session.save_at_end();
@@ -76,6 +79,7 @@ struct Session<'a> {
     args: &'a TrainArgs,
     progress: Progress,
     saver: Option<Saver>,
+    table: Option<Table>,
     termination: TerminationSignal,
 }
 
@@ -131,6 +135,7 @@ impl Session<'_> {
             let updates = self.setup.trainer.counters().updates;
             if updates.is_multiple_of(PROGRESS_EVERY_UPDATES) {
                 print(&Record::progress(&self.setup.trainer))?;
+                self.table.iter_mut().for_each(|table| table.add(&self.setup.trainer, None));
                 self.progress.show(&self.setup.trainer);
             }
             self.apply_due_edits()?;
@@ -190,28 +195,30 @@ impl Session<'_> {
     /// Evaluates and prints the result; returns `None` if a signal arrives.
     fn evaluate(&mut self) -> Result<Option<Evaluation>, Report> {
         let trainer = &mut self.setup.trainer;
-        let Some(evaluation) = evaluate(trainer, self.args.eval_tasks as usize, &self.termination)? else {
+        let Some(evaluation) = evaluate(trainer, self.args.eval_tasks as usize, None, &self.termination)? else {
             return Ok(None);
         };
         if evaluation.success_rate().is_none() {
             eprint_line("the evaluation has no tasks, so there is no success rate");
         }
         print(&Record::evaluation(&self.setup.trainer, &evaluation))?;
+        self.table.iter_mut().for_each(|table| table.add(&self.setup.trainer, Some(&evaluation)));
         Ok(Some(evaluation))
     }
 }
 
-/// Evaluates `trainer` on `per_group` tasks at each distance and adds a finite result to its history. Runs on another
-/// thread so that signals are handled at once; returns `None` if one arrives.
+/// Evaluates `trainer` on `per_group` tasks at each distance, each within its own budget or `max_steps`, and adds a finite
+/// result to its history. Runs on another thread so that signals are handled at once; returns `None` if one arrives.
 ///
 /// # Errors
 /// The learner or the evaluation fails.
 pub fn evaluate(
     trainer: &mut Trainer,
     per_group: usize,
+    max_steps: Option<u32>,
     termination: &TerminationSignal,
 ) -> Result<Option<Evaluation>, Report> {
-    let job = trainer.evaluation().into_diagnostic()?;
+    let job = trainer.evaluation().into_diagnostic()?.within(max_steps);
     let work = move || job.run(&job.tasks(per_group));
     let evaluation = run_interruptibly("evaluation", termination, work)?;
     if let Some(evaluation) = evaluation.as_ref().filter(|evaluation| evaluation.is_finite()) {

@@ -29,7 +29,8 @@
 //!   [`train::Engine`], which runs a trainer on its own thread. [`train::Registry`] lists worlds and learners.
 //! * [`view`]: what the screen shows of a run, computed on its own thread: distance fields, the bridge graph, an agent that
 //!   walks to the goal; colours, contours and pictures.
-//! * [`headless`] (one run), `tui` and [`experiment`] (many runs in parallel, whose results are kept): the front ends.
+//! * [`headless`] (one run), `tui` and [`experiment`] (many runs in parallel, whose results are kept: benchmark suites, the
+//!   paper's figures): the front ends.
 //!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`bench`](mod@bench) measures;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
@@ -53,6 +54,13 @@
 //! A variant of `tui::panes::Pane` with its name, a file in `src/tui/render/` that draws it from the screen's state, its
 //! line in `src/tui/render/side.rs`, and a binding in the table of `src/tui/action.rs`, from which help and command palette
 //! are built. Slow computations belong in [`view`].
+//!
+//! # Add a figure
+//!
+//! An entry in `FIGURES` in `src/experiment/reproduce/figures.rs` (map, methods, what it shows) and, for a new method, one in
+//! `methods.rs` beside it. Another kind of chart is a variant of `Shows` with its lines in `curves.rs`, another kind of
+//! picture one in `maps.rs`; files, report and terminal follow. What a figure needs of the trained networks is measured in
+//! `src/experiment/measure.rs`.
 //!
 //! # Invariants
 //!

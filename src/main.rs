@@ -6,10 +6,10 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, LogLevel, SuiteArgs};
+use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, LogLevel, ReproduceArgs, SuiteArgs};
 #[cfg(feature = "tui")]
 use gdg_tui::env::Scene;
-use gdg_tui::experiment::{ablate, suite};
+use gdg_tui::experiment::{ablate, reproduce, suite};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
@@ -32,6 +32,7 @@ fn main() -> ExitCode {
         }
         Some(Command::Settings) => print(&reference_page()),
         Some(Command::Suite(args)) => run_suite(args),
+        Some(Command::Reproduce(args)) => run_reproduce(args),
         Some(Command::Ablate(args)) => printed(ablate::run(args), EXIT_BAD_INPUT),
         #[cfg(feature = "tui")]
         Some(Command::Frames(args)) => printed(frames::run(args), EXIT_BAD_INPUT),
@@ -65,6 +66,14 @@ fn run_suite(args: &SuiteArgs) -> u8 {
     logging::start(LogLevel::Info);
     match suite::prepare(args, &Registry::builtin()) {
         Ok(suite) => suite.run().unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
+        Err(error) => fail(error, EXIT_BAD_INPUT),
+    }
+}
+
+fn run_reproduce(args: &ReproduceArgs) -> u8 {
+    logging::start(LogLevel::Info);
+    match reproduce::prepare(args, &Registry::builtin()) {
+        Ok(figures) => figures.run().unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
         Err(error) => fail(error, EXIT_BAD_INPUT),
     }
 }

@@ -64,6 +64,13 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     let threads = threads(args.threads);
     // Checked before training: otherwise, what was learned might be impossible to save.
     let save = args.save.as_deref().map(|path| save_to(path, args)).transpose()?;
+    if let Some(path) = &args.csv {
+        refuse_existing(path, args.overwrite)?;
+        files::check_writable(path).map_err(|error| {
+            let help = "give --csv a file in a writable folder";
+            miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
+        })?;
+    }
     let Loaded { mut trainer, warning } = if let Some(path) = &args.resume {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
     } else {

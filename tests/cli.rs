@@ -75,6 +75,41 @@ fn records_have_the_documented_format() {
     assert_eq!((&end["event"], &end["reason"], &end["updates"]), (&"end".into(), &"max-updates".into(), &1000.into()));
 }
 
+#[test]
+fn metrics_are_also_written_as_a_table() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("run.csv");
+    let path = path.to_str().unwrap();
+    let args = ["trap", "--seed", "5", "--max-updates", "1000", "--eval-tasks", "2", "--eval-every-updates", "500"];
+    let all = run(&[&args[..], &["--csv", path]].concat());
+    let mut table = csv::Reader::from_path(path).unwrap();
+    let head: Vec<String> = table.headers().unwrap().iter().map(str::to_owned).collect();
+    let lines: Vec<csv::StringRecord> = table.records().map(Result::unwrap).collect();
+    let of = |line: &csv::StringRecord, name: &str| line[head.iter().position(|h| h == name).unwrap()].to_owned();
+    let records = all.iter().filter(|r| r["event"] == "progress" || r["event"] == "evaluation");
+    assert_eq!(lines.len(), 3, "{lines:?}");
+    for (line, record) in lines.iter().zip(records) {
+        assert_eq!(of(line, "event"), record["event"].as_str().unwrap());
+        for name in ["updates", "env_steps"] {
+            assert_eq!(of(line, name), record[name].to_string(), "{name}");
+        }
+        if record["event"] == "evaluation" {
+            assert_eq!(of(line, "greedy_success").parse::<f64>().unwrap(), record["greedy"]["success"]);
+            assert_eq!(
+                of(line, "planned_success_6").parse::<f64>().unwrap(),
+                record["planned"]["by_distance"][5]["success"]
+            );
+            let left = &record["marked"]["planned"]["left_straight"];
+            assert!((of(line, "goal_distance_left").parse::<f64>().unwrap() - left.as_f64().unwrap()).abs() < 1e-5);
+        } else {
+            assert_eq!((of(line, "greedy_success"), of(line, "critic_loss").is_empty()), (String::new(), false));
+        }
+    }
+    let again = gdg().args(["--no-ui", "trap", "--max-updates", "1", "--csv", path]).output().unwrap();
+    assert_eq!(again.status.code(), Some(2), "an existing file is not replaced");
+    assert!(String::from_utf8_lossy(&again.stderr).contains("already exists"));
+}
+
 /// Returns the records without times, rates and the number of threads.
 fn without_times(mut records: Vec<Value>) -> Vec<Value> {
     for record in &mut records {

@@ -149,6 +149,13 @@ impl PointMaze {
         *self.diameter.get_or_init(|| Diameter::compute(&self.map))
     }
 
+    /// Draws `per_distance` random tasks at each of `distances` in steps, each to within one step; a distance that does
+    /// not occur on the map has no tasks.
+    pub fn tasks_at(&self, distances: &[u32], per_distance: usize, rng: &mut ChaCha8Rng) -> TaskSet {
+        let cells = &self.components[self.largest as usize];
+        tasks::at(distances, &self.map, cells, self.diameter(), per_distance, rng)
+    }
+
     fn load(store: &Store) -> Result<Self, StoreError> {
         // The name comes from a file and becomes part of other file names, so it must not contain a path.
         let name = safe_file_name(store.text("map_name")?);

@@ -40,12 +40,12 @@ impl Folder {
         Self(path.to_owned())
     }
 
-    /// Checks that files can be written to it; creates it if needed.
+    /// Checks that files called `names` can be written to it; creates it if needed.
     ///
     /// # Errors
     /// They cannot.
-    pub fn check_writable(&self) -> Result<(), Report> {
-        let paths = ["report.md", "jobs/NAME.json", "pictures/NAME.png"].map(|name| self.0.join(name));
+    pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
+        let paths: Vec<PathBuf> = names.iter().map(|name| self.0.join(name)).collect();
         paths.iter().try_for_each(|path| files::check_writable(path)).map_err(|error| {
             let help = "give --out a writable folder";
             miette!(help = help, "{}: results cannot be saved here: {error}", self.0.display())
@@ -55,6 +55,15 @@ impl Folder {
     /// Returns the path of a file in it.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.join(name)
+    }
+
+    /// Writes a file in it.
+    ///
+    /// # Errors
+    /// The file cannot be written.
+    pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
+        let path = self.path(name);
+        write_atomically(&path, bytes).into_diagnostic().wrap_err_with(|| path.display().to_string())
     }
 
     /// Returns the path of a job's checkpoint.
@@ -97,16 +106,17 @@ impl Folder {
         }
     }
 
-    /// Writes the job's result and picture, and removes its checkpoint unless it is to be kept.
+    /// Writes the job's result and, if there is one, its picture, and removes its checkpoint unless it is to be kept.
     ///
     /// # Errors
     /// A file cannot be written.
-    pub fn finish(&self, job: &Job, result: &JobResult, picture: &[u8], keep: bool) -> Result<(), Report> {
+    pub fn finish(&self, job: &Job, result: &JobResult, picture: Option<&[u8]>, keep: bool) -> Result<(), Report> {
         let json = serde_json::to_string_pretty(result).into_diagnostic()? + "\n";
-        // The result last: it marks the job as done.
-        for (path, bytes) in [(self.path(&picture_name(job)), picture), (self.result(job), json.as_bytes())] {
-            write_atomically(&path, bytes).into_diagnostic().wrap_err_with(|| path.display().to_string())?;
+        if let Some(picture) = picture {
+            self.write(&picture_name(job), picture)?;
         }
+        // The result last: it marks the job as done.
+        self.write(&format!("jobs/{}.json", job.name), json.as_bytes())?;
         if !keep {
             let checkpoint = self.checkpoint(job);
             // What cannot be removed does no harm: the result counts.

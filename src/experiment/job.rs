@@ -5,21 +5,20 @@ use std::sync::Arc;
 use miette::{IntoDiagnostic, Report};
 use serde::{Deserialize, Serialize};
 
+use super::measure::Measured;
+use super::plan::{Length, Plan};
 use crate::env::PointMaze;
 use crate::map::{Grid, print_ascii, with_start};
 use crate::text::safe_file_name;
 use crate::train::{Evaluation, Method, Preset, Run, Trainer, list_settings};
 
-/// Evaluations per job, equally spaced; the last one at the end.
-const EVALUATIONS: u64 = 10;
-
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
 
-/// A run on a map, up to a number of updates.
+/// A run on a map, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The map's name, the seed and the beginning of the key.
+    /// The map's name, the label if any, the seed and the beginning of the key.
     pub name: String,
     /// Checksum of everything that the result depends on, in hexadecimal digits.
     pub key: String,
@@ -29,37 +28,42 @@ pub struct Job {
     pub start_drawn: bool,
     /// Method, settings and seed.
     pub run: Run,
-    /// Updates to train for.
-    pub updates: u64,
-    /// Evaluation tasks at each distance.
-    pub eval_tasks: u32,
+    /// Length, evaluations and what is measured at the end.
+    pub plan: Plan,
 }
 
 impl Job {
-    /// Creates the job of `run` on `map`. A map without a start gets one drawn by the run's seed.
+    /// Creates the job of `run` on `map`; `label` becomes part of its name. A map without a start gets one drawn by the
+    /// run's seed.
     ///
     /// # Errors
     /// The run cannot be written as JSON.
-    pub fn new(map: &Grid, run: Run, updates: u64, eval_tasks: u32) -> Result<Self, Report> {
+    pub fn new(map: &Grid, label: Option<&str>, run: Run, plan: Plan) -> Result<Self, Report> {
         let (start_drawn, map) = (map.starts().is_empty(), with_start(map.clone(), run.seed));
-        let determines =
-            (env!("CARGO_PKG_VERSION"), map.name(), print_ascii(&map), &run, updates, eval_tasks, EVALUATIONS);
-        let text = serde_json::to_string(&determines).into_diagnostic()?;
-        let key = format!("{:08x}", crc32fast::hash(text.as_bytes()));
-        let name = format!("{}-{}-{}", file_stem(map.name()), run.seed, &key[..NAME_DIGITS]);
-        Ok(Self { name, key, map: Arc::new(map), start_drawn, run, updates, eval_tasks })
-    }
-
-    /// Whether an evaluation is due after `updates`.
-    pub fn evaluates_at(&self, updates: u64) -> bool {
-        (1..=EVALUATIONS).any(|i| updates > 0 && self.updates * i / EVALUATIONS == updates)
+        let (version, text) = (env!("CARGO_PKG_VERSION"), print_ascii(&map));
+        // The results of suites made before there were other plans keep their keys.
+        let determines = match plan.of_suite() {
+            Some((updates, tasks, evaluations)) => {
+                serde_json::to_string(&(version, map.name(), text, &run, updates, tasks, evaluations))
+            }
+            None => serde_json::to_string(&(version, map.name(), text, &run, &plan)),
+        };
+        let key = format!("{:08x}", crc32fast::hash(determines.into_diagnostic()?.as_bytes()));
+        let label = label.map_or(String::new(), |label| format!("{label}-"));
+        let name = format!("{}-{label}{}-{}", file_stem(map.name()), run.seed, &key[..NAME_DIGITS]);
+        Ok(Self { name, key, map: Arc::new(map), start_drawn, run, plan })
     }
 
     /// Whether `trainer` is this job, begun earlier.
     pub fn is_run_of(&self, trainer: &Trainer) -> bool {
         let same_map = PointMaze::downcast_ref(trainer.world())
             .is_some_and(|maze| print_ascii(maze.map()) == print_ascii(&self.map));
-        *trainer.run() == self.run && same_map && trainer.counters().updates <= self.updates
+        let beyond = match self.plan.length {
+            Length::Updates(updates) => trainer.counters().updates > updates,
+            // Several agents may end their last episodes in the same step.
+            Length::Episodes(_) => false,
+        };
+        *trainer.run() == self.run && same_map && !beyond
     }
 
     /// Returns the settings that differ from the preset's, as `--set` takes them.
@@ -69,8 +73,8 @@ impl Job {
         own.filter(|setting| !preset.contains(setting)).map(|(name, value)| format!("{name}={value}")).collect()
     }
 
-    /// Returns the result once `trainer` has reached the last update.
-    pub fn result(&self, trainer: &Trainer) -> JobResult {
+    /// Returns the result once `trainer` has come to the end, with what was measured there.
+    pub fn result(&self, trainer: &Trainer, measured: Option<Measured>) -> JobResult {
         let evaluations = trainer.history().evaluations().iter().cloned();
         JobResult {
             name: self.name.clone(),
@@ -87,6 +91,7 @@ impl Job {
             updates: trainer.counters().updates,
             seconds: trainer.seconds(),
             evaluations: evaluations.map(|(updates, evaluation)| EvaluationAt { updates, evaluation }).collect(),
+            measured,
         }
     }
 }
@@ -122,6 +127,9 @@ pub struct JobResult {
     pub seconds: f64,
     /// All evaluations, oldest first.
     pub evaluations: Vec<EvaluationAt>,
+    /// What else was measured at the end, if the job's plan asks for anything.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub measured: Option<Measured>,
 }
 
 /// An evaluation after a number of updates.
@@ -157,7 +165,8 @@ mod tests {
     }
 
     fn job(map: &str, run: Run, updates: u64) -> Job {
-        Job::new(&parse_map("a map|(1).map", map.as_bytes()).expect("a map"), run, updates, 2).expect("a job")
+        let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
+        Job::new(&map, None, run, Plan::suite(updates, 2)).expect("a job")
     }
 
     #[test]
@@ -174,12 +183,17 @@ mod tests {
     }
 
     #[test]
-    fn evaluations_are_equally_spaced_and_end_at_the_last_update() {
-        let at = |updates| {
-            let job = job("...\n", run(1), updates);
-            (0..=updates).filter(|n| job.evaluates_at(*n)).collect::<Vec<_>>()
-        };
-        assert_eq!(at(25), [2, 5, 7, 10, 12, 15, 17, 20, 22, 25]);
-        assert_eq!(at(3), [1, 2, 3]);
+    fn the_key_depends_on_the_plan_and_the_name_on_the_label() {
+        let map = parse_map("map", b"...\n").expect("a map");
+        let job = |plan: &Plan| Job::new(&map, Some("gdg"), run(1), plan.clone()).expect("a job");
+        let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
+        assert!(job(&plan).name.starts_with("map-gdg-1-"));
+        let others = [
+            Plan::suite(100, 2),
+            Plan { length: Length::Episodes(100), ..plan.clone() },
+            Plan { walks: vec![90], ..plan.clone() },
+            Plan { last_tasks: 3, ..plan.clone() },
+        ];
+        assert!(others.iter().all(|other| job(other).key != job(&plan).key));
     }
 }

@@ -40,7 +40,7 @@ pub fn draw(trainer: &Trainer, map: &Arc<Grid>) -> Result<Vec<u8>, Report> {
 }
 
 /// Returns the map's own task, or else one from its first start to the farthest cell.
-fn far_task(map: &Arc<Grid>) -> Task {
+pub fn far_task(map: &Arc<Grid>) -> Task {
     if let Some(task) = PointMaze::new(map.clone(), 0).default_task() {
         return task;
     }

@@ -32,7 +32,7 @@ fn about(groups: &[Vec<Job>]) -> String {
     let seeds = groups.iter().map(Vec::len).max().unwrap_or(0);
     let set = first.changed_settings();
     let changed = if set.is_empty() { String::new() } else { format!(" with {}", set.join(" ")) };
-    let tasks = counted(first.eval_tasks.into(), "task");
+    let tasks = counted(first.plan.eval_tasks.into(), "task");
     let starts = match first.run.settings.train.restart {
         Restart::Anywhere => "Agents start anywhere (restart=anywhere).",
         Restart::Auto | Restart::StartCell | Restart::Never => {
@@ -53,7 +53,7 @@ fn about(groups: &[Vec<Job>]) -> String {
 fn size(group: &[Job]) -> String {
     let Some(job) = group.first() else { return String::new() };
     let map = &job.map;
-    format!("{} x {}, {} free cells, {} updates", map.width(), map.height(), map.free_count(), job.updates)
+    format!("{} x {}, {} free cells, {} updates", map.width(), map.height(), map.free_count(), job.plan.length.amount())
 }
 
 /// Returns a job's picture, numbers and learning curves.

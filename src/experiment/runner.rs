@@ -9,13 +9,15 @@ use parking_lot::Mutex;
 
 use super::folder::{Folder, Lock};
 use super::job::Job;
+use super::measure::measure;
 use super::picture;
+use super::plan::Length;
+use super::progress::Progress;
 use crate::env::PointMaze;
 use crate::headless::{Saver, evaluate};
 use crate::report::print_error;
 use crate::setup::begin;
 use crate::signals::TerminationSignal;
-use crate::text::eprint_line;
 use crate::train::{self, Registry, SaveTo, Tick, Trainer};
 
 /// How a job ended.
@@ -44,24 +46,27 @@ pub struct Runner {
 }
 
 impl Runner {
-    /// Runs `jobs` without a result, `parallel` at a time, those with most updates first; returns how each ended, in the
-    /// same order. A job that fails does not end the others.
+    /// Runs `jobs` without a result, `parallel` at a time, the longest first; returns how each ended, in the same order. A
+    /// job that fails does not end the others.
     pub fn run(&self, jobs: &[&Job], parallel: usize) -> Vec<End> {
         let mut order: Vec<usize> = (0..jobs.len()).collect();
-        order.sort_by_key(|i| std::cmp::Reverse(jobs[*i].updates));
+        let length = |i: &usize| (matches!(jobs[*i].plan.length, Length::Episodes(_)), jobs[*i].plan.length.amount());
+        order.sort_by_key(|i| std::cmp::Reverse(length(i)));
+        let progress = Progress::new(jobs, parallel);
         let (next, ended) = (AtomicUsize::new(0), AtomicUsize::new(0));
         let ends: Vec<Mutex<End>> = jobs.iter().map(|_| Mutex::new(End::Interrupted)).collect();
         let work = || {
             while let Some(i) = order.get(next.fetch_add(1, Ordering::Relaxed))
                 && self.termination.number().is_none()
             {
-                let end = self.run_guarded(jobs[*i]);
+                let end = self.run_guarded(jobs[*i], &At { progress: &progress, job: *i });
+                progress.end(*i, end == End::Done);
                 let count = ended.fetch_add(1, Ordering::Relaxed) + 1;
                 let name = &jobs[*i].name;
                 match &end {
-                    End::Done => eprint_line(&format!("{name}: done, {count} of {}", jobs.len())),
-                    End::Elsewhere => eprint_line(&format!("{name}: another process runs it")),
-                    End::Interrupted => eprint_line(&format!("{name}: interrupted, saved")),
+                    End::Done => progress.line(&format!("{name}: done, {count} of {}", jobs.len())),
+                    End::Elsewhere => progress.line(&format!("{name}: another process runs it")),
+                    End::Interrupted => progress.line(&format!("{name}: interrupted, saved")),
                     End::Failed => {}
                 }
                 *ends[*i].lock() = end;
@@ -77,9 +82,9 @@ impl Runner {
     }
 
     /// Runs a job; an error or a panic becomes [`End::Failed`].
-    fn run_guarded(&self, job: &Job) -> End {
+    fn run_guarded(&self, job: &Job, at: &At) -> End {
         let run = || match self.folder.lock(job)? {
-            Some(lock) => self.run_locked(job, &lock),
+            Some(lock) => self.run_locked(job, at, &lock),
             None => Ok(End::Elsewhere),
         };
         match catch_unwind(AssertUnwindSafe(run)) {
@@ -90,61 +95,76 @@ impl Runner {
     }
 
     /// Runs a job, unless another process has finished it in the meantime.
-    fn run_locked(&self, job: &Job, _: &Lock) -> Result<End, Report> {
+    fn run_locked(&self, job: &Job, at: &At, _: &Lock) -> Result<End, Report> {
         if self.folder.result_of(job).is_some() {
             return Ok(End::Done);
         }
-        let mut trainer = self.resume_or_begin(job)?;
+        let mut trainer = self.resume_or_begin(job, at)?;
         let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)), None);
-        if !self.train(job, &mut trainer, &mut saver)? {
+        at.progress.begin(at.job, job.plan.length.done(&trainer.counters()));
+        if !self.train(job, &mut trainer, &mut saver, at)? {
             saver.save(&mut trainer)?;
             return Ok(End::Interrupted);
         }
         if self.keep {
             saver.save(&mut trainer)?;
         }
-        let picture = picture::draw(&trainer, &job.map)?;
-        self.folder.finish(job, &job.result(&trainer), &picture, self.keep)?;
+        let picture = job.plan.picture.then(|| picture::draw(&trainer, &job.map)).transpose()?;
+        let measured = measure(&job.plan, &trainer, &job.map)?;
+        self.folder.finish(job, &job.result(&trainer, measured), picture.as_deref(), self.keep)?;
         Ok(End::Done)
     }
 
     /// Resumes the job from its checkpoint; begins it if there is none that can be loaded.
-    fn resume_or_begin(&self, job: &Job) -> Result<Trainer, Report> {
-        let (name, checkpoint) = (&job.name, self.folder.checkpoint(job));
+    fn resume_or_begin(&self, job: &Job, at: &At) -> Result<Trainer, Report> {
+        let (name, checkpoint, length) = (&job.name, self.folder.checkpoint(job), job.plan.length);
+        let (amount, unit) = (length.amount(), length.unit());
         if checkpoint.exists() {
             match train::load(&checkpoint, &self.registry, 1) {
                 Ok(loaded) if job.is_run_of(&loaded.trainer) => {
-                    loaded.warning.iter().for_each(|warning| eprint_line(warning));
-                    let updates = loaded.trainer.counters().updates;
-                    eprint_line(&format!("{name}: resumes after {updates} of {} updates", job.updates));
+                    loaded.warning.iter().for_each(|warning| at.progress.line(warning));
+                    let done = length.done(&loaded.trainer.counters());
+                    at.progress.line(&format!("{name}: resumes after {done} of {amount} {unit}"));
                     return Ok(loaded.trainer);
                 }
-                Ok(_) => eprint_line(&format!("{name}: its checkpoint is of another run: begins again")),
-                Err(error) => eprint_line(&format!("{name}: {error}: begins again")),
+                Ok(_) => at.progress.line(&format!("{name}: its checkpoint is of another run: begins again")),
+                Err(error) => at.progress.line(&format!("{name}: {error}: begins again")),
             }
         }
-        eprint_line(&format!("{name}: begins, {} updates", job.updates));
+        at.progress.line(&format!("{name}: begins, {amount} {unit}"));
         begin(job.run.clone(), &PointMaze::new(job.map.clone(), 0), &self.registry, 1)
     }
 
-    /// Trains and evaluates to the last update; returns whether it got there before a signal arrived.
-    fn train(&self, job: &Job, trainer: &mut Trainer, saver: &mut Saver) -> Result<bool, Report> {
+    /// Trains and evaluates to the end; returns whether it got there before a signal arrived.
+    fn train(&self, job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) -> Result<bool, Report> {
+        let length = job.plan.length;
+        // An evaluation that is not finite is not recorded, but has been made.
+        let mut made = trainer.history().evaluations().len();
         let mut tick = Tick::Update;
         loop {
             if self.termination.number().is_some() {
                 return Ok(false);
             }
-            let updates = trainer.counters().updates;
-            if tick == Tick::Update && !self.evaluate_if_due(job, trainer)? {
-                return Ok(false);
+            let done = length.done(&trainer.counters());
+            if tick == Tick::Update || matches!(length, Length::Episodes(_)) {
+                let updates = trainer.counters().updates;
+                let mut made_now = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
+                // A step may end several agents' episodes and so pass several marks.
+                while job.plan.is_due(done, made, made_now) {
+                    if !self.evaluate(job, trainer, done, at)? {
+                        return Ok(false);
+                    }
+                    (made, made_now) = (made + 1, true);
+                }
             }
-            if updates >= job.updates {
+            if done >= length.amount() {
                 return Ok(true);
             }
             crate::faults::point("trainer");
             tick = trainer.tick().into_diagnostic()?;
+            at.progress.advance(at.job, length.done(&trainer.counters()));
             if let Some(recovery) = trainer.take_recovery() {
-                eprint_line(&format!("{}: {recovery}", job.name));
+                at.progress.line(&format!("{}: {recovery}", job.name));
             }
             if saver.is_due()
                 && let Err(error) = saver.save(trainer)
@@ -154,24 +174,32 @@ impl Runner {
         }
     }
 
-    /// Evaluates if an evaluation is due and has not been made; returns whether no signal arrived.
-    fn evaluate_if_due(&self, job: &Job, trainer: &mut Trainer) -> Result<bool, Report> {
-        let updates = trainer.counters().updates;
-        let made = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
-        if made || !job.evaluates_at(updates) {
-            return Ok(true);
-        }
-        let Some(evaluation) = evaluate(trainer, job.eval_tasks as usize, &self.termination)? else {
+    /// Evaluates after `done` updates or episodes; returns whether no signal arrived.
+    fn evaluate(&self, job: &Job, trainer: &mut Trainer, done: u64, at: &At) -> Result<bool, Report> {
+        let (plan, length) = (&job.plan, job.plan.length);
+        let tasks = plan.tasks_after(done);
+        let Some(evaluation) = evaluate(trainer, tasks, plan.max_steps, &self.termination)? else {
             return Ok(false);
         };
-        let (name, success) = (&job.name, evaluation.success(updates));
+        let updates = trainer.counters().updates;
+        let (name, success, amount, unit) = (&job.name, evaluation.success(updates), length.amount(), length.unit());
         let rate = updates as f64 / trainer.seconds().max(1e-3);
-        eprint_line(&format!("{name}: {updates} of {} updates, {success}, {rate:.0} updates/s", job.updates));
-        if !evaluation.is_finite() && updates == job.updates {
+        at.progress.line(&format!(
+            "{name}: {done} of {amount} {unit}, {success}, {rate:.0} updates/s{}",
+            at.progress.overall()
+        ));
+        if !evaluation.is_finite() && done >= amount {
             return Err(miette!(help = "try another seed, or a smaller learning_rate", "the distances are not finite"));
         }
         Ok(true)
     }
+}
+
+/// Where a job reports its progress.
+struct At<'a> {
+    progress: &'a Progress,
+    /// The job's index.
+    job: usize,
 }
 
 /// Prints why a job failed.

@@ -9,11 +9,11 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::folder::{Folder, State};
 use super::job::Job;
+use super::plan::Plan;
 use super::report::report;
 use super::runner::{End, Runner};
 use super::table::{Row, table};
 use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
-use crate::files::write_atomically;
 use crate::map::{Grid, builtin};
 use crate::setup::{self, find_map, threads};
 use crate::signals::TerminationSignal;
@@ -44,8 +44,8 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
     for map in &args.maps {
         for grid in maps(map, registry)? {
             let updates = args.budget.unwrap_or_else(|| default_budget(&grid));
-            let jobs =
-                (1..=args.seeds).map(|seed| Job::new(&grid, setup::run(&args.run, seed)?, updates, args.eval_tasks));
+            let plan = Plan::suite(updates, args.eval_tasks);
+            let jobs = (1..=args.seeds).map(|seed| Job::new(&grid, None, setup::run(&args.run, seed)?, plan.clone()));
             let mut jobs = jobs.collect::<Result<Vec<_>, _>>()?;
             // The same map may be given twice, by itself and in its folder.
             jobs.retain(|job| known.insert(job.name.clone()));
@@ -58,7 +58,7 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
     suite.check_names()?;
     registry.learner(&args.run.method.learner).into_diagnostic()?;
     if !args.list {
-        suite.folder.check_writable()?;
+        suite.folder.check_writable(&["report.md", "jobs/NAME.json", "pictures/NAME.png"])?;
     }
     Ok(suite)
 }
@@ -122,10 +122,9 @@ impl Suite<'_> {
         let ends = runner.run(&open, threads(self.args.jobs));
         let rows = self.rows();
         let text = report(&self.groups, &rows, &self.folder);
-        let path = self.folder.path("report.md");
-        write_atomically(&path, text.as_bytes()).into_diagnostic().wrap_err_with(|| path.display().to_string())?;
+        self.folder.write("report.md", text.as_bytes())?;
         print(&table(&rows))?;
-        eprint_line(&format!("report: {}", path.display()));
+        eprint_line(&format!("report: {}", self.folder.path("report.md").display()));
         let failed = any_failed(&open, &ends);
         match termination.status() {
             Some(status) => Ok(status),
@@ -145,7 +144,7 @@ impl Suite<'_> {
                 State::Done(_) => "done".to_owned(),
             };
             let (name, map, cells, seed) = (&job.name, job.map.name(), job.map.free_count(), job.run.seed);
-            let updates = job.updates;
+            let updates = job.plan.length.amount();
             format!("{name:<wide$}  {map:<wide_map$}  {cells:>8} cells  seed {seed}  {updates:>7} updates  {state}\n")
         };
         self.jobs().map(line).collect()
@@ -158,7 +157,7 @@ impl Suite<'_> {
             Some(Row {
                 map: map.name().to_owned(),
                 free_cells: map.free_count(),
-                updates: jobs[0].updates,
+                updates: jobs[0].plan.length.amount(),
                 seeds: jobs.len(),
                 results: jobs.iter().filter_map(|job| self.folder.result_of(job)).collect(),
             })
@@ -181,7 +180,7 @@ impl Suite<'_> {
 }
 
 /// Says which jobs failed and which run elsewhere; returns whether any failed.
-fn any_failed(jobs: &[&Job], ends: &[End]) -> bool {
+pub(super) fn any_failed(jobs: &[&Job], ends: &[End]) -> bool {
     let named = |wanted: End| {
         let names = jobs.iter().zip(ends).filter(|(_, end)| **end == wanted).map(|(job, _)| job.name.as_str());
         names.collect::<Vec<_>>()
@@ -197,9 +196,20 @@ fn any_failed(jobs: &[&Job], ends: &[End]) -> bool {
     !failed.is_empty()
 }
 
-/// Prints to standard output. An early close (`| head`) is not an error.
-fn print(text: &str) -> Result<(), Report> {
-    match std::io::stdout().write_all(sanitized_lines(text).as_bytes()) {
+/// Prints to standard output, made safe to display.
+///
+/// # Errors
+/// See [`print_raw`].
+pub(super) fn print(text: &str) -> Result<(), Report> {
+    print_raw(&sanitized_lines(text))
+}
+
+/// Prints text of our own, which may contain colours, to standard output. An early close (`| head`) is not an error.
+///
+/// # Errors
+/// It cannot be written.
+pub(super) fn print_raw(text: &str) -> Result<(), Report> {
+    match std::io::stdout().write_all(text.as_bytes()) {
         Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
             Err(error).into_diagnostic().wrap_err("standard output")
         }

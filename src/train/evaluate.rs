@@ -79,6 +79,10 @@ pub struct TaskOutcome {
     pub steps: u32,
     /// True steps from the final state to the goal; `u32::MAX` if unknown.
     pub left_steps: u32,
+    /// Straight-line distance from the final state to the goal, in the world's unit of length; older files do not have
+    /// it.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub left_straight: Option<f32>,
 }
 
 /// Error of the learned distance over pairs with a known true distance.
@@ -128,6 +132,8 @@ pub struct EvaluationJob {
     /// Candidates and observed paths between them, for methods that plan.
     pub(super) candidates: Option<Arc<Candidates>>,
     pub(super) coverage: Option<f64>,
+    /// Steps within which every goal has to be reached, instead of the task's own budget.
+    pub(super) max_steps: Option<u32>,
     /// RNG for tasks.
     pub(super) task_rng: ChaCha8Rng,
     /// RNG for everything else.
@@ -135,6 +141,12 @@ pub struct EvaluationJob {
 }
 
 impl EvaluationJob {
+    /// Returns the evaluation with `max_steps` for every task, instead of the task's own budget.
+    #[must_use]
+    pub fn within(self, max_steps: Option<u32>) -> Self {
+        Self { max_steps, ..self }
+    }
+
     /// Draws `per_group` tasks at each distance, independently of the number of earlier evaluations.
     pub fn tasks(&self, per_group: usize) -> TaskSet {
         self.world.tasks(per_group, &mut self.task_rng.clone())
@@ -171,7 +183,7 @@ impl EvaluationJob {
     /// Returns how agents act, with planning over `graph` if there is one.
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
         let hold_steps = (self.acting == Acting::AtRandom).then_some(self.run.settings.train.random_hold_steps);
-        Actor { policy: &*self.policy, graph, hold_steps }
+        Actor { policy: &*self.policy, graph, hold_steps, max_steps: self.max_steps }
     }
 }
 
@@ -190,8 +202,9 @@ fn marked_task(
         let taken = walked.taken[0];
         TaskOutcome {
             reached: taken.is_some(),
-            steps: taken.unwrap_or(task.budget()),
+            steps: taken.unwrap_or(actor.budget(&task)),
             left_steps: left.unwrap_or(u32::MAX),
+            left_straight: Some(world.spec().goal_distance(walked.env.states(), &task.goal)),
         }
     };
     Some(MarkedTask { greedy: journey(greedy), planned: planned.map(journey) })
@@ -205,6 +218,15 @@ struct Actor<'a> {
     graph: Option<&'a BridgeGraph>,
     /// Mean number of steps a random direction is held, if agents act at random.
     hold_steps: Option<f32>,
+    /// Steps within which every goal has to be reached, instead of the task's own budget.
+    max_steps: Option<u32>,
+}
+
+impl Actor<'_> {
+    /// Returns the number of steps within which the goal of `task` has to be reached.
+    fn budget(&self, task: &Task) -> u32 {
+        self.max_steps.unwrap_or_else(|| task.budget())
+    }
 }
 
 /// Outcomes of several tasks.
@@ -251,7 +273,7 @@ fn run_tasks_watched(
             if env.spec().reached(at, &tasks[i].goal) {
                 taken[i] = Some(clock);
             }
-            taken[i].is_none() && clock < tasks[i].budget()
+            taken[i].is_none() && clock < actor.budget(&tasks[i])
         });
         if active.is_empty() {
             break;

@@ -405,6 +405,7 @@ impl Trainer {
             acting: self.learner.acting(),
             candidates: self.run.method.plans().then(|| self.candidates.frozen()),
             coverage: self.world().coverage(),
+            max_steps: None,
             task_rng: self.evaluation_rng(1),
             rng: self.evaluation_rng(0),
         })

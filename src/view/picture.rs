@@ -22,6 +22,11 @@ impl Picture {
     }
 
     /// Returns the pixels, row by row.
+    pub fn pixels(&self) -> &[Rgb] {
+        &self.pixels
+    }
+
+    /// Returns the pixels, row by row.
     pub fn pixels_mut(&mut self) -> &mut [Rgb] {
         &mut self.pixels
     }

@@ -35,11 +35,25 @@ pub fn at_distances(
     per_distance: usize,
     rng: &mut ChaCha8Rng,
 ) -> TaskSet {
+    let farthest = MAX_DISTANCE_SHARE * f64::from(diameter.steps);
+    let distance = |i: usize| (farthest * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
+    let distances: Vec<u32> = (1..=DISTANCE_GROUPS).map(distance).collect();
+    at(&distances, map, cells, diameter, per_distance, rng)
+}
+
+/// Draws random tasks between `cells`, which are connected, at each of `distances` in steps, each to within one step. A
+/// distance that does not occur has no tasks.
+pub fn at(
+    distances: &[u32],
+    map: &Grid,
+    cells: &[Cell],
+    diameter: Diameter,
+    per_distance: usize,
+    rng: &mut ChaCha8Rng,
+) -> TaskSet {
     let mut starts = Starts::new(map, cells, diameter);
     let mut set = TaskSet::default();
-    for i in 1..=DISTANCE_GROUPS {
-        let distance =
-            (MAX_DISTANCE_SHARE * f64::from(diameter.steps) * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
+    for &distance in distances {
         if distance == 0 || set.distances.contains(&Some(f64::from(distance))) {
             continue;
         }

@@ -1,0 +1,98 @@
+//! Options of `gdg-tui reproduce`.
+
+use std::path::PathBuf;
+
+use clap::{Args, ValueEnum};
+
+use crate::experiment::reproduce::FIGURES;
+
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui reproduce all                      all figures; the same command resumes after an interruption
+  gdg-tui reproduce fig3 fig4 --budget paper --out /shared/paper
+  gdg-tui reproduce fig6 --set gdg:hidden=256    another network for one method: runs only its jobs again
+  gdg-tui reproduce all --list-jobs          a complete command per line, for the nodes of a cluster
+  gdg-tui reproduce all --collect            figures and report from the jobs that are done
+
+Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad usage or input;
+129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (all jobs are saved; a second signal exits without saving).";
+
+/// How much is trained for the figures.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum BudgetArg {
+    /// All figures within 45 minutes on two cores
+    Quick,
+    /// As many episodes as in the paper, tested every 20,000: days on one machine
+    Paper,
+}
+
+impl BudgetArg {
+    /// Returns its name on the command line.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Quick => "quick",
+            Self::Paper => "paper",
+        }
+    }
+}
+
+/// Options of `gdg-tui reproduce`.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct ReproduceArgs {
+    /// Figures of the paper, or all of them
+    #[arg(value_name = "FIGURE", required = true, value_parser = figures())]
+    pub figures: Vec<String>,
+
+    /// How much to train
+    #[arg(long, value_enum, default_value_t = BudgetArg::Quick)]
+    pub budget: BudgetArg,
+
+    /// Train every job for N updates instead
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    pub updates: Option<u64>,
+
+    /// Train every job for N episodes instead
+    #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    pub episodes: Option<u64>,
+
+    /// Runs per method in figures over several seeds, with seeds 1, 2, ...
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    pub seeds: Option<u64>,
+
+    /// Evaluation tasks at each of six distances at the end, and at most that many along the way
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    pub eval_tasks: Option<u32>,
+
+    /// Change one setting of all methods, or of the one named (repeatable)
+    #[arg(long, value_name = "[METHOD:]NAME=VALUE")]
+    pub set: Vec<String>,
+
+    /// Folder for jobs, data, figures and the report
+    #[arg(long, value_name = "FOLDER", default_value = "saves/reproduce")]
+    pub out: PathBuf,
+
+    /// Parallel jobs, each on one thread; results do not depend on their number [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub jobs: Option<u16>,
+
+    /// Print a complete command per job, one a line, and exit
+    #[arg(long, conflicts_with_all = ["job", "collect"])]
+    pub list_jobs: bool,
+
+    /// Run only this job, by its name or by its line in --list-jobs (repeatable), and draw nothing
+    #[arg(long, value_name = "NAME|N", conflicts_with = "collect")]
+    pub job: Vec<String>,
+
+    /// Run nothing: draw figures and write the report from the jobs that are done
+    #[arg(long)]
+    pub collect: bool,
+
+    /// Keep the checkpoints of finished jobs, for --resume
+    #[arg(long)]
+    pub keep: bool,
+}
+
+fn figures() -> clap::builder::PossibleValuesParser {
+    FIGURES.iter().map(|figure| figure.name).chain(["all"]).collect::<Vec<_>>().into()
+}

@@ -1,0 +1,210 @@
+//! What figures need of a trained run besides its evaluations: walks, and a bridge point with the distances around it.
+
+use std::sync::Arc;
+
+use miette::{IntoDiagnostic, Report, miette};
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::picture::far_task;
+use super::plan::Plan;
+use crate::bridge::{self, Candidates};
+use crate::env::{PointMaze, Task};
+use crate::learn::{Policy, Scratch};
+use crate::map::{Cell, Grid};
+use crate::train::{EvaluationJob, Trainer};
+
+/// Seed of the tasks that are walked: the same for every run on a map.
+const TASK_SEED: u64 = 0;
+
+/// Length of the far tasks that are searched for a bridge point, as a share of the map's diameter, and their number.
+const FAR_SHARE: f64 = 0.75;
+const MORE_TASKS: usize = 200;
+
+/// Bridge points for the figure are at least this share of D(s,g) from either end.
+const MIDDLE_SHARE: f32 = 0.25;
+
+/// Measured at the end of a job.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Measured {
+    /// Environment steps, summed over all agents.
+    pub env_steps: u64,
+    /// Episodes.
+    pub episodes: u64,
+    /// Walks, one per distance asked for.
+    pub walks: Vec<Walked>,
+    /// The search for a bridge point.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub bridge: Option<Bridge>,
+}
+
+/// One walk. Positions are in cells.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Walked {
+    /// The distance asked for, in steps; that of the task is the same to within one.
+    pub distance: u32,
+    /// Fewest steps from start to goal.
+    pub shortest: u32,
+    /// The goal.
+    pub goal: [f32; 2],
+    /// Whether it was reached in time.
+    pub reached: bool,
+    /// Waypoints of the plan made at the start, the goal last; none if the method does not plan.
+    pub plan: Vec<[f32; 2]>,
+    /// Position at the start and after every step.
+    pub path: Vec<[f32; 2]>,
+}
+
+/// A search for a bridge point b with D(s,b) + D(b,g) < D(s,g), and the distances around it.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Bridge {
+    /// D(s,g) in steps.
+    pub direct: f32,
+    /// The point found, if any.
+    pub found: Option<Found>,
+    /// Tasks searched, the last one with success if a point was found.
+    pub searches: usize,
+    /// Candidates tried in all these searches.
+    pub tried: usize,
+    /// D(s, cell) for every cell, row by row; null for walls.
+    pub from_start: Vec<Option<f32>>,
+    /// D(cell, g) likewise.
+    pub to_goal: Vec<Option<f32>>,
+    /// The walk from s to g.
+    pub walk: Walked,
+}
+
+/// A bridge point.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+pub struct Found {
+    /// Its position b.
+    pub point: [f32; 2],
+    /// D(s,b).
+    pub from_start: f32,
+    /// D(b,g).
+    pub to_goal: f32,
+}
+
+/// Measures what `plan` asks for; `None` if that is nothing.
+///
+/// # Errors
+/// The learner fails.
+pub fn measure(plan: &Plan, trainer: &Trainer, map: &Arc<Grid>) -> Result<Option<Measured>, Report> {
+    if !plan.measures() {
+        return Ok(None);
+    }
+    let job = trainer.evaluation().into_diagnostic()?.within(plan.max_steps);
+    let mut walks = Vec::new();
+    for &distance in &plan.walks {
+        let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
+        let tasks = PointMaze::new(map.clone(), 0).tasks_at(&[distance], 1, &mut rng).tasks;
+        walks.extend(tasks.first().map(|task| walk(&job, task, distance)));
+    }
+    let counters = trainer.counters();
+    let bridge = plan.bridge.then(|| search(trainer, &job, map)).transpose()?;
+    Ok(Some(Measured { env_steps: counters.env_steps, episodes: counters.episodes, walks, bridge }))
+}
+
+fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Walked {
+    let walked = job.walk(task);
+    Walked {
+        distance,
+        shortest: task.shortest.unwrap_or(0),
+        goal: position(&task.goal),
+        reached: walked.reached,
+        plan: walked.plan.iter().map(|stop| position(stop)).collect(),
+        path: walked.states.iter().map(|state| position(state)).collect(),
+    }
+}
+
+/// Searches as published for a bridge point, on one task after another until there is one: from the map's start to the
+/// cell farthest from it, then far tasks drawn at random. If there is none at all, the first task is shown. Candidates close
+/// to either end are left out: they would show the noise of D rather than a way.
+///
+/// # Errors
+/// D is not finite.
+fn search(trainer: &Trainer, job: &EvaluationJob, map: &Arc<Grid>) -> Result<Bridge, Report> {
+    let world = PointMaze::new(map.clone(), 0);
+    let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
+    let far = (FAR_SHARE * f64::from(world.diameter().steps)).round() as u32;
+    let tasks: Vec<Task> =
+        std::iter::once(far_task(map)).chain(world.tasks_at(&[far], MORE_TASKS, &mut rng).tasks).collect();
+    let (budget, policy) = (trainer.run().settings.bridge.search_budget, job.policy());
+    let (mut scratch, mut tried, mut searches, mut outcome) = (Scratch::default(), 0, 0, None);
+    for task in &tasks {
+        searches += 1;
+        let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
+        let (states, points) = middle(trainer.candidates(), (&start, &task.goal), policy, &mut scratch);
+        let found = bridge::search((&start, &task.goal), (&states, &points), budget, policy, &mut rng, &mut scratch);
+        tried += found.tried();
+        if found.found.is_some() {
+            outcome = Some((task, found));
+            break;
+        }
+    }
+    let (task, found) = outcome.map_or((&tasks[0], None), |(task, outcome)| (task, outcome.found));
+    let start: Vec<f32> = task.start.iter().map(|v| *v as f32).collect();
+    let mut distance = |from: &[f32], to: &[f32]| {
+        let distance = hundredths(policy.distance(from, to, &mut scratch));
+        distance.ok_or_else(|| miette!(help = "try another seed", "the distances are not finite"))
+    };
+    let found = match found {
+        Some(bridge) => Some(Found {
+            point: position(&bridge.point),
+            from_start: distance(&start, &bridge.point)?,
+            to_goal: distance(&bridge.point, &task.goal)?,
+        }),
+        None => None,
+    };
+    let direct = distance(&start, &task.goal)?;
+    let cells: Vec<Cell> = map.free_cells().collect();
+    let places: Vec<[f32; 2]> = cells.iter().map(|cell| cell.centre()).collect();
+    let of_cells = |from: &[f32], to: &[f32]| {
+        let mut distances = vec![0.0; cells.len()];
+        policy.distances(from, to, &mut distances, &mut Scratch::default());
+        let mut all = vec![None; map.free().len()];
+        cells.iter().zip(distances).for_each(|(cell, distance)| all[map.index(*cell)] = hundredths(distance));
+        all
+    };
+    Ok(Bridge {
+        direct,
+        found,
+        searches,
+        tried,
+        from_start: of_cells(&start.repeat(cells.len()), places.as_flattened()),
+        to_goal: of_cells(places.as_flattened(), &task.goal.repeat(cells.len())),
+        walk: walk(job, task, task.shortest.unwrap_or(0)),
+    })
+}
+
+/// Returns the candidates, as states and as goals, that are at least [`MIDDLE_SHARE`] of D(s,g) from either end.
+fn middle(
+    candidates: &Candidates,
+    (start, goal): (&[f32], &[f32]),
+    policy: &dyn Policy,
+    scratch: &mut Scratch,
+) -> (Vec<f32>, Vec<f32>) {
+    let (s, g, all) = (start.len(), goal.len(), candidates.len());
+    let least = MIDDLE_SHARE * policy.distance(start, goal, scratch);
+    let (mut there, mut on) = (vec![0.0; all], vec![0.0; all]);
+    policy.distances(&start.repeat(all), candidates.points(), &mut there, scratch);
+    policy.distances(candidates.states(), &goal.repeat(all), &mut on, scratch);
+    let kept = (0..all).filter(|i| there[*i] >= least && on[*i] >= least);
+    let (mut states, mut points) = (Vec::new(), Vec::new());
+    for i in kept {
+        states.extend_from_slice(&candidates.states()[s * i..s * (i + 1)]);
+        points.extend_from_slice(&candidates.points()[g * i..g * (i + 1)]);
+    }
+    (states, points)
+}
+
+/// Returns the position in a state or goal of a maze.
+fn position(values: &[f32]) -> [f32; 2] {
+    [0, 1].map(|i| values.get(i).copied().and_then(hundredths).unwrap_or(0.0))
+}
+
+/// Rounds to hundredths; `None` if the number is not finite.
+fn hundredths(value: f32) -> Option<f32> {
+    value.is_finite().then(|| (100.0 * value).round() / 100.0)
+}

@@ -1,0 +1,148 @@
+//! How long a job trains, when it evaluates, and what it measures at the end.
+
+use serde::Serialize;
+
+use crate::train::Counters;
+
+/// Evaluations per job of a suite, equally spaced; the last one at the end.
+const SUITE_EVALUATIONS: u64 = 10;
+
+/// How long to train.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Length {
+    /// A number of updates.
+    Updates(u64),
+    /// A number of episodes.
+    Episodes(u64),
+}
+
+impl Length {
+    /// Returns the number of updates or episodes.
+    pub fn amount(self) -> u64 {
+        match self {
+            Self::Updates(amount) | Self::Episodes(amount) => amount,
+        }
+    }
+
+    /// Returns what is counted.
+    pub fn unit(self) -> &'static str {
+        match self {
+            Self::Updates(_) => "updates",
+            Self::Episodes(_) => "episodes",
+        }
+    }
+
+    /// Returns how much has been done.
+    pub fn done(self, counters: &Counters) -> u64 {
+        match self {
+            Self::Updates(_) => counters.updates,
+            Self::Episodes(_) => counters.episodes,
+        }
+    }
+}
+
+/// What a job does besides training.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Plan {
+    /// How long to train.
+    pub length: Length,
+    /// Evaluations, equally spaced; the last one at the end.
+    pub evaluations: u64,
+    /// Tasks at each distance in these evaluations.
+    pub eval_tasks: u32,
+    /// Tasks at each distance in the last one.
+    pub last_tasks: u32,
+    /// Steps within which every goal has to be reached, instead of the task's own budget.
+    pub max_steps: Option<u32>,
+    /// Distances, in steps, of one walk each at the end.
+    pub walks: Vec<u32>,
+    /// Whether to search for a bridge point at the end.
+    pub bridge: bool,
+    /// Whether to draw a picture at the end.
+    pub picture: bool,
+}
+
+impl Plan {
+    /// Returns the plan of a suite's job.
+    pub fn suite(updates: u64, eval_tasks: u32) -> Self {
+        Self {
+            length: Length::Updates(updates),
+            evaluations: SUITE_EVALUATIONS,
+            eval_tasks,
+            last_tasks: eval_tasks,
+            max_steps: None,
+            walks: Vec::new(),
+            bridge: false,
+            picture: true,
+        }
+    }
+
+    /// Returns updates, tasks and evaluations if this is the plan of a suite's job.
+    pub fn of_suite(&self) -> Option<(u64, u32, u64)> {
+        let updates = self.length.amount();
+        (*self == Self::suite(updates, self.eval_tasks)).then_some((updates, self.eval_tasks, self.evaluations))
+    }
+
+    /// Returns after how many updates or episodes to evaluate, in order.
+    pub fn marks(&self) -> Vec<u64> {
+        let amount = u128::from(self.length.amount());
+        let at = |i: u64| (amount * u128::from(i) / u128::from(self.evaluations.max(1))) as u64;
+        let mut marks: Vec<u64> = (1..=self.evaluations.max(1)).map(at).filter(|at| *at > 0).collect();
+        marks.dedup();
+        marks
+    }
+
+    /// Whether an evaluation is due after `done` updates or episodes, if `made` evaluations have been made, the latest
+    /// one in the present state or not.
+    pub fn is_due(&self, done: u64, made: usize, made_now: bool) -> bool {
+        match self.length {
+            // Every number of updates comes up.
+            Length::Updates(_) => !made_now && self.marks().binary_search(&done).is_ok(),
+            // Several agents may end their episodes in the same step.
+            Length::Episodes(_) => self.marks().partition_point(|mark| *mark <= done) > made,
+        }
+    }
+
+    /// Returns the tasks at each distance in an evaluation after `done` updates or episodes.
+    pub fn tasks_after(&self, done: u64) -> usize {
+        (if done >= self.length.amount() { self.last_tasks } else { self.eval_tasks }) as usize
+    }
+
+    /// Whether anything but evaluations is measured at the end: in all jobs but those of suites.
+    pub fn measures(&self) -> bool {
+        self.of_suite().is_none()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn evaluations_are_equally_spaced_and_end_at_the_last_update() {
+        let at = |updates| {
+            let plan = Plan::suite(updates, 2);
+            (0..=updates).filter(|n| plan.is_due(*n, 0, false)).collect::<Vec<_>>()
+        };
+        assert_eq!(at(25), [2, 5, 7, 10, 12, 15, 17, 20, 22, 25]);
+        assert_eq!(at(3), [1, 2, 3]);
+        assert!(!Plan::suite(25, 2).is_due(25, 9, true), "made already");
+    }
+
+    #[test]
+    fn an_evaluation_is_due_when_episodes_pass_its_mark_even_if_they_skip_it() {
+        let plan = Plan { length: Length::Episodes(100), evaluations: 4, last_tasks: 9, ..Plan::suite(0, 2) };
+        assert_eq!(plan.marks(), [25, 50, 75, 100]);
+        assert!(!plan.is_due(24, 0, false) && plan.is_due(27, 0, false) && !plan.is_due(27, 1, false));
+        assert!(plan.is_due(103, 3, false) && !plan.is_due(103, 4, false));
+        assert_eq!((plan.tasks_after(75), plan.tasks_after(103)), (2, 9));
+    }
+
+    #[test]
+    fn only_plans_of_suites_are_recognised_as_such() {
+        assert_eq!(Plan::suite(60, 2).of_suite(), Some((60, 2, SUITE_EVALUATIONS)));
+        assert_eq!(Plan { max_steps: Some(500), ..Plan::suite(60, 2) }.of_suite(), None);
+        assert_eq!(Plan { length: Length::Episodes(60), ..Plan::suite(60, 2) }.of_suite(), None);
+    }
+}

@@ -1,0 +1,126 @@
+//! The report: every figure with the paper's results beside ours, in Markdown.
+
+use super::MethodResults;
+use super::curves::{Panel, Point};
+use super::figures::{Figure, Shows};
+use super::output::Drawn;
+use crate::experiment::plan::Length;
+use crate::text::counted;
+
+/// How the bridge point of Figure 2 is found.
+const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a bridge point: b with D(s,b) + \
+     D(b,g) < D(s,g), among candidates that are at least a quarter of D(s,g) from either end.";
+
+/// Returns the report, with the sections of all figures.
+pub fn report(arguments: &str, sections: &[String], missing: &[String], unavailable: &[&str]) -> String {
+    let mut out = format!(
+        "# \"Reinforcement Learning with Goal-Distance Gradient\", reproduced\n\nMade by gdg-tui {} with\n\n```sh\n\
+         gdg-tui {arguments}\n```\n\nLines are means over seeds, bands reach from the worst to the best seed. Success: the \
+         goal reached within 500 steps; methods that plan are evaluated with planning. Our maps are not the paper's, whose \
+         arrays are not published: the city's farthest task takes 240 steps in both. \"-\": the paper gives no \
+         number.\n",
+        env!("CARGO_PKG_VERSION")
+    );
+    if !unavailable.is_empty() {
+        let names = unavailable.join(", ");
+        out += &format!("\nLeft out, as this build has no such learner: {names}.\n");
+    }
+    if !missing.is_empty() {
+        let missing: Vec<String> = missing.iter().map(|name| format!("`{name}`")).collect();
+        out +=
+            &format!("\n**Not complete**: {} missing: {}.\n", counted(missing.len() as u64, "job"), missing.join(", "));
+    }
+    sections.iter().for_each(|section| out += section);
+    out
+}
+
+/// Returns a figure's section.
+pub fn section(figure: &Figure, methods: &[MethodResults], drawn: &Drawn) -> String {
+    let (name, title) = (figure.name, figure.title);
+    let mut out = format!(
+        "\n## {name}: {title}\n\n![{title}](figures/{name}.png)\n\n[SVG](figures/{name}.svg), \
+         [JSON](data/{name}.json), [CSV](data/{name}.csv)\n\n"
+    );
+    out += &match figure.shows {
+        Shows::Success => training_table(figure, methods, &drawn.panels, "success rate at the end, all distances"),
+        Shows::DistanceLeft => training_table(figure, methods, &drawn.panels, "left at the end"),
+        Shows::SuccessByDistance => distance_table(methods, &drawn.panels),
+        Shows::Bridge => format!("{BRIDGE_SEARCH}\n\n{}", maps_table(drawn)),
+        Shows::Paths => maps_table(drawn),
+    };
+    out
+}
+
+/// Formats the mean, and the range if there are several seeds.
+fn numbers(point: Option<&Point>, digits: usize) -> String {
+    let Some(point) = point else { return "-".to_owned() };
+    let (least, most) = point.range();
+    let mean = format!("{:.digits$}", point.mean());
+    if point.values.len() == 1 { mean } else { format!("{mean} ({least:.digits$} to {most:.digits$})") }
+}
+
+/// Returns how a method was run: learner and planner, preset, changed settings, length, seeds.
+fn run(method: &MethodResults) -> String {
+    let settings = method.results.first().map_or(String::new(), |result| {
+        result.settings.iter().map(|setting| format!(" `{setting}`")).collect::<String>()
+    });
+    let length = match method.plan.length {
+        Length::Updates(updates) => counted(updates, "update"),
+        Length::Episodes(episodes) => counted(episodes, "episode"),
+    };
+    let (name, preset, seeds) = (method.entry.method(), method.entry.preset, method.results.len());
+    format!("{name}, preset {preset}{settings}; {length}, {}", counted(seeds as u64, "seed"))
+}
+
+/// Returns the last values of every method, beside the paper's.
+fn training_table(figure: &Figure, methods: &[MethodResults], panels: &[Panel], what: &str) -> String {
+    let digits = |panel: &Panel| if panel.top.is_some() { 3 } else { 1 };
+    let titles: Vec<&str> = panels.iter().map(|panel| panel.labels[1]).collect();
+    let mut out = format!(
+        "| method | paper | ours: {} | environment steps | run |\n|---|---|{}---:|---|\n",
+        titles.join(" | ours: "),
+        "---:|".repeat(panels.len())
+    );
+    for method in methods {
+        let paper = figure.paper.iter().find(|(name, _)| *name == method.entry.name).map_or("-", |(_, text)| text);
+        let curve = |panel: &Panel| {
+            let curve = panel.curves.iter().find(|curve| curve.entry.name == method.entry.name);
+            numbers(curve.and_then(|curve| curve.points.last()), digits(panel))
+        };
+        let values: Vec<String> = panels.iter().map(curve).collect();
+        let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
+        let steps = measured.map(|measured| measured.env_steps).max().unwrap_or(0);
+        let (title, run) = (method.entry.title, run(method));
+        out += &format!("| {title} | {paper} | {} | {steps} | {run} |\n", values.join(" | "));
+    }
+    format!("Ours: {what}.\n\n{out}")
+}
+
+/// Returns success at every distance.
+fn distance_table(methods: &[MethodResults], panels: &[Panel]) -> String {
+    let Some(panel) = panels.first() else { return String::new() };
+    let mut distances: Vec<u64> = panel.curves.iter().flat_map(|c| &c.points).map(|point| point.x).collect();
+    distances.sort_unstable();
+    distances.dedup();
+    let head: String = distances.iter().map(|steps| format!(" {steps} steps |")).collect();
+    let tasks = methods.first().map_or(0, |method| method.plan.last_tasks);
+    let mut out = format!("Ours, {} at each distance:\n\n| method |{head}\n|---|", counted(tasks.into(), "task"));
+    out += &("---:|".repeat(distances.len()) + "\n");
+    for curve in &panel.curves {
+        let at = |x: &u64| numbers(curve.points.iter().find(|point| point.x == *x), 2);
+        let values: Vec<String> = distances.iter().map(at).collect();
+        out += &format!("| {} | {} |\n", curve.entry.title, values.join(" | "));
+    }
+    out
+}
+
+/// Returns the numbers below every map.
+fn maps_table(drawn: &Drawn) -> String {
+    let mut out =
+        "Blue: the start s; orange: the goal g; red: the bridge point b and the plan.\n\n| map | |\n|---|---|\n"
+            .to_owned();
+    for panel in drawn.maps.iter().flatten() {
+        out += &format!("| {} | {} |\n", panel.title, panel.caption);
+    }
+    out
+}

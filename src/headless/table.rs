@@ -1,0 +1,116 @@
+//! The metrics of a run as CSV: a line per progress record and per evaluation.
+
+use std::fs::File;
+use std::path::{Path, PathBuf};
+
+use miette::{IntoDiagnostic, Report, WrapErr};
+
+use super::updates_per_second;
+use crate::setup::create;
+use crate::text::eprint_line;
+use crate::train::{Evaluation, Score, Trainer};
+
+/// Columns of every line.
+const PROGRESS: [&str; 9] = [
+    "event",
+    "seconds",
+    "updates",
+    "env_steps",
+    "episodes",
+    "updates_per_second",
+    "critic_loss",
+    "model_loss",
+    "actor_loss",
+];
+
+/// Columns of evaluations, besides success at each distance.
+const EVALUATION: [&str; 12] = [
+    "coverage",
+    "greedy_success",
+    "greedy_spl",
+    "planned_success",
+    "planned_spl",
+    "error",
+    "near_error",
+    "graph_error",
+    "candidates",
+    "edges",
+    "false_edges",
+    "goal_distance_left",
+];
+
+/// Distances at which tasks are evaluated, at most.
+const DISTANCES: usize = 6;
+
+/// The table, while it is written.
+pub struct Table {
+    path: PathBuf,
+    /// `None` once writing has failed.
+    writer: Option<csv::Writer<File>>,
+}
+
+impl Table {
+    /// Creates the file and writes the names of the columns.
+    ///
+    /// # Errors
+    /// The file exists and must not be replaced, or cannot be written.
+    pub fn create(path: &Path, overwrite: bool) -> Result<Self, Report> {
+        let mut writer = csv::Writer::from_writer(create(path, overwrite)?);
+        let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
+        let names = PROGRESS.into_iter().chain(EVALUATION).map(str::to_owned).chain(at("greedy")).chain(at("planned"));
+        writer.write_record(names).into_diagnostic()?;
+        writer.flush().into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+        Ok(Self { path: path.to_owned(), writer: Some(writer) })
+    }
+
+    /// Adds a line: the trainer's progress, and an evaluation if there is one. If the file can no longer be written, says
+    /// so once; training continues.
+    pub fn add(&mut self, trainer: &Trainer, evaluation: Option<&Evaluation>) {
+        let Some(writer) = &mut self.writer else { return };
+        let line = progress(trainer, evaluation.is_some()).into_iter().chain(results(evaluation));
+        let written = writer.write_record(line).map_err(std::io::Error::from).and_then(|()| writer.flush());
+        if let Err(error) = written {
+            eprint_line(&format!("{}: cannot be written, so the table ends here: {error}", self.path.display()));
+            self.writer = None;
+        }
+    }
+}
+
+fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {
+    let (counters, losses) = (trainer.counters(), trainer.losses());
+    let mut line = vec![if evaluated { "evaluation" } else { "progress" }.to_owned()];
+    line.push(format!("{:.3}", trainer.seconds()));
+    line.extend([counters.updates, counters.env_steps, counters.episodes].map(|n| n.to_string()));
+    line.push(format!("{:.1}", updates_per_second(trainer)));
+    line.extend([losses.critic, losses.model, losses.actor].map(|loss| loss.to_string()));
+    line
+}
+
+/// Returns the columns of an evaluation; empty ones for numbers that there are not.
+fn results(evaluation: Option<&Evaluation>) -> Vec<String> {
+    let Some(evaluation) = evaluation else { return vec![String::new(); EVALUATION.len() + 2 * DISTANCES] };
+    let number = |value: Option<f64>| value.map_or(String::new(), |value| value.to_string());
+    let Evaluation { greedy, planned, distance_error, bridges, coverage, marked, .. } = evaluation;
+    let planned = planned.as_ref();
+    let left = marked.and_then(|marked| marked.planned.unwrap_or(marked.greedy).left_straight);
+    let bridges = bridges.as_ref();
+    let mut line = vec![
+        number(*coverage),
+        number(greedy.success),
+        number(greedy.spl),
+        number(planned.and_then(|score| score.success)),
+        number(planned.and_then(|score| score.spl)),
+        number(distance_error.map(|error| error.mape)),
+        number(distance_error.map(|error| error.near_mape)),
+        number(distance_error.and_then(|error| Some(error.graph?.mape))),
+        number(bridges.map(|bridges| bridges.candidates as f64)),
+        number(bridges.map(|bridges| bridges.edges as f64)),
+        number(bridges.and_then(|bridges| Some(bridges.false_edges? as f64))),
+        number(left.map(f64::from)),
+    ];
+    let at = |score: Option<&Score>, i: usize| Some(number(score?.by_distance.get(i)?.success));
+    for score in [Some(greedy), planned] {
+        line.extend((0..DISTANCES).map(|i| -> String { at(score, i).unwrap_or_default() }));
+    }
+    line
+}

@@ -1,0 +1,278 @@
+//! `gdg-tui reproduce`: figures from jobs that run anywhere, in any order, and resume.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+use std::collections::BTreeMap;
+use std::io::{BufRead, BufReader};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Arguments that keep every job small.
+const SMALL: [&str; 12] = [
+    "--set",
+    "hidden=16",
+    "--set",
+    "buffer_size=20000",
+    "--set",
+    "candidates=50",
+    "--set",
+    "learning_starts=200",
+    "--eval-tasks",
+    "1",
+    "--seeds",
+    "1",
+];
+
+/// Figures of the paper.
+const FIGURES: [&str; 5] = ["fig2", "fig3", "fig4", "fig5", "fig6"];
+
+/// A folder in which figures are reproduced.
+struct Place(TempDir);
+
+/// What a command printed, and its exit status.
+struct Ran {
+    status: Option<i32>,
+    out: String,
+    err: String,
+}
+
+impl Place {
+    fn new() -> Self {
+        Self(tempfile::tempdir().unwrap())
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn command(&self, args: &[&str]) -> Command {
+        let mut command = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        command.arg("reproduce").args(args).args(SMALL);
+        self.isolated(command)
+    }
+
+    fn isolated(&self, mut command: Command) -> Command {
+        command.current_dir(self.0.path()).env("NO_COLOR", "1").env("XDG_STATE_HOME", self.0.path());
+        command
+    }
+
+    fn run(&self, args: &[&str]) -> Ran {
+        ran(self.command(args))
+    }
+
+    /// Returns the files in a subfolder, by name.
+    fn files(&self, folder: &str) -> BTreeMap<String, Vec<u8>> {
+        let Ok(entries) = std::fs::read_dir(self.path(folder)) else { return BTreeMap::new() };
+        let paths = entries.map(|entry| entry.unwrap().path()).filter(|path| path.is_file());
+        let name = |path: &Path| path.file_name().unwrap().to_string_lossy().into_owned();
+        paths.map(|path| (name(&path), std::fs::read(&path).unwrap())).collect()
+    }
+
+    /// Returns everything that must not depend on how the jobs were run: report, data, figures, and results without their
+    /// times.
+    fn outcome(&self, out: &str) -> BTreeMap<String, Vec<u8>> {
+        let mut all = self.files(out);
+        for folder in ["data", "figures"] {
+            all.extend(self.files(&format!("{out}/{folder}")));
+        }
+        for (name, bytes) in self.files(&format!("{out}/jobs")) {
+            let mut result: Value = serde_json::from_slice(&bytes).unwrap_or_else(|_| panic!("{name}"));
+            result.as_object_mut().unwrap().remove("seconds").unwrap();
+            all.insert(name, result.to_string().into_bytes());
+        }
+        all
+    }
+}
+
+fn ran(mut command: Command) -> Ran {
+    let output = command.output().unwrap();
+    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
+    Ran { status: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
+}
+
+fn has_parts(text: &str, parts: &[&str]) {
+    parts.iter().for_each(|part| assert!(text.contains(part), "{part:?} is not in {text}"));
+}
+
+/// Compares two outcomes, naming the file that differs.
+fn assert_same(one: &BTreeMap<String, Vec<u8>>, other: &BTreeMap<String, Vec<u8>>) {
+    assert_eq!(one.keys().collect::<Vec<_>>(), other.keys().collect::<Vec<_>>());
+    for (name, bytes) in one {
+        assert!(bytes == &other[name], "{name} differs");
+    }
+}
+
+#[test]
+fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
+    let place = Place::new();
+    let args = ["all", "--updates", "30", "--out", "out"];
+    let whole = place.run(&args);
+    assert_eq!(whole.status, Some(0), "{}", whole.err);
+    let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
+    has_parts(&report, &["gdg-tui reproduce all --budget quick --updates 30 --seeds 1 --eval-tasks 1 --set hidden=16"]);
+    has_parts(&report, &["| GDG, bridges | about 0.8 | 0.", "| GDG | reaches the goal |", "default (ours): D(s, .)"]);
+    has_parts(&whole.out, &["fig3: City: success over training", "success rate", "default (ours): 180 steps"]);
+
+    let (data, figures) = (place.files("out/data"), place.files("out/figures"));
+    for figure in FIGURES {
+        has_parts(&report, &[&format!("## {figure}: "), &format!("](figures/{figure}.png)")]);
+        let json: Value = serde_json::from_slice(&data[&format!("{figure}.json")]).unwrap();
+        assert_eq!((&json["figure"], json["version"].is_string()), (&figure.into(), true));
+        let methods = json["data"]["methods"].as_array().unwrap();
+        assert!(methods.iter().any(|method| method["name"] == "default"), "{figure}");
+        let mut table = csv::Reader::from_reader(&data[&format!("{figure}.csv")][..]);
+        assert!(table.records().map(Result::unwrap).count() > 3, "{figure}");
+        let svg = String::from_utf8(figures[&format!("{figure}.svg")].clone()).unwrap();
+        has_parts(&svg, &["<svg ", "default (ours)", "</svg>"]);
+        let file = std::io::Cursor::new(figures[&format!("{figure}.png")].clone());
+        let info = png::Decoder::new(file).read_info().unwrap().info().clone();
+        assert!(info.width > 800 && info.height > 400, "{figure}: {info:?}");
+    }
+    // Four distances, for each of three methods.
+    let paths: Value = serde_json::from_slice(&data["fig5.json"]).unwrap();
+    for method in paths["data"]["methods"].as_array().unwrap() {
+        let walks = method["measured"]["walks"].as_array().unwrap();
+        let distances: Vec<u64> = walks.iter().map(|walk| walk["distance"].as_u64().unwrap()).collect();
+        assert_eq!(distances, [90, 120, 150, 180]);
+        for walk in walks {
+            let (shortest, path) = (walk["shortest"].as_u64().unwrap(), walk["path"].as_array().unwrap());
+            assert!(shortest.abs_diff(walk["distance"].as_u64().unwrap()) <= 1 && path.len() <= 501, "{shortest}");
+        }
+    }
+    let bridge: Value = serde_json::from_slice(&data["fig2.json"]).unwrap();
+    let bridge = &bridge["data"]["methods"][0]["measured"]["bridge"];
+    let walls = bridge["from_start"].as_array().unwrap().iter().filter(|value| value.is_null()).count();
+    assert_eq!((bridge["to_goal"].as_array().unwrap().len(), walls), (88 * 88, 88 * 88 - 6656));
+    if let Some(found) = bridge["found"].as_object() {
+        let sum = found["from_start"].as_f64().unwrap() + found["to_goal"].as_f64().unwrap();
+        assert!(sum < bridge["direct"].as_f64().unwrap() + 0.02, "{found:?}");
+    }
+
+    // Nothing runs again, and nothing changes.
+    let before = place.outcome("out");
+    let again = place.run(&args);
+    has_parts(&again.err, &[" 0 to run"]);
+    assert_same(&place.outcome("out"), &before);
+}
+
+#[test]
+fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
+    let place = Place::new();
+    let list = |args: &[&str]| {
+        let listed = place.run(&[args, &["--updates", "20", "--out", "out", "--list-jobs"]].concat());
+        assert_eq!(listed.status, Some(0), "{}", listed.err);
+        listed.out.lines().map(|line| line.split(" --job ").nth(1).unwrap().to_owned()).collect::<Vec<String>>()
+    };
+    let city = list(&["fig3"]);
+    assert_eq!((list(&["fig4"]), list(&["fig3", "fig4", "fig5"])), (city.clone(), city));
+    let (plain, changed) = (list(&["fig6"]), list(&["fig6", "--set", "gdg:expectile=0.7"]));
+    let new: Vec<&String> = changed.iter().filter(|name| !plain.contains(name)).collect();
+    assert!(new.len() == 1 && new[0].starts_with("trap-gdg-1-"), "{new:?}");
+
+    let run = |more: &[&str]| place.run(&[&["fig6", "--updates", "20", "--out", "out"], more].concat());
+    assert_eq!(run(&[]).status, Some(0));
+    let rerun = run(&["--set", "gdg:expectile=0.7"]);
+    has_parts(&rerun.err, &[&format!("{} jobs done, 1 to run", plain.len() - 1), "trap-gdg-1-"]);
+    assert_eq!(rerun.err.matches(": begins").count(), 1, "{}", rerun.err);
+    let report = std::fs::read_to_string(place.path("out/report.md")).unwrap();
+    has_parts(&report, &["--set gdg:expectile=0.7", "`expectile=0.7`"]);
+}
+
+#[cfg(unix)]
+#[test]
+fn stopped_figures_go_on_where_they_were_and_give_the_same_bytes() {
+    let place = Place::new();
+    let args = |out: &'static str| ["fig6", "--updates", "600", "--jobs", "1", "--out", out];
+    assert_eq!(place.run(&args("whole")).status, Some(0));
+
+    let mut child = place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    lines.find(|line| line.contains("120 of 600 updates")).unwrap();
+    Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    assert!(!place.path("parts/report.md").exists(), "{rest:?}");
+
+    let resumed = place.run(&args("parts"));
+    assert_eq!(resumed.status, Some(0), "{}", resumed.err);
+    has_parts(&resumed.err, &["resumes after ", "; all jobs ", " left"]);
+    assert_same(&place.outcome("parts"), &place.outcome("whole"));
+}
+
+#[cfg(unix)]
+#[test]
+fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
+    let place = Place::new();
+    let args = |out: &'static str| ["fig6", "--updates", "40", "--out", out];
+    assert_eq!(place.run(&args("one")).status, Some(0));
+    let more = |more: &[&'static str]| place.run(&[&args("a folder")[..], more].concat());
+
+    let none = more(&["--collect"]);
+    assert_eq!(none.status, Some(1));
+    has_parts(&none.err, &["nothing to draw", "missing: trap-default-1-"]);
+    let listed = more(&["--list-jobs"]).out;
+    let commands: Vec<&str> = listed.lines().collect();
+    assert!(commands.len() >= 3 && commands.iter().all(|line| line.contains("'/")), "{listed}");
+    // The first by its number, the others as a cluster runs them: all at once, from another folder.
+    let first = more(&["--job", "1"]);
+    assert_eq!((first.status, first.out.as_str()), (Some(0), ""), "{}", first.err);
+    let partly = more(&["--collect"]);
+    assert_eq!(partly.status, Some(1));
+    has_parts(&partly.err, &[&format!("{} jobs missing", commands.len() - 1)]);
+    let report = std::fs::read_to_string(place.path("a folder/report.md")).unwrap();
+    has_parts(&report, &["**Not complete**", "`trap-gdg-1-"]);
+    let start = |line: &&str| {
+        let mut command = Command::new("sh");
+        command.args(["-c", line]);
+        let mut command = place.isolated(command);
+        command.current_dir("/").stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap()
+    };
+    let children: Vec<_> = commands[1..].iter().map(start).collect();
+    for child in children {
+        let output = child.wait_with_output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    }
+    let collected = more(&["--collect"]);
+    assert_eq!(collected.status, Some(0), "{}", collected.err);
+    assert_same(&place.outcome("a folder"), &place.outcome("one"));
+}
+
+#[test]
+fn budgets_of_episodes_evaluate_as_often_as_updates_do() {
+    let place = Place::new();
+    let args = ["fig6", "--episodes", "40", "--set", "episode_steps=20", "--set", "agents=4", "--out", "out"];
+    let ran = place.run(&args);
+    assert_eq!(ran.status, Some(0), "{}", ran.err);
+    let table = String::from_utf8(place.files("out/data").remove("fig6.csv").unwrap()).unwrap();
+    let marks = |method: &str| {
+        let lines = table.lines().filter(|line| line.starts_with(&format!("steps_left,{method},1,")));
+        lines.map(|line| line.split(',').nth(3).unwrap().parse().unwrap()).collect::<Vec<u64>>()
+    };
+    assert!(table.starts_with("measure,method,seed,episodes,value\n"), "{table}");
+    for method in ["default", "gdg"] {
+        assert_eq!(marks(method), (1..=20).map(|i| 2 * i).collect::<Vec<u64>>(), "{method}");
+    }
+}
+
+#[test]
+fn bad_arguments_are_named_before_anything_runs() {
+    let place = Place::new();
+    for (args, part) in [
+        (&["fig7"][..], "fig6"),
+        (&["fig6", "--set", "gd:hidden=3"], "methods: default, gdg-bridge"),
+        (&["fig6", "--set", "gdg:hiden=3"], "did you mean hidden"),
+        (&["fig6", "--job", "trap-1"], "trap-1: there is no such job"),
+        (&["fig6", "--job", "99"], "give a number from 1 to"),
+        (&["fig6", "--job", "0"], "there is no such job"),
+        (&["fig6", "--updates", "10", "--episodes", "10"], "--episodes"),
+        (&[], "FIGURE"),
+    ] {
+        let ran = place.run(&[args, &["--out", "out"]].concat());
+        assert_eq!(ran.status, Some(2), "{args:?}: {}", ran.err);
+        has_parts(&ran.err, &[part]);
+        assert!(!place.path("out").exists(), "{args:?}");
+    }
+}
