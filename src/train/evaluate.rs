@@ -48,7 +48,7 @@ impl Evaluation {
         let scores = std::iter::once(&self.greedy).chain(&self.planned);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
-            let of_distance = |d: &DistanceScore| [d.distance_steps, d.success, d.spl];
+            let of_distance = |d: &DistanceScore| [d.distance_steps, d.distance_cm, d.success, d.spl];
             let ratios = [*success, *spl, *steps_ratio];
             by_distance.iter().flat_map(of_distance).chain(ratios).flatten().collect::<Vec<_>>()
         };
@@ -190,11 +190,16 @@ fn marked_task(
         let taken = walked.taken[0];
         TaskOutcome {
             reached: taken.is_some(),
-            steps: taken.unwrap_or(task.budget()),
+            steps: taken.unwrap_or_else(|| budget(world, &task)),
             left_steps: left.unwrap_or(u32::MAX),
         }
     };
     Some(MarkedTask { greedy: journey(greedy), planned: planned.map(journey) })
+}
+
+/// Returns the number of steps within which the goal of `task` has to be reached.
+fn budget(world: &dyn Environment, task: &Task) -> u32 {
+    world.episode_steps().unwrap_or_else(|| task.budget())
 }
 
 /// How the evaluated agents act.
@@ -251,7 +256,7 @@ fn run_tasks_watched(
             if env.spec().reached(at, &tasks[i].goal) {
                 taken[i] = Some(clock);
             }
-            taken[i].is_none() && clock < tasks[i].budget()
+            taken[i].is_none() && clock < budget(world, &tasks[i])
         });
         if active.is_empty() {
             break;
