@@ -30,7 +30,8 @@
 //! * [`view`]: what the screen shows of a run, computed on its own thread: distance fields, the bridge graph, an agent that
 //!   walks to the goal; colours, contours and pictures.
 //! * [`headless`] (one run), `tui` and [`experiment`] (many runs in parallel, whose results are kept): the front ends.
-//!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`bench`](mod@bench) measures;
+//!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
+//!   other programs; [`bench`](mod@bench) measures;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
 //! # Add a world
@@ -70,6 +71,8 @@ pub mod cli;
 pub mod env;
 #[forbid(unsafe_code)]
 pub mod experiment;
+#[forbid(unsafe_code)]
+pub mod export_policy;
 #[forbid(unsafe_code)]
 pub mod facts;
 #[forbid(unsafe_code)]

@@ -104,7 +104,8 @@ impl FetchReach {
             achieved: vec![0, 1, 2],
             action_dim: ACTION,
             goal_radius: GOAL_RADIUS,
-            goals_are_positions: true,
+            // They are, but at 12 goal radii across, grids only slow learning down (see docs/experiments.md).
+            goals_are_positions: false,
         };
         let mut world = Self { starts: starts(wall.as_ref()), wall, spec, noise: 0.0, arms: Vec::new(), states: Vec::new(), rows: Rows::new() };
         world.place(agents);
@@ -268,7 +269,7 @@ impl Environment for FetchReach {
     fn facts(&self) -> Map<String, Value> {
         let mut facts = json!({
             "episode_steps": EPISODE_STEPS,
-            "goal_radius_cm": 100.0 * f64::from(GOAL_RADIUS),
+            "goal_radius_cm": (100.0 * GOAL_RADIUS).round(),
             "success": "the goal was reached at any step of the episode",
         });
         if let Some(wall) = self.wall {
@@ -290,7 +291,7 @@ impl Environment for FetchReach {
         let mut set = TaskSet { unit: DistanceUnit::Centimetres, ..TaskSet::default() };
         for (group, of_group) in drawn.chunks(per_group.max(1)).enumerate() {
             let mean = of_group.iter().map(|(distance, _)| 100.0 * distance).sum::<f64>() / of_group.len() as f64;
-            set.distances.push(Some(mean));
+            set.distances.push(Some((10.0 * mean).round() / 10.0));
             set.tasks.extend(of_group.iter().map(|(_, task)| Task { group, ..task.clone() }));
         }
         set
