@@ -39,7 +39,7 @@
 //! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
 //! and are saved; where available, tasks, true distances, coverage and a scene) and its [`env::WorldKind`]. Then one line in
 //! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME --no-ui`. For the interface to draw
-//! it, add a variant to [`env::Scene`].
+//! it, add a variant to [`env::Scene`]. [`env::fetch_reach`] is a world without maps.
 //!
 //! # Add a learner
 //!

@@ -65,13 +65,20 @@ fn numpy_computes_the_same_actions() {
         let spec = world.spec();
         let mut rng = ChaCha8Rng::seed_from_u64(2);
         // Also beyond the usual range.
-        let mut near = |i: usize| spec.state_centre[i] + rng.random_range(-1.3..1.3) * spec.state_half_range[i].max(0.1);
+        let mut near =
+            |i: usize| spec.state_centre[i] + rng.random_range(-1.3..1.3) * spec.state_half_range[i].max(0.1);
         let pairs: Vec<(Vec<f32>, Vec<f32>)> = (0..40)
             .map(|_| ((0..spec.state_dim()).map(&mut near).collect(), spec.achieved.iter().map(|i| near(*i)).collect()))
             .collect();
-        let mut child =
-            Command::new(&python).arg(script("policy.py")).arg(&path).stdin(Stdio::piped()).stdout(Stdio::piped()).spawn().unwrap();
-        let lines: String = pairs.iter().map(|(state, goal)| json!({ "state": state, "goal": goal }).to_string() + "\n").collect();
+        let mut child = Command::new(&python)
+            .arg(script("policy.py"))
+            .arg(&path)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let lines: String =
+            pairs.iter().map(|(state, goal)| json!({ "state": state, "goal": goal }).to_string() + "\n").collect();
         child.stdin.take().unwrap().write_all(lines.as_bytes()).unwrap();
         let output = child.wait_with_output().unwrap();
         assert!(output.status.success());
@@ -99,7 +106,12 @@ fn an_exported_actor_solves_the_real_fetch_reach() {
     let folder = tempfile::tempdir().unwrap();
     let (checkpoint, policy) = (folder.path().join("run"), folder.path().join("policy"));
     save(&trained(&FetchReach::new(None, 0), 1_000), &SaveTo::CreateNew(checkpoint.clone())).unwrap();
-    assert_cmd::Command::cargo_bin("gdg-tui").unwrap().arg("export-policy").args([&checkpoint, Path::new("--out"), &policy]).assert().success();
+    assert_cmd::Command::cargo_bin("gdg-tui")
+        .unwrap()
+        .arg("export-policy")
+        .args([&checkpoint, Path::new("--out"), &policy])
+        .assert()
+        .success();
     let output = Command::new(&python).arg(script("fetch_reach_v4.py")).arg(&policy).arg("100").output().unwrap();
     let text = String::from_utf8_lossy(&output.stdout);
     let result: Value = serde_json::from_str(text.lines().last().unwrap_or_default())

@@ -114,7 +114,10 @@ fn positions_stay_close_to_the_recorded_episodes_of_the_reference() {
         let largest = errors.iter().copied().fold(0.0, f64::max);
         errors.sort_by(f64::total_cmp);
         let median = errors[errors.len() / 2];
-        println!("kind {kind}: median {median:.2} mm, mean {mean:.2} mm, largest {largest:.1} mm over {} steps", errors.len());
+        println!(
+            "kind {kind}: median {median:.2} mm, mean {mean:.2} mm, largest {largest:.1} mm over {} steps",
+            errors.len()
+        );
         assert!(errors.len() >= 50 && mean <= mean_bound && largest <= largest_bound);
     }
 }

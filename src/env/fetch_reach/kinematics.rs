@@ -58,9 +58,7 @@ impl Frames {
 
     /// Returns the velocity in m/s per joint velocity of a point at `at` that is fixed to link `link`.
     pub fn jacobian(&self, link: usize, at: DVec3) -> [DVec3; JOINTS] {
-        std::array::from_fn(|i| {
-            if i <= link { self.axes[i].cross(at - self.origins[i]) } else { DVec3::ZERO }
-        })
+        std::array::from_fn(|i| if i <= link { self.axes[i].cross(at - self.origins[i]) } else { DVec3::ZERO })
     }
 
     /// Returns the velocity of the grip site in m/s.

@@ -65,10 +65,8 @@ mod tests {
 
     #[test]
     fn a_solution_solves_its_system() {
-        let mut m: Matrix = [[0.0; JOINTS]; JOINTS];
-        for i in 0..JOINTS {
-            m[i][i] = 0.5 + i as f64;
-        }
+        let diagonal = |i: usize, j: usize| if i == j { 0.5 + i as f64 } else { 0.0 };
+        let mut m: Matrix = std::array::from_fn(|i| std::array::from_fn(|j| diagonal(i, j)));
         for k in 0..4 {
             let row = std::array::from_fn(|i| ((3 * i + 5 * k) % 7) as f64 - 2.5);
             add_outer(&mut m, &row, 0.3 + k as f64);

@@ -40,8 +40,8 @@ pub struct Limits {
     pub inverse_inertia: f64,
 }
 
-const fn limits(low: f64, high: f64, inverse_inertia: f64) -> Option<Limits> {
-    Some(Limits { low, high, inverse_inertia })
+const fn limits(low: f64, high: f64, inverse_inertia: f64) -> Limits {
+    Limits { low, high, inverse_inertia }
 }
 
 /// The torso frame in the world, in metres.
@@ -57,7 +57,7 @@ pub static CHAIN: [Joint; JOINTS] = [
     Joint {
         offset: DVec3::new(0.1195, 0.0, 0.3486),
         axis: 2,
-        limits: limits(-1.6056, 1.6056, 0.073_663_7),
+        limits: Some(limits(-1.6056, 1.6056, 0.073_663_7)),
         damping: 50.0,
         armature: 1.0,
         stiffness: 0.0,
@@ -68,7 +68,7 @@ pub static CHAIN: [Joint; JOINTS] = [
     Joint {
         offset: DVec3::new(0.117, 0.0, 0.06),
         axis: 1,
-        limits: limits(-1.221, 1.518, 0.340_356_1),
+        limits: Some(limits(-1.221, 1.518, 0.340_356_1)),
         damping: 50.0,
         armature: 1.0,
         stiffness: 0.0,
@@ -90,7 +90,7 @@ pub static CHAIN: [Joint; JOINTS] = [
     Joint {
         offset: DVec3::new(0.133, 0.0, 0.0),
         axis: 1,
-        limits: limits(-2.251, 2.251, 0.682_978_3),
+        limits: Some(limits(-2.251, 2.251, 0.682_978_3)),
         damping: 50.0,
         armature: 1.0,
         stiffness: 0.0,
@@ -112,7 +112,7 @@ pub static CHAIN: [Joint; JOINTS] = [
     Joint {
         offset: DVec3::new(0.1245, 0.0, 0.0),
         axis: 1,
-        limits: limits(-2.16, 2.16, 0.809_459_6),
+        limits: Some(limits(-2.16, 2.16, 0.809_459_6)),
         damping: 50.0,
         armature: 1.0,
         stiffness: 0.0,
@@ -183,10 +183,9 @@ pub fn point_inertia(mass: f64, at: DVec3) -> DMat3 {
 
 /// The links, one per joint; wrist roll, gripper and fingers are one.
 pub static BODIES: LazyLock<[Body; JOINTS]> = LazyLock::new(|| {
-    let gripper = Body::new(1.5175, [-0.09, -0.0001, -0.0017], [0.0, 0.7071, 0.0, 0.7071], [0.0024, 0.0019, 0.0013]);
-    let finger = |y: f64| {
-        Body::new(4.0, [-0.01, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.1; 3]).moved(DVec3::new(0.0, y, 0.0))
-    };
+    let gripper = Body::new(1.5175, [-0.09, -0.0001, -0.0017], [0.0, 1.0, 0.0, 1.0], [0.0024, 0.0019, 0.0013]);
+    let finger =
+        |y: f64| Body::new(4.0, [-0.01, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.1; 3]).moved(DVec3::new(0.0, y, 0.0));
     let hand = gripper.joined(finger(0.0159)).joined(finger(-0.0159)).moved(GRIPPER);
     [
         Body::new(2.5587, [0.0927, -0.0056, 0.0564], [-0.1364, 0.7624, -0.1562, 0.613], [0.009, 0.0086, 0.0041]),
