@@ -34,6 +34,7 @@ Examples:
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
   gdg-tui --resume saves/my.safetensors      resume where it stopped
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
+  gdg-tui --no-ui fetch-reach --method gdg --set env_steps_per_update=1 --max-updates 5000
   gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
   gdg-tui reproduce all                      the paper's figures, with our default beside its methods
 
@@ -75,6 +76,8 @@ pub enum Command {
     Reproduce(ReproduceArgs),
     /// Ablation study: measure the effect of switching off each component of the default preset
     Ablate(AblateArgs),
+    /// Write a checkpoint's actor as a safetensors file that other programs can run
+    ExportPolicy(ExportPolicyArgs),
     /// Benchmark the learner on this machine against plain candle-nn
     Bench {
         /// Print JSON instead of a table
@@ -138,6 +141,19 @@ pub struct AblateArgs {
     pub overwrite: bool,
 }
 
+/// Options of `gdg-tui export-policy`.
+#[derive(Debug, Args)]
+pub struct ExportPolicyArgs {
+    /// Checkpoint to read
+    pub checkpoint: PathBuf,
+    /// Output file [default: CHECKPOINT with the extension .policy.safetensors]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
 /// Options of `gdg-tui frames`.
 #[cfg(feature = "tui")]
 #[derive(Debug, Args)]
@@ -158,7 +174,7 @@ pub struct FramesArgs {
 /// Options of a training run.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Built-in map or map file
+    /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall (with --no-ui)
     #[arg(default_value = "fourrooms", value_name = "MAP")]
     pub map: String,
 
@@ -198,7 +214,7 @@ pub struct TrainArgs {
     #[arg(long, value_name = "UPDATES:FILE", value_parser = parse_edit_at, requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
-    /// Evaluation tasks at each of six distances
+    /// Evaluation tasks at each of six distances (five in fetch-reach)
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub eval_tasks: u32,
 

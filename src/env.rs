@@ -4,6 +4,7 @@
 //! training, evaluation and the front ends. The learner sees only sizes and scales ([`Spec`]). [`WORLDS`] lists the
 //! built-in worlds.
 
+pub mod fetch_reach;
 pub mod maze;
 mod task;
 
@@ -16,12 +17,13 @@ use serde_json::{Map, Value};
 
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
+pub use fetch_reach::FetchReach;
 pub use maze::PointMaze;
 pub(crate) use task::{BUDGET_FACTOR, MIN_BUDGET_STEPS};
-pub use task::{GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
+pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
 /// The built-in worlds.
-pub const WORLDS: [WorldKind; 1] = [maze::KIND];
+pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, fetch_reach::WALL_KIND];
 
 /// Registry entry of a kind of world.
 #[derive(Clone, Copy, Debug)]
@@ -207,7 +209,13 @@ pub trait Environment: Any + Send + Sync {
             world.sample_goal(0, rng, &mut goal);
             Task { start: world.full_state(0), goal, shortest: None, group: 0 }
         });
-        TaskSet { tasks: tasks.collect(), distances: vec![None] }
+        TaskSet { tasks: tasks.collect(), distances: vec![None], ..TaskSet::default() }
+    }
+
+    /// Returns the steps of an episode, if the world itself defines them: automatic episodes and evaluation tasks take as
+    /// many. By default, episodes grow with what is known, and tasks take a multiple of their shortest path.
+    fn episode_steps(&self) -> Option<u32> {
+        None
     }
 
     /// Returns the task that the world itself defines, from its own start to its own goal, if any.

@@ -32,6 +32,7 @@ pub use learner::{
     Acting, ChangedDistances, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, Relearning, TrainingData,
 };
 pub use networks::encoder::Encoder;
+pub use networks::export::{ActorExport, ActorInputs, NamedTensor};
 pub(crate) use networks::lookahead::{MIN_GAIN_STEPS, axis_actions};
 pub use networks::network::Network;
 pub use networks::policy::{FrozenNets, Nets, Policy, Scratch, look_ahead};

@@ -31,7 +31,8 @@
 //!   walks to the goal; colours, contours and pictures.
 //! * [`headless`] (one run), `tui` and [`experiment`] (many runs in parallel, whose results are kept: benchmark suites, the
 //!   paper's figures): the front ends.
-//!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`bench`](mod@bench) measures;
+//!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
+//!   other programs; [`bench`](mod@bench) measures;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
 //! # Add a world
@@ -39,7 +40,7 @@
 //! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
 //! and are saved; where available, tasks, true distances, coverage and a scene) and its [`env::WorldKind`]. Then one line in
 //! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME --no-ui`. For the interface to draw
-//! it, add a variant to [`env::Scene`].
+//! it, add a variant to [`env::Scene`]. [`env::fetch_reach`] is a world without maps.
 //!
 //! # Add a learner
 //!
@@ -78,6 +79,8 @@ pub mod cli;
 pub mod env;
 #[forbid(unsafe_code)]
 pub mod experiment;
+#[forbid(unsafe_code)]
+pub mod export_policy;
 #[forbid(unsafe_code)]
 pub mod facts;
 #[forbid(unsafe_code)]

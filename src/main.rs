@@ -13,7 +13,7 @@ use gdg_tui::experiment::{ablate, reproduce, suite};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
-use gdg_tui::{bench, facts, faults, headless, logging, report, setup};
+use gdg_tui::{bench, export_policy, facts, faults, headless, logging, report, setup};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
 use miette::Report;
@@ -54,6 +54,7 @@ fn main() -> ExitCode {
             }
         }
         Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), EXIT_BAD_INPUT),
+        Some(Command::ExportPolicy(args)) => printed(export_policy::run(args), EXIT_BAD_INPUT),
         Some(Command::Bench { json, threads, runs }) => {
             printed(bench::run(*json, setup::threads(*threads), (*runs).into()), EXIT_FAILURE)
         }

@@ -10,6 +10,7 @@ mod graphs;
 mod history;
 pub mod memory;
 mod method;
+mod policy_file;
 mod registry;
 mod rollout;
 mod run;
@@ -31,6 +32,7 @@ pub use evaluate::{
 };
 pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES};
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
+pub use policy_file::policy_file;
 pub use registry::Registry;
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};

@@ -17,6 +17,7 @@ const LAYERS: [&[&str]; 8] = [
         "bench",
         "cli",
         "experiment",
+        "export_policy",
         "facts",
         "frames",
         "headless",

@@ -28,10 +28,22 @@ impl Task {
     }
 }
 
+/// What the distances of a [`TaskSet`] measure.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DistanceUnit {
+    /// The shortest path, in steps.
+    #[default]
+    Steps,
+    /// The straight line from start to goal, in centimetres.
+    Centimetres,
+}
+
 /// Tasks grouped by distance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TaskSet {
-    /// Representative distance of each group in steps, if known.
+    /// Unit of the distances.
+    pub unit: DistanceUnit,
+    /// Representative distance of each group, if known.
     pub distances: Vec<Option<f64>>,
     /// The tasks, group by group.
     pub tasks: Vec<Task>,

@@ -15,6 +15,7 @@ use crate::learn::data::batch::{Batch, BatchSampler};
 use crate::learn::kernels::kernel;
 use crate::learn::learner::{LearnError, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::export::ActorExport;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::policy::{FrozenNets, Nets, Policy, Scratch};
@@ -305,6 +306,12 @@ impl Learner for Gdg {
         use_policy: &mut dyn FnMut(&dyn Policy),
     ) -> std::result::Result<(), LearnError> {
         Ok(self.with_nets(averaged, |nets| use_policy(&nets))?)
+    }
+
+    fn export_actor(&self, averaged: bool) -> std::result::Result<Option<ActorExport>, LearnError> {
+        let Shared { shapes, actor, .. } = &*self.shared;
+        let (parameters, table) = actor.copy(averaged)?;
+        Ok(Some(ActorExport::new(&shapes.encoder, &shapes.actor, &parameters, &table)))
     }
 
     /// Returns whether the averaged critics give finite distances on the latest batch.

@@ -8,6 +8,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::env::Spec;
 use crate::learn::data::goal_index::GoalIndex;
 use crate::learn::data::replay::Replay;
+use crate::learn::networks::export::ActorExport;
 use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::losses::Losses;
@@ -115,6 +116,15 @@ pub trait Learner: Send {
     /// # Errors
     /// Returns an error if the learner's computation fails.
     fn with_policy(&self, averaged: bool, use_policy: &mut dyn FnMut(&dyn Policy)) -> Result<(), LearnError>;
+
+    /// Returns the actor, or its running average if `averaged` and there is one, for other programs; `None` if the
+    /// learner has no such network.
+    ///
+    /// # Errors
+    /// Returns an error if the learner's computation fails.
+    fn export_actor(&self, _averaged: bool) -> Result<Option<ActorExport>, LearnError> {
+        Ok(None)
+    }
 
     /// Returns how agents act during training.
     fn acting(&self) -> Acting {

@@ -2,6 +2,7 @@
 
 pub mod dense;
 pub mod encoder;
+pub mod export;
 pub mod grid;
 pub mod lookahead;
 pub mod mlp;

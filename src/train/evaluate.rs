@@ -48,7 +48,7 @@ impl Evaluation {
         let scores = std::iter::once(&self.greedy).chain(&self.planned);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
-            let of_distance = |d: &DistanceScore| [d.distance_steps, d.success, d.spl];
+            let of_distance = |d: &DistanceScore| [d.distance_steps, d.distance_cm, d.success, d.spl];
             let ratios = [*success, *spl, *steps_ratio];
             by_distance.iter().flat_map(of_distance).chain(ratios).flatten().collect::<Vec<_>>()
         };
@@ -202,7 +202,7 @@ fn marked_task(
         let taken = walked.taken[0];
         TaskOutcome {
             reached: taken.is_some(),
-            steps: taken.unwrap_or(actor.budget(&task)),
+            steps: taken.unwrap_or_else(|| actor.budget(world, &task)),
             left_steps: left.unwrap_or(u32::MAX),
             left_straight: Some(world.spec().goal_distance(walked.env.states(), &task.goal)),
         }
@@ -224,8 +224,8 @@ struct Actor<'a> {
 
 impl Actor<'_> {
     /// Returns the number of steps within which the goal of `task` has to be reached.
-    fn budget(&self, task: &Task) -> u32 {
-        self.max_steps.unwrap_or_else(|| task.budget())
+    fn budget(&self, world: &dyn Environment, task: &Task) -> u32 {
+        self.max_steps.or(world.episode_steps()).unwrap_or_else(|| task.budget())
     }
 }
 
@@ -273,7 +273,7 @@ fn run_tasks_watched(
             if env.spec().reached(at, &tasks[i].goal) {
                 taken[i] = Some(clock);
             }
-            taken[i].is_none() && clock < actor.budget(&tasks[i])
+            taken[i].is_none() && clock < actor.budget(world, &tasks[i])
         });
         if active.is_empty() {
             break;

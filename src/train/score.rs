@@ -4,7 +4,7 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
-use crate::env::{Task, TaskSet};
+use crate::env::{DistanceUnit, Task, TaskSet};
 
 /// Summary of a run's latest evaluation, as shown in checkpoint lists.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -49,6 +49,9 @@ pub struct Score {
 pub struct DistanceScore {
     /// Shortest-path length of these tasks in steps (for a range: the mean), if known.
     pub distance_steps: Option<f64>,
+    /// Length of the straight line from start to goal in centimetres (the mean), in worlds that measure that.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub distance_cm: Option<f64>,
     /// Number of tasks.
     pub tasks: usize,
     /// Fraction reached in time; `None` if there are no tasks.
@@ -103,7 +106,8 @@ impl Score {
             groups[task.group].add(task, *steps);
         }
         let by_distance = set.distances.iter().zip(&groups).map(|(distance, group)| DistanceScore {
-            distance_steps: *distance,
+            distance_steps: distance.filter(|_| set.unit == DistanceUnit::Steps),
+            distance_cm: distance.filter(|_| set.unit == DistanceUnit::Centimetres),
             tasks: group.tasks,
             success: group.success(),
             spl: group.spl().filter(|_| known),
@@ -152,7 +156,8 @@ mod tests {
     #[test]
     fn scores_without_tasks_or_successes_are_unknown() {
         let task = |group| Task { start: vec![0.0], goal: vec![0.0], shortest: Some(4), group };
-        let set = TaskSet { distances: vec![Some(4.0), None], tasks: vec![task(0), task(0)] };
+        let tasks = vec![task(0), task(0)];
+        let set = TaskSet { distances: vec![Some(4.0), None], tasks, ..TaskSet::default() };
         let score = Score::new(&set, &[Some(8), None]);
         assert_eq!((score.success, score.spl, score.steps_ratio), (Some(0.5), Some(0.25), Some(2.0)));
         let [near, unknown] = score.by_distance[..] else { panic!("two groups") };

@@ -264,7 +264,11 @@ impl Trainer {
 
     /// Returns the current length of an episode, in steps.
     pub fn episode_steps(&self) -> u32 {
-        self.run.settings.episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps))
+        let settings = &self.run.settings;
+        match (settings.train.episode_steps.given(), self.world().episode_steps()) {
+            (None, Some(of_world)) => of_world,
+            _ => settings.episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps)),
+        }
     }
 
     /// Calls `act` with the agents and their step context.

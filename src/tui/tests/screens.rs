@@ -27,6 +27,7 @@ use crate::view::{Candidate, Exploration, View, Walk};
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
         distance_steps: Some(f64::from(5 * i)),
+        distance_cm: None,
         tasks: 10,
         success: Some((success + 0.1 - 0.05 * f64::from(i)).clamp(0.0, 1.0)),
         spl: Some(success),

@@ -1,0 +1,227 @@
+//! The rows of the constraint problem: weld, joint limits, table and wall, as MuJoCo forms them ("Constraint model" and
+//! "Solver parameters" in its documentation).
+
+use glam::{DQuat, DVec3};
+
+use super::kinematics::Frames;
+use super::linear::dot;
+use super::model::{CHAIN, JOINTS, Joints};
+use super::wall::{SPHERES, Wall};
+
+/// Rows of the weld.
+const WELD_ROWS: usize = 6;
+
+/// Joints with limits.
+const LIMITED: usize = 4;
+
+/// Lower corners of both fingers, and rows per contact: a pyramid of friction in three directions.
+const CORNERS: usize = 8;
+const PYRAMID: usize = 6;
+
+/// Most rows at a time.
+pub const MAX_ROWS: usize = WELD_ROWS + LIMITED + CORNERS * PYRAMID + SPHERES.len();
+
+/// One row: it pulls the acceleration `a` of the joints towards `jacobian · a = target`.
+#[derive(Clone, Copy, Debug)]
+pub struct Row {
+    pub jacobian: Joints,
+    /// Reference acceleration.
+    pub target: f64,
+    /// 1 / R, the inverse of the regularisation.
+    pub weight: f64,
+}
+
+/// The active rows: the weld's, which always count, then those that count only where `jacobian · a < target`.
+pub struct Rows {
+    rows: [Row; MAX_ROWS],
+    length: usize,
+}
+
+impl Rows {
+    pub fn new() -> Self {
+        Self { rows: [Row { jacobian: [0.0; JOINTS], target: 0.0, weight: 0.0 }; MAX_ROWS], length: 0 }
+    }
+
+    pub fn clear(&mut self) {
+        self.length = 0;
+    }
+
+    /// Returns the rows that always count.
+    pub fn equalities(&self) -> &[Row] {
+        &self.rows[..WELD_ROWS.min(self.length)]
+    }
+
+    /// Returns the rows that count on one side only.
+    pub fn inequalities(&self) -> &[Row] {
+        &self.rows[WELD_ROWS.min(self.length)..self.length]
+    }
+
+    fn push(&mut self, row: Row) {
+        self.rows[self.length] = row;
+        self.length += 1;
+    }
+}
+
+/// How stiffly a constraint holds.
+struct Stiffness {
+    /// Time constant of the return to the constraint in seconds, critically damped.
+    time: f64,
+    /// Impedance at residual 0, and from `width` (in metres or rad) on.
+    impedance: (f64, f64),
+    width: f64,
+}
+
+/// Weld and joint limits.
+const FIRM: Stiffness = Stiffness { time: 0.02, impedance: (0.9, 0.95), width: 0.001 };
+
+/// The wall: hard enough that a full pull presses the arm only millimetres into it.
+const HARD: Stiffness = Stiffness { time: 0.006, impedance: (0.99, 0.995), width: 0.001 };
+
+/// The table.
+const CONTACT: Stiffness = Stiffness { time: 0.015, impedance: (0.945, 0.97), width: 0.0055 };
+
+impl Stiffness {
+    /// Returns the impedance of a constraint that is off by `residual`.
+    fn impedance(&self, residual: f64) -> f64 {
+        let u = (residual.abs() / self.width).min(1.0);
+        let y = if u <= 0.5 { 2.0 * u * u } else { 1.0 - 2.0 * (1.0 - u) * (1.0 - u) };
+        self.impedance.0 + y * (self.impedance.1 - self.impedance.0)
+    }
+
+    /// Returns the reference acceleration at this `residual` and `velocity` of the row.
+    fn target(&self, impedance: f64, residual: f64, velocity: f64) -> f64 {
+        let most = self.impedance.1;
+        let stiffness = 1.0 / (most * most * self.time * self.time);
+        let damping = 2.0 / (most * self.time);
+        -damping * velocity - stiffness * impedance * residual
+    }
+
+    /// Returns the row of a constraint with one residual.
+    fn row(&self, jacobian: Joints, residual: f64, velocities: &Joints, inverse_inertia: f64) -> Row {
+        let impedance = self.impedance(residual);
+        Row {
+            target: self.target(impedance, residual, dot(&jacobian, velocities)),
+            weight: weight(impedance, inverse_inertia),
+            jacobian,
+        }
+    }
+}
+
+/// Returns 1 / R.
+fn weight(impedance: f64, inverse_inertia: f64) -> f64 {
+    impedance / ((1.0 - impedance) * inverse_inertia)
+}
+
+/// Scales of the weld's regularisation: position rows and rotation rows.
+const WELD_INVERSE_INERTIA: [f64; 2] = [0.045_878_977_758_153_27, 0.758_535_899_154_90];
+
+/// Scale of a contact's regularisation, for the normal alone and for a row of the pyramid.
+const CONTACT_INVERSE_INERTIA: f64 = 0.05675;
+const PYRAMID_INVERSE_INERTIA: f64 = 4.0 * CONTACT_INVERSE_INERTIA;
+
+/// The pose that the gripper is welded to during a step.
+#[derive(Clone, Copy, Debug)]
+pub struct Mocap {
+    /// Metres.
+    pub position: DVec3,
+    pub orientation: DQuat,
+}
+
+/// Adds the weld of `gripper_link` to `mocap`.
+pub fn weld(rows: &mut Rows, frames: &Frames, velocities: &Joints, mocap: &Mocap) {
+    // vec(q^-1 mocap) is half the rotation vector between both.
+    let turn = frames.orientation.conjugate() * mocap.orientation;
+    let axis = DVec3::new(turn.x, turn.y, turn.z);
+    let (off, to_local) = (mocap.position - frames.gripper, frames.hand().transpose());
+    let residual = [off.x, off.y, off.z, axis.x, axis.y, axis.z];
+    let mut jacobian = [[0.0; JOINTS]; WELD_ROWS];
+    for (i, moved) in frames.jacobian(JOINTS - 1, frames.gripper).iter().enumerate() {
+        let local = to_local * -frames.axes[i];
+        let turned = (local * turn.w + local.cross(axis)) * 0.5;
+        let column = [-moved.x, -moved.y, -moved.z, turned.x, turned.y, turned.z];
+        for (row, value) in jacobian.iter_mut().zip(column) {
+            row[i] = value;
+        }
+    }
+    let norm = residual.iter().map(|r| r * r).sum::<f64>().sqrt();
+    let impedance = FIRM.impedance(norm);
+    for (i, (jacobian, residual)) in jacobian.into_iter().zip(residual).enumerate() {
+        rows.push(Row {
+            target: FIRM.target(impedance, residual, dot(&jacobian, velocities)),
+            weight: weight(impedance, WELD_INVERSE_INERTIA[i / 3]),
+            jacobian,
+        });
+    }
+}
+
+/// Adds the limits of joints that are beyond them.
+pub fn limits(rows: &mut Rows, angles: &Joints, velocities: &Joints) {
+    for (i, joint) in CHAIN.iter().enumerate() {
+        let Some(limits) = joint.limits else { continue };
+        let (low, high) = (angles[i] - limits.low, limits.high - angles[i]);
+        let (residual, sign) = if low < high { (low, 1.0) } else { (high, -1.0) };
+        if residual < 0.0 {
+            let mut jacobian = [0.0; JOINTS];
+            jacobian[i] = sign;
+            rows.push(FIRM.row(jacobian, residual, velocities, limits.inverse_inertia));
+        }
+    }
+}
+
+/// The table's top in metres: height, and its range of x and y.
+const TABLE_TOP: f64 = 0.4;
+const TABLE_X: (f64, f64) = (1.05, 1.55);
+const TABLE_Y: (f64, f64) = (0.4, 1.1);
+
+/// Contacts act from this distance in metres.
+const MARGIN: f64 = 0.001;
+
+/// No corner is farther than this from `gripper_link`, in metres.
+const FINGER_REACH: f64 = 0.045;
+
+/// Friction coefficients: sliding along x and y, and turning about z (in metres).
+const SLIDING: f64 = 1.0;
+const TURNING: f64 = 0.05;
+
+/// Adds the contacts of the fingers' lower corners with the table.
+pub fn table(rows: &mut Rows, frames: &Frames, velocities: &Joints) {
+    if frames.gripper.z - FINGER_REACH > TABLE_TOP + MARGIN {
+        return;
+    }
+    for corner in 0..CORNERS {
+        let sign = |bit: usize| if corner >> bit & 1 == 0 { 1.0 } else { -1.0 };
+        let local = DVec3::new(0.0385, sign(0) * 0.0079 + sign(1) * 0.007, sign(2) * 0.0135);
+        let at = frames.gripper + *frames.hand() * local;
+        let height = at.z - TABLE_TOP;
+        // MuJoCo 3.3.7 reports half the depth of a box inside a box, but the whole distance between two boxes.
+        let residual = if height < 0.0 { height / 2.0 } else { height } - MARGIN;
+        let above = (TABLE_X.0..=TABLE_X.1).contains(&at.x) && (TABLE_Y.0..=TABLE_Y.1).contains(&at.y);
+        if residual >= 0.0 || !above {
+            continue;
+        }
+        let moved = frames.jacobian(JOINTS - 1, at);
+        for (component, friction) in [(0, SLIDING), (1, SLIDING), (2, TURNING)] {
+            for side in [friction, -friction] {
+                let jacobian = std::array::from_fn(|i| {
+                    let sideways = [moved[i].x, moved[i].y, frames.axes[i].z][component];
+                    moved[i].z + side * sideways
+                });
+                rows.push(CONTACT.row(jacobian, residual, velocities, PYRAMID_INVERSE_INERTIA));
+            }
+        }
+    }
+}
+
+/// Adds the contacts of the arm with `wall`, without friction.
+pub fn wall(rows: &mut Rows, frames: &Frames, velocities: &Joints, wall: &Wall) {
+    for sphere in &SPHERES {
+        let at = sphere.centre(frames);
+        let Some((distance, normal)) = wall.distance(at) else { continue };
+        let residual = distance - sphere.radius - MARGIN;
+        if residual < 0.0 {
+            let moved = frames.jacobian(sphere.link, at);
+            let jacobian = std::array::from_fn(|i| normal.dot(moved[i]));
+            rows.push(HARD.row(jacobian, residual, velocities, CONTACT_INVERSE_INERTIA));
+        }
+    }
+}

@@ -1,0 +1,199 @@
+//! The arm's geometry and inertia: the constants of FetchReach-v4 (gymnasium-robotics 1.4.2).
+
+use std::sync::LazyLock;
+
+use glam::{DMat3, DQuat, DVec3};
+
+/// Number of joints.
+pub const JOINTS: usize = 7;
+
+/// One number per joint.
+pub type Joints = [f64; JOINTS];
+
+/// A joint and how it moves.
+pub struct Joint {
+    /// Offset from the parent's frame in metres.
+    pub offset: DVec3,
+    /// Axis: 0 is x, 1 is y, 2 is z.
+    pub axis: usize,
+    /// Lowest and highest angle in rad, with the inverse inertia that the reference gives a limit's row; `None` turns
+    /// freely.
+    pub limits: Option<Limits>,
+    /// Viscous damping in N m s/rad.
+    pub damping: f64,
+    /// Inertia of the motor in kg m².
+    pub armature: f64,
+    /// Stiffness of the spring that pulls the joint to 0, in N m/rad.
+    pub stiffness: f64,
+    /// Angle at reset in rad.
+    pub angle: f64,
+    /// Velocity at reset in rad/s.
+    pub velocity: f64,
+}
+
+/// A joint's range.
+#[derive(Clone, Copy)]
+pub struct Limits {
+    pub low: f64,
+    pub high: f64,
+    /// Scale of the row's regularisation.
+    pub inverse_inertia: f64,
+}
+
+const fn limits(low: f64, high: f64, inverse_inertia: f64) -> Limits {
+    Limits { low, high, inverse_inertia }
+}
+
+/// The torso frame in the world, in metres.
+pub const BASE: DVec3 = DVec3::new(
+    0.2869 + 0.404_899_881_952_469_4 - 0.0869,
+    0.2641 + 0.480_000_000_026_707_8,
+    0.3774 + 0.001_256_316_149_437_5 + 2.99e-7,
+);
+
+/// The joints from shoulder to wrist. All frames are unrotated at angle 0.
+pub static CHAIN: [Joint; JOINTS] = [
+    // shoulder_pan
+    Joint {
+        offset: DVec3::new(0.1195, 0.0, 0.3486),
+        axis: 2,
+        limits: Some(limits(-1.6056, 1.6056, 0.073_663_7)),
+        damping: 50.0,
+        armature: 1.0,
+        stiffness: 0.0,
+        angle: 0.009_951_729_242_092_283,
+        velocity: 0.000_744_489_074_071_289,
+    },
+    // shoulder_lift
+    Joint {
+        offset: DVec3::new(0.117, 0.0, 0.06),
+        axis: 1,
+        limits: Some(limits(-1.221, 1.518, 0.340_356_1)),
+        damping: 50.0,
+        armature: 1.0,
+        stiffness: 0.0,
+        angle: -0.825_638_558_758_470_7,
+        velocity: 0.006_471_044_304_460_587,
+    },
+    // upperarm_roll
+    Joint {
+        offset: DVec3::new(0.219, 0.0, 0.0),
+        axis: 0,
+        limits: None,
+        damping: 50.0,
+        armature: 1.0,
+        stiffness: 0.0,
+        angle: -0.003_624_848_935_952_178,
+        velocity: -0.001_390_179_209_535_696_2,
+    },
+    // elbow_flex
+    Joint {
+        offset: DVec3::new(0.133, 0.0, 0.0),
+        axis: 1,
+        limits: Some(limits(-2.251, 2.251, 0.682_978_3)),
+        damping: 50.0,
+        armature: 1.0,
+        stiffness: 0.0,
+        angle: 1.443_894_685_857_816_3,
+        velocity: -0.002_199_885_113_987_556_3,
+    },
+    // forearm_roll
+    Joint {
+        offset: DVec3::new(0.197, 0.0, 0.0),
+        axis: 0,
+        limits: None,
+        damping: 3.5247,
+        armature: 2.7538,
+        stiffness: 10.0,
+        angle: 0.003_059_309_078_914_222,
+        velocity: 0.001_102_948_856_307_666_1,
+    },
+    // wrist_flex
+    Joint {
+        offset: DVec3::new(0.1245, 0.0, 0.0),
+        axis: 1,
+        limits: Some(limits(-2.16, 2.16, 0.809_459_6)),
+        damping: 50.0,
+        armature: 1.0,
+        stiffness: 0.0,
+        angle: 0.953_218_534_161_562_1,
+        velocity: -0.001_160_167_755_615_268_4,
+    },
+    // wrist_roll
+    Joint {
+        offset: DVec3::new(0.1385, 0.0, 0.0),
+        axis: 0,
+        limits: None,
+        damping: 50.0,
+        armature: 1.0,
+        stiffness: 0.0,
+        angle: 0.005_519_638_183_732_647_5,
+        velocity: -0.000_928_528_151_623_920_9,
+    },
+];
+
+/// From the last joint to `gripper_link`, in metres.
+pub const GRIPPER: DVec3 = DVec3::new(0.1664, 0.0, 0.0);
+
+/// From `gripper_link` to the grip site between the fingers, in metres.
+pub const GRIP: DVec3 = DVec3::new(0.02, 0.0, 0.0);
+
+/// The middle of the goals in metres: the grip site when the reference measures it, about a micrometre from where it is
+/// at reset.
+pub const GOAL_CENTRE: DVec3 = DVec3::new(1.341_835, 0.749_101, 0.534_724);
+
+/// Mass properties of one rigid link.
+#[derive(Clone, Copy, Debug)]
+pub struct Body {
+    /// Mass in kg.
+    pub mass: f64,
+    /// Centre of mass in the joint's frame, in metres.
+    pub centre: DVec3,
+    /// Inertia about the centre of mass in the joint's frame, in kg m².
+    pub inertia: DMat3,
+}
+
+impl Body {
+    /// Returns a body whose inertia is diagonal in a frame turned by the quaternion `turn` (w, x, y, z).
+    fn new(mass: f64, centre: [f64; 3], turn: [f64; 4], diagonal: [f64; 3]) -> Self {
+        let [w, x, y, z] = turn;
+        let turn = DMat3::from_quat(DQuat::from_xyzw(x, y, z, w).normalize());
+        let inertia = turn * DMat3::from_diagonal(diagonal.into()) * turn.transpose();
+        Self { mass, centre: centre.into(), inertia }
+    }
+
+    fn moved(self, by: DVec3) -> Self {
+        Self { centre: self.centre + by, ..self }
+    }
+
+    /// Returns both bodies as one (parallel axis theorem).
+    fn joined(self, other: Self) -> Self {
+        let mass = self.mass + other.mass;
+        let centre = (self.mass * self.centre + other.mass * other.centre) / mass;
+        let about = |body: Self| body.inertia + point_inertia(body.mass, body.centre - centre);
+        Self { mass, centre, inertia: about(self) + about(other) }
+    }
+}
+
+/// Returns the inertia about the origin of a point mass at `at`.
+pub fn point_inertia(mass: f64, at: DVec3) -> DMat3 {
+    let outer = DMat3::from_cols(at * at.x, at * at.y, at * at.z);
+    (DMat3::from_diagonal(DVec3::splat(at.length_squared())) - outer) * mass
+}
+
+/// The links, one per joint; wrist roll, gripper and fingers are one.
+pub static BODIES: LazyLock<[Body; JOINTS]> = LazyLock::new(|| {
+    let gripper = Body::new(1.5175, [-0.09, -0.0001, -0.0017], [0.0, 1.0, 0.0, 1.0], [0.0024, 0.0019, 0.0013]);
+    let finger =
+        |y: f64| Body::new(4.0, [-0.01, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.1; 3]).moved(DVec3::new(0.0, y, 0.0));
+    let hand = gripper.joined(finger(0.0159)).joined(finger(-0.0159)).moved(GRIPPER);
+    [
+        Body::new(2.5587, [0.0927, -0.0056, 0.0564], [-0.1364, 0.7624, -0.1562, 0.613], [0.009, 0.0086, 0.0041]),
+        Body::new(2.6615, [0.1432, 0.0072, -0.0001], [0.4382, 0.4382, 0.555, 0.555], [0.0116, 0.0112, 0.0023]),
+        Body::new(2.3311, [0.1165, 0.0014, 0.0], [-0.0136, 0.707, 0.0136, 0.707], [0.0047, 0.0045, 0.0019]),
+        Body::new(2.1299, [0.1279, 0.0073, 0.0], [0.4332, 0.4332, 0.5589, 0.5589], [0.0086, 0.0084, 0.002]),
+        Body::new(1.6563, [0.1097, -0.0266, 0.0], [-0.0715, 0.7035, 0.0715, 0.7035], [0.0035, 0.0031, 0.0015]),
+        Body::new(1.725, [0.0882, 0.0009, -0.0001], [0.4895, 0.4895, 0.5103, 0.5103], [0.0042, 0.0042, 0.0018]),
+        Body::new(0.1354, [0.0095, 0.0004, -0.0002], [1.0, 0.0, 0.0, 0.0], [0.0001; 3]).joined(hand),
+    ]
+});

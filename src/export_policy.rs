@@ -1,0 +1,31 @@
+//! `gdg-tui export-policy`: a checkpoint's actor for other programs.
+
+use std::path::PathBuf;
+
+use miette::{IntoDiagnostic, Report, miette};
+
+use crate::cli::ExportPolicyArgs;
+use crate::files;
+use crate::report::from_checkpoint_error;
+use crate::setup::refuse_existing;
+use crate::train::{self, Registry, policy_file};
+
+/// Writes the actor of a checkpoint and returns a line that says where.
+///
+/// # Errors
+/// The checkpoint cannot be read, has no actor, or the file exists or cannot be written.
+pub fn run(args: &ExportPolicyArgs) -> Result<String, Report> {
+    let path = args.out.clone().unwrap_or_else(|| default_path(args));
+    refuse_existing(&path, args.overwrite)?;
+    let loaded = train::load(&args.checkpoint, &Registry::builtin(), 1).map_err(from_checkpoint_error)?;
+    let bytes = policy_file(&loaded.trainer).into_diagnostic()?;
+    files::write_atomically(&path, &bytes).map_err(|error| {
+        miette!(help = "give --out a file in a writable folder", "{}: cannot be written: {error}", path.display())
+    })?;
+    Ok(format!("{}\n", path.display()))
+}
+
+/// Returns `NAME.policy.safetensors` beside the checkpoint `NAME.safetensors`.
+fn default_path(args: &ExportPolicyArgs) -> PathBuf {
+    args.checkpoint.with_extension("policy.safetensors")
+}
