@@ -298,8 +298,7 @@ impl Rollout {
             world.configure(&EnvSettings::default());
             world
         });
-        let action: Vec<f32> =
-            (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
+        let action: Vec<f32> = (0..self.env.spec().action_dim).map(|_| self.rng.random_range(-1.0..=1.0)).collect();
         aside.set_full_state(0, &self.env.full_state(i));
         for _ in 0..self.rng.random_range(1..=longest) {
             aside.step(&action, &mut self.rng);

@@ -294,13 +294,7 @@ pub const SETTINGS: [Setting; 58] = [
         PROBABILITY_RANGE,
         "probability that an agent's goal is where a short straight walk from its place ends",
     ),
-    Setting::new(
-        Agents,
-        "near_goal_steps",
-        "steps",
-        "an integer from 1 to 10000",
-        "longest of these walks",
-    ),
+    Setting::new(Agents, "near_goal_steps", "steps", "an integer from 1 to 10000", "longest of these walks"),
     Setting::new(
         Agents,
         "new_goal_when_reached",
