@@ -30,7 +30,8 @@ use crate::learn::update::reference::{Layers, Parameters, Reference};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
 use crate::store::Store;
-use part::{Part, Rows, part_rows};
+pub(in crate::learn) use part::part_rows;
+use part::{Part, Rows};
 
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
 pub type FullGradient = (Vec<f32>, Vec<f32>);

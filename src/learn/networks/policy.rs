@@ -18,6 +18,8 @@ pub(in crate::learn) const ROWS: usize = 128;
 pub struct Scratch {
     pub(in crate::learn) plain: SharedFeatures,
     pub(in crate::learn) ws: Workspace,
+    /// For learners whose D takes two networks.
+    pub(in crate::learn) second: Workspace,
     lookahead: LookaheadBuffers,
 }
 
