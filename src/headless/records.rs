@@ -41,6 +41,8 @@ pub enum Record {
         env_steps: u64,
         greedy: Score,
         planned: Option<Score>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        straight: Option<Score>,
         distance_error: Option<DistanceError>,
         bridges: Option<BridgeFacts>,
         coverage: Option<f64>,
@@ -103,7 +105,7 @@ impl Record {
 
     pub fn evaluation(trainer: &Trainer, evaluation: &Evaluation) -> Self {
         let counters = trainer.counters();
-        let Evaluation { greedy, planned, distance_error, bridges, coverage, marked } = evaluation.clone();
+        let Evaluation { greedy, planned, straight, distance_error, bridges, coverage, marked } = evaluation.clone();
         let (updates, env_steps) = (counters.updates, counters.env_steps);
         Self::Evaluation {
             seconds: round(trainer.seconds()),
@@ -111,6 +113,7 @@ impl Record {
             env_steps,
             greedy,
             planned,
+            straight,
             distance_error,
             bridges,
             coverage,

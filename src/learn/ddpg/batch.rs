@@ -129,8 +129,8 @@ mod tests {
             relabelled += usize::from(goal < 30.0);
             ends += usize::from(batch.at_goal[i] && goal < 30.0);
         }
-        // A few of those relabelled get 30, where the second walk ends.
-        assert!((1_350..1_700).contains(&relabelled), "{relabelled}");
+        // Some of those relabelled get 30, where the second walk ends: H(10) / 10 of its moments.
+        assert!((1_280..1_450).contains(&relabelled), "{relabelled}");
         assert!(ends > 300, "{ends}");
     }
 

@@ -2,7 +2,7 @@
 //! `--print-config` and the reference page use it.
 
 use super::constants::{Constant, constants};
-use super::{Effect, Settings};
+use super::Effect;
 use crate::train::config::list_settings;
 use crate::train::method::Preset;
 
@@ -490,7 +490,7 @@ pub fn reference_page() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::with_setting;
+    use crate::train::{Settings, with_setting};
 
     #[test]
     fn every_setting_has_an_entry_and_every_entry_a_setting() {
