@@ -29,7 +29,7 @@ pub(crate) use data::batch::{
 };
 pub use data::goal_index::GoalIndex;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
-pub(crate) use ddpg::MIN_REMAINING;
+pub(crate) use ddpg::{MAX_NOISE_DEVIATIONS, MIN_REMAINING};
 pub use gdg::{FullGradient, Gdg};
 pub use kernels::{kernel, product};
 pub use learner::{

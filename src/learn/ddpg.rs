@@ -2,8 +2,8 @@
 //!
 //! Q(s, a, g) and mu(s, g) with target networks (Lillicrap et al. 2016), goals as inputs (Schaul et al. 2015) and, for
 //! `her`, goals relabelled in hindsight (Andrychowicz et al. 2017, strategy "future"). With two critics, targets use
-//! their minimum (Fujimoto et al. 2018, section 4.2; TD3's other two additions are left out). The target is
-//! r + gamma Q'(s', mu'(s', g), g); a state at the goal ends the task, the end of an episode's time does not.
+//! their minimum, and `target_noise` smooths them (Fujimoto et al. 2018, sections 4.2 and 5.3; TD3 without its delayed
+//! actor). The target is r + gamma Q'(s', mu'(s', g), g); a state at the goal ends the task, the end of an episode's time does not.
 
 mod batch;
 mod losses;
@@ -37,6 +37,7 @@ use crate::store::Store;
 use batch::{Sampler, Transitions};
 use losses::{Part, Rows, Shapes};
 use policy::{FrozenNets, Nets};
+pub use batch::MAX_NOISE_DEVIATIONS;
 pub use returns::MIN_REMAINING;
 use returns::Reward;
 

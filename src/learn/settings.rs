@@ -139,6 +139,10 @@ pub struct LearnSettings {
     /// appendix A).
     #[serde(default)]
     pub actor_l2: f32,
+    /// Standard deviation of the noise on the actions of targets, for learners with rewards (Fujimoto et al. 2018,
+    /// section 5.3).
+    #[serde(default)]
+    pub target_noise: f32,
     /// What computes updates.
     pub backend: Backend,
 }
@@ -179,6 +183,7 @@ impl Default for LearnSettings {
             buffer_size: 1_000_000,
             discount: 0.99,
             actor_l2: 0.0,
+            target_noise: 0.0,
             backend: Backend::Fused,
         }
     }
@@ -261,6 +266,7 @@ impl LearnSettings {
             ("grid_learning_rate", positive(self.grid_learning_rate)),
             ("distillation", share(self.distillation)),
             ("discount", self.discount > 0.0 && self.discount < 1.0),
+            ("target_noise", (0.0..=100.0).contains(&self.target_noise)),
             ("actor_l2", (0.0..=1e6).contains(&self.actor_l2)),
             ("buffer_size", (1_000..=100_000_000).contains(&self.buffer_size)),
         ];

@@ -1,6 +1,7 @@
 //! Transitions drawn from the replay, with goals relabelled in hindsight.
 
 use rand_chacha::ChaCha8Rng;
+use rand_distr::{Distribution, StandardNormal};
 
 use super::returns::Returns;
 use crate::env::Spec;
@@ -23,7 +24,12 @@ pub struct Transitions {
     pub rewards: Vec<f32>,
     /// Whether the next state reaches the goal, which ends the task, `(batch)`. The end of an episode does not.
     pub at_goal: Vec<bool>,
+    /// Noise on the actions of targets, `(batch, action_dim)`.
+    pub noise: Vec<f32>,
 }
+
+/// The noise on the actions of targets is clipped at this many standard deviations (Fujimoto et al. 2018, section 5.3).
+pub const MAX_NOISE_DEVIATIONS: f32 = 2.5;
 
 impl Transitions {
     /// Returns the number of transitions.
@@ -36,6 +42,7 @@ impl Transitions {
             numbers.clear();
         }
         self.at_goal.clear();
+        self.noise.clear();
     }
 }
 
@@ -45,6 +52,8 @@ pub struct Sampler {
     spec: Spec,
     returns: Returns,
     batch_size: usize,
+    /// Standard deviation of the noise on the actions of targets.
+    target_noise: f32,
     goals: BatchSampler,
 }
 
@@ -53,7 +62,8 @@ impl Sampler {
     pub fn new(spec: &Spec, settings: &LearnSettings, returns: Returns, hindsight: bool) -> Self {
         let pursued = LearnSettings { goal_hindsight: 0.0, goal_random: 0.0, ..settings.clone() };
         let goals = BatchSampler::new(spec, if hindsight { settings } else { &pursued });
-        Self { spec: spec.clone(), returns, batch_size: settings.batch_size, goals }
+        let LearnSettings { batch_size, target_noise, .. } = *settings;
+        Self { spec: spec.clone(), returns, batch_size, target_noise, goals }
     }
 
     /// Refills `batch`. Rewards, and whether the task is over, follow from the goal that was chosen.
@@ -69,6 +79,11 @@ impl Sampler {
             batch.states.extend(replay.state(moment));
             batch.actions.extend(replay.action(moment));
             batch.next.extend(next);
+            for _ in 0..self.spec.action_dim {
+                // Without noise, batches are drawn from the same numbers as if there were no such setting.
+                let noise: f32 = if self.target_noise > 0.0 { StandardNormal.sample(rng) } else { 0.0 };
+                batch.noise.push(self.target_noise * noise.clamp(-MAX_NOISE_DEVIATIONS, MAX_NOISE_DEVIATIONS));
+            }
         }
     }
 }
@@ -132,6 +147,20 @@ mod tests {
         // Some of those relabelled get 30, where the second walk ends: H(10) / 10 of its moments.
         assert!((1_280..1_450).contains(&relabelled), "{relabelled}");
         assert!(ends > 300, "{ends}");
+    }
+
+    #[test]
+    fn target_noise_has_its_deviation_and_is_clipped() {
+        assert!(sample(0.8, true, Reward::Sparse).noise.iter().all(|noise| *noise == 0.0));
+        let (spec, replay) = line();
+        let settings = LearnSettings { batch_size: 4_000, target_noise: 0.2, ..LearnSettings::default() };
+        let sampler = Sampler::new(&spec, &settings, Returns::new(Reward::Sparse, 0.99, &spec), true);
+        let mut batch = Transitions::default();
+        sampler.sample(&replay, &mut ChaCha8Rng::seed_from_u64(1), &mut batch);
+        let square = batch.noise.iter().map(|noise| noise * noise).sum::<f32>() / 4_000.0;
+        assert!((square.sqrt() - 0.195).abs() < 0.01, "{}", square.sqrt());
+        let largest = batch.noise.iter().fold(0.0, |most: f32, noise| most.max(noise.abs()));
+        assert!((0.48..=0.5).contains(&largest), "{largest}");
     }
 
     #[test]

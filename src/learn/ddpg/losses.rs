@@ -58,17 +58,19 @@ impl Shapes {
         self.critic.forward((critic.dense, critic.packed), x, out, &mut ws.acts);
     }
 
-    /// Computes the minimum of Q(s, mu(s, g), g) over `critics`, `(rows)`; Fujimoto et al. 2018, section 4.2.
+    /// Computes the minimum of Q(s, mu(s, g) + noise, g) over `critics`, `(rows)`; Fujimoto et al. 2018, sections 4.2
+    /// and 5.3. `noise` is `(rows, action_dim)`, or empty for none.
     pub fn values_of_actor(
         &self,
         (actor, critics): (Weights, &[Weights]),
-        pairs: Pairs,
+        (pairs, noise): (Pairs, &[f32]),
         out: &mut [f32],
         [actor_ws, critic_ws]: [&mut Workspace; 2],
     ) {
         let mut actions = std::mem::take(&mut actor_ws.y);
         let actions_of_rows = resized(&mut actions, out.len() * self.actor.outputs);
         actor_ws.actions(&self.encoder, &self.actor, actor, pairs, actions_of_rows);
+        actions_of_rows.iter_mut().zip(noise).for_each(|(action, noise)| *action = (*action + noise).clamp(-1.0, 1.0));
         let mut own = std::mem::take(&mut critic_ws.y);
         for (k, critic) in critics.iter().enumerate() {
             let own = resized(&mut own, out.len());
@@ -182,7 +184,7 @@ impl Part {
         shapes.encoder.plain_pairs(rows.next, rows.goals, plain_ahead);
         targets.resize(rows.rewards.len(), 0.0);
         let ahead = Pairs { plain: plain_ahead, states: rows.next, goals: rows.goals };
-        shapes.values_of_actor(target_networks, ahead, targets, [actor_ws, critic_ws]);
+        shapes.values_of_actor(target_networks, (ahead, rows.noise), targets, [actor_ws, critic_ws]);
         for (i, target) in targets.iter_mut().enumerate() {
             *target = shapes.returns.target(rows.rewards[i], rows.at_goal[i], *target);
         }
@@ -212,6 +214,7 @@ pub struct Rows<'a> {
     next: &'a [f32],
     rewards: &'a [f32],
     at_goal: &'a [bool],
+    noise: &'a [f32],
     /// 1 / batch size.
     share: f32,
 }
@@ -229,6 +232,7 @@ impl<'a> Rows<'a> {
             next: cut(&batch.next, spec.state_dim()),
             rewards: cut(&batch.rewards, 1),
             at_goal: &batch.at_goal[rows.clone()],
+            noise: cut(&batch.noise, spec.action_dim),
             share: 1.0 / batch.len() as f32,
         }
     }

@@ -39,7 +39,7 @@ impl Policy for Nets<'_> {
     /// [`super::returns::Returns::steps`]).
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         self.in_chunks((states, goals), (out, 1), scratch, |pairs, out, buffers| {
-            self.shapes.values_of_actor((self.actor, &self.critics), pairs, out, buffers);
+            self.shapes.values_of_actor((self.actor, &self.critics), (pairs, &[]), out, buffers);
             out.iter_mut().for_each(|q| *q = self.shapes.returns.steps(*q));
         });
     }

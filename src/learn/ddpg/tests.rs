@@ -40,6 +40,7 @@ fn transitions(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Transitions {
         // Some targets are beyond the possible range.
         batch.rewards.push(if i % 5 == 4 { 3.0 } else { -0.5 * (i % 3) as f32 });
         batch.at_goal.push(i % 4 == 1);
+        batch.noise.extend((0..spec.action_dim).map(|_| rng.random_range(-0.5..0.5f32)));
     }
     batch
 }
@@ -97,7 +98,8 @@ impl<'a> Oracle<'a> {
     }
 
     fn targets(&self, critics: &[Parameters], actor: &Parameters) -> Tensor {
-        let actions = self.outputs(actor, &self.next).tanh().unwrap();
+        let noise = Tensor::from_slice(&self.batch.noise, self.actions.shape(), &Device::Cpu).unwrap();
+        let actions = (self.outputs(actor, &self.next).tanh().unwrap() + noise).unwrap().clamp(-1.0, 1.0).unwrap();
         let values = critics.iter().map(|critic| self.values(critic, &self.next, &actions));
         let least = values.reduce(|a, b| a.minimum(&b).unwrap()).unwrap();
         let column = |numbers: Vec<f32>| Tensor::new(numbers, &Device::Cpu).unwrap();

@@ -53,6 +53,12 @@ fn learning() -> Vec<Constant> {
             "least discount^D that the learners with rewards tell apart from 0",
         ),
         constant(
+            "MAX_NOISE_DEVIATIONS",
+            learn::MAX_NOISE_DEVIATIONS,
+            "",
+            "target_noise is clipped at this many standard deviations",
+        ),
+        constant(
             "RELEARN_RECENT",
             learn::RELEARN_RECENT,
             "",

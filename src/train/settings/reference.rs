@@ -110,7 +110,7 @@ const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
-pub const SETTINGS: [Setting; 60] = [
+pub const SETTINGS: [Setting; 61] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
     Setting::new(Networks, "critics", "", "1 or 2", "number of critics; D is their maximum").for_networks(),
@@ -206,6 +206,13 @@ pub const SETTINGS: [Setting; 60] = [
         "discount gamma of the learners with rewards: ddpg, her and ddpg-distance",
     )
     .for_networks(),
+    Setting::new(
+        Targets,
+        "target_noise",
+        "",
+        "a number from 0 to 100",
+        "standard deviation of the noise on the actions of targets of ddpg, her and ddpg-distance",
+    ),
     Setting::new(Targets, "loss", "", "squared, sqrt or log", "scale on which the critic error is measured"),
     Setting::new(Targets, "tau", "", "a number above 0, at most 1", "Polyak factor of target networks and averages"),
     Setting::new(Batches, "batch_size", "pairs", "an integer from 1 to 65536", "pairs, and transitions, per batch")
