@@ -34,10 +34,10 @@ use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::step::{Half, step_half};
 use crate::store::Store;
+pub use batch::MAX_NOISE_DEVIATIONS;
 use batch::{Sampler, Transitions};
 use losses::{Part, Rows, Shapes};
 use policy::{FrozenNets, Nets};
-pub use batch::MAX_NOISE_DEVIATIONS;
 pub use returns::MIN_REMAINING;
 use returns::Reward;
 

@@ -141,8 +141,8 @@ impl Shapes {
             *action = d * (1.0 - *action * *action) + 2.0 * share * (EXCESS_WEIGHT * excess + l2 * z);
         }
         let from = self.encoder.plain_pair_width();
-        let dx = (from < self.actor.inputs)
-            .then(|| (from, resized(&mut actor_ws.dx, rows * (self.actor.inputs - from))));
+        let dx =
+            (from < self.actor.inputs).then(|| (from, resized(&mut actor_ws.dx, rows * (self.actor.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         let x = &actor_ws.x[..rows * self.actor.inputs];
         self.actor.backward((actor.dense, actor.packed), x, actions_of_rows, &mut actor_ws.acts, wanted);

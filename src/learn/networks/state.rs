@@ -53,7 +53,5 @@ pub fn load_networks<'a>(
         store.f32(&name).map(<[f32]>::to_vec).or_else(|_| counts()).ok()
     };
     let mut restore = |(name, network): (String, &Network)| network.restore(updates, |part| find(&name, part));
-    networks
-        .try_for_each(&mut restore)
-        .map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))
+    networks.try_for_each(&mut restore).map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))
 }

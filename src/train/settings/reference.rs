@@ -1,8 +1,8 @@
 //! The reference of all settings: meaning, unit, range and the effect of a change. Errors, the settings dialog,
 //! `--print-config` and the reference page use it.
 
-use super::constants::{Constant, constants};
 use super::Effect;
+use super::constants::{Constant, constants};
 use crate::train::config::list_settings;
 use crate::train::method::Preset;
 
