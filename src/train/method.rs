@@ -237,7 +237,7 @@ mod tests {
 
     #[test]
     fn every_method_name_parses_to_the_same_method() {
-        for learner in ["gdg", "random", "my-own"] {
+        for learner in ["gdg", "her", "random", "my-own"] {
             for planner in Planner::ALL {
                 let method = Method { learner: learner.to_owned(), planner };
                 assert_eq!(method.name().parse(), Ok(method.clone()), "{method}");
@@ -247,7 +247,13 @@ mod tests {
         assert_eq!("gdg+none".parse::<Method>().map(|m| m.name()), Ok("gdg".to_owned()));
         assert!("gdg+walls".parse::<Method>().is_err() && "gdgg".parse::<Method>().is_err());
         let error = "gdg+walls".parse::<Method>().expect_err("no such planner").to_string();
-        for part in ["\"gdg+walls\"", "gdg-bridge", "LEARNER+PLANNER", "gdg, random", "none, bridges, sorb"] {
+        for part in [
+            "\"gdg+walls\"",
+            "gdg-bridge",
+            "LEARNER+PLANNER",
+            "gdg, ddpg, her, ddpg-distance, random",
+            "none, bridges, sorb",
+        ] {
             assert!(error.contains(part), "{part}: {error}");
         }
     }
