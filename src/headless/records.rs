@@ -42,7 +42,8 @@ pub enum Record {
         greedy: Score,
         planned: Option<Score>,
         #[serde(skip_serializing_if = "Option::is_none")]
-        straight: Option<Score>,
+        // Boxed, as it would make this variant far larger than the others.
+        straight: Option<Box<Score>>,
         distance_error: Option<DistanceError>,
         bridges: Option<BridgeFacts>,
         coverage: Option<f64>,
@@ -113,7 +114,7 @@ impl Record {
             env_steps,
             greedy,
             planned,
-            straight,
+            straight: straight.map(Box::new),
             distance_error,
             bridges,
             coverage,

@@ -260,13 +260,11 @@ impl Shared {
     /// Runs one task of an update's first phase: the first finds the corners that the steps will touch, each other one
     /// computes the critics' gradients on its part of the batch.
     fn touched_corners_or_gradients(&self, task: usize) -> Result<()> {
-        match task.checked_sub(1) {
-            Some(part) => self.critic_gradients(part),
-            None => {
-                self.find_touched_corners();
-                Ok(())
-            }
+        if let Some(part) = task.checked_sub(1) {
+            return self.critic_gradients(part);
         }
+        self.find_touched_corners();
+        Ok(())
     }
 
     /// Finds the corners that the batch's states and goals touch.

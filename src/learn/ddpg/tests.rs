@@ -207,9 +207,9 @@ fn settings(batch: usize, hidden: usize, layers: usize, critics: usize) -> Learn
 }
 
 /// Inputs as the goal-distance learner has them by default.
-fn with_our_inputs(settings: LearnSettings) -> LearnSettings {
+fn with_our_inputs(settings: &LearnSettings) -> LearnSettings {
     let LearnSettings { fourier_octaves, relative_scales, grid_cells, .. } = LearnSettings::default();
-    LearnSettings { fourier_octaves, relative_scales, grid_cells, ..settings }
+    LearnSettings { fourier_octaves, relative_scales, grid_cells, ..settings.clone() }
 }
 
 #[test]
@@ -224,8 +224,8 @@ fn gradients_of_the_presets_match_autograd() {
 #[test]
 fn gradients_with_our_inputs_match_autograd() {
     for critics in [1, 2] {
-        check(&HINDSIGHT, &spec(2, 2, true), &with_our_inputs(settings(70, 48, 2, critics)));
-        check(&DISTANCE, &spec(5, 3, true), &with_our_inputs(settings(40, 24, 2, critics)));
+        check(&HINDSIGHT, &spec(2, 2, true), &with_our_inputs(&settings(70, 48, 2, critics)));
+        check(&DISTANCE, &spec(5, 3, true), &with_our_inputs(&settings(40, 24, 2, critics)));
     }
 }
 
@@ -246,7 +246,7 @@ fn gradients_of_penalised_outputs_match_autograd() {
 
 #[test]
 fn updates_are_the_same_on_any_number_of_threads() {
-    let (spec, settings) = (spec(2, 2, true), with_our_inputs(settings(130, 32, 2, 2)));
+    let (spec, settings) = (spec(2, 2, true), with_our_inputs(&settings(130, 32, 2, 2)));
     let states = [1, 2, 3].map(|threads| {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut learner = Ddpg::new(&HINDSIGHT, (&spec, &settings), threads, &mut rng).unwrap();
