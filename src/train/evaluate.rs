@@ -188,7 +188,7 @@ impl EvaluationJob {
         // The second half of the evaluation's stream, so that other results do not depend on this one.
         let mut rng = self.rng.clone();
         rng.set_word_pos(rng.get_word_pos() + (1 << 33));
-        let actor = Actor { policy: &policy, graph: None, hold_steps: None };
+        let actor = Actor { policy: &policy, graph: None, hold_steps: None, max_steps: self.max_steps };
         Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng).taken))
     }
 
