@@ -277,9 +277,9 @@ pub struct RunArgs {
     #[arg(long, value_name = "METHOD", default_value = METHODS[0].name, value_parser = MethodParser, long_help = methods_help())]
     pub method: Method,
 
-    /// Preset to start from
-    #[arg(long, default_value = "default", value_parser = preset_parser())]
-    pub preset: Preset,
+    /// Preset to start from [default: tuned for ddpg, her and ddpg-distance, otherwise default]
+    #[arg(long, value_parser = preset_parser())]
+    pub preset: Option<Preset>,
 
     /// Settings file: a JSON object as printed by --print-config
     #[arg(long, value_name = "FILE")]
@@ -288,6 +288,13 @@ pub struct RunArgs {
     /// Change one setting (repeatable)
     #[arg(long, value_name = "NAME=VALUE")]
     pub set: Vec<String>,
+}
+
+impl RunArgs {
+    /// Returns the preset to start from.
+    pub fn preset(&self) -> Preset {
+        self.preset.unwrap_or_else(|| Preset::of_method(&self.method))
+    }
 }
 
 /// A scheduled change of the map.
@@ -386,7 +393,7 @@ impl TypedValueParser for MethodParser {
 /// Returns the long help of `--method`, which lists learners and planners.
 fn methods_help() -> String {
     let list = |entries: Vec<(&str, &str)>| {
-        entries.iter().map(|(name, about)| format!("  {name:<8} {about}\n")).collect::<String>()
+        entries.iter().map(|(name, about)| format!("  {name:<13} {about}\n")).collect::<String>()
     };
     format!(
         "Learner and planner: one of these methods, or LEARNER+PLANNER\n\nLearners:\n{}\nPlanners:\n{}",

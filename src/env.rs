@@ -167,6 +167,13 @@ pub trait Environment: Any + Send + Sync {
     /// trainer has done so during exploration, but not in evaluation and display.
     fn step(&mut self, actions: &[f32], rng: &mut ChaCha8Rng);
 
+    /// Writes the action that heads straight for `goal` from `state`, as if nothing were in the way, to `action`
+    /// (`action_dim`); returns whether the world knows such an action. Evaluations report how far it gets: the floor for
+    /// everything learned.
+    fn straight_action(&self, _state: &[f32], _goal: &[f32], _action: &mut [f32]) -> bool {
+        false
+    }
+
     /// Returns a copy of the world with the same settings, `agents` new agents and empty statistics. In which state the
     /// agents are is up to the world: callers restart them or set their full states.
     fn fork(&self, agents: usize) -> Box<dyn Environment>;

@@ -1,4 +1,5 @@
-//! Learners: distance critics, a dynamics model and an actor, trained on replayed transitions without rewards.
+//! Learners: distance critics, a dynamics model and an actor, trained on replayed transitions without rewards; and
+//! rivals that learn from rewards.
 //!
 //! Each learner is a module that implements [`Learner`]; [`LEARNERS`] lists the built-in ones. A learner sees states,
 //! goals and actions only through their [`crate::env::Spec`]. It trains on the [`Replay`] and exposes the result as a
@@ -6,6 +7,8 @@
 
 #[forbid(unsafe_code)]
 mod data;
+#[forbid(unsafe_code)]
+mod ddpg;
 #[forbid(unsafe_code)]
 mod gdg;
 mod kernels;
@@ -26,6 +29,7 @@ pub(crate) use data::batch::{
 };
 pub use data::goal_index::GoalIndex;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
+pub(crate) use ddpg::{MAX_NOISE_DEVIATIONS, MIN_REMAINING};
 pub use gdg::{FullGradient, Gdg};
 pub use kernels::{kernel, product};
 pub use learner::{
@@ -45,4 +49,4 @@ pub use update::profile::{Profile, Stage};
 pub use update::reference::{Layers, Reference};
 
 /// The built-in learners.
-pub const LEARNERS: [LearnerKind; 2] = [gdg::KIND, random::KIND];
+pub const LEARNERS: [LearnerKind; 5] = [gdg::KIND, ddpg::DDPG, ddpg::HER, ddpg::DDPG_DISTANCE, random::KIND];

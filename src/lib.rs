@@ -46,8 +46,7 @@
 //!
 //! One file, `src/learn/NAME.rs`: a type that implements [`learn::Learner`] (an update from the replay, a
 //! [`learn::Policy`] that offers D and mu, saving and loading) and its [`learn::LearnerKind`]; a learner with a Q function
-//! offers D(s,g) = -Q(s, mu(s,g), g), for a reward of -1 per step without discount. Then one line in
-//! [`learn::LEARNERS`], and one in [`train::METHODS`] for each combination with a planner that should have its own name.
+//! converts Q(s, mu(s,g), g) to steps, as `src/learn/ddpg/` does. Then one line in [`learn::LEARNERS`], and one in [`train::METHODS`] for each combination with a planner that should have its own name.
 //! `examples/own_world.rs` does both in another crate.
 //!
 //! # Add a pane

@@ -45,7 +45,7 @@ pub struct Setup {
 /// See [`train::settings_from`].
 pub fn settings(args: &RunArgs) -> Result<Settings, Report> {
     let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
-    train::settings_from(args.preset, &overrides).map_err(from_config_error)
+    train::settings_from(args.preset(), &overrides).map_err(from_config_error)
 }
 
 /// Returns the run given by `args` and `seed`.
@@ -53,7 +53,7 @@ pub fn settings(args: &RunArgs) -> Result<Settings, Report> {
 /// # Errors
 /// See [`settings`].
 pub fn run(args: &RunArgs, seed: u64) -> Result<Run, Report> {
-    Ok(Run { method: args.method.clone(), preset: args.preset, seed, settings: settings(args)? })
+    Ok(Run { method: args.method.clone(), preset: args.preset(), seed, settings: settings(args)? })
 }
 
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from `registry`.

@@ -131,12 +131,25 @@ fn the_same_seed_prints_the_same_records_on_any_number_of_threads() {
 
 #[test]
 fn other_methods_and_the_paper_preset_run() {
-    let plans = [(["--method", "gdg"], false), (["--method", "random"], false), (["--preset", "paper"], true)];
+    let plans = [
+        (["--method", "gdg"], false),
+        (["--method", "random"], false),
+        (["--method", "ddpg-distance"], false),
+        (["--method", "her+sorb"], true),
+        (["--preset", "paper"], true),
+    ];
     for (args, plans) in [(["--method", "sorb"], true)].into_iter().chain(plans) {
         let all = run(&["trap", "--max-updates", "200", "--eval-tasks", "1", args[0], args[1]]);
         let evaluation = all.iter().find(|r| r["event"] == "evaluation").unwrap();
         assert_eq!(evaluation["planned"].is_null(), !plans, "{args:?}");
         assert_eq!(evaluation["bridges"].is_null(), !plans, "{args:?}");
+        assert!(evaluation["straight"]["success"].is_number(), "{args:?}");
+        let preset = match args {
+            ["--preset", preset] => preset,
+            [_, "ddpg-distance" | "her+sorb"] => "tuned",
+            _ => "default",
+        };
+        assert_eq!(all[0]["preset"], preset, "{args:?}");
         assert_eq!(evaluation["distance_error"]["graph"].is_null(), !plans, "{args:?}");
         // The trap marks a start and a goal, so this task is evaluated too.
         let journey = &evaluation["marked"]["greedy"];
@@ -328,7 +341,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--no-ui", &scenario], &["plain.scen:1:1", "this is a scenario file", "--scen"]),
         (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
         (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
-        (&["--no-ui", "--method", "my-own+none"], &["unknown learner \"my-own\"", "gdg, random"]),
+        (&["--no-ui", "--method", "my-own+none"], &["unknown learner \"my-own\"", "gdg, ddpg, her"]),
         (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "integer from 1"]),
         (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "squared, sqrt or log"]),
         (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
@@ -339,7 +352,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
             &["episode_steps=60000", "buffer_size must be at least 1920032"],
         ),
         (&["--no-ui", "--method", "gpg"], &["gpg", "possible values"]),
-        (&["--no-ui", "--method", "gdg+foo"], &["gdg+foo", "LEARNER+PLANNER", "gdg, random", "none, bridges, sorb"]),
+        (&["--no-ui", "--method", "gdg+foo"], &["gdg+foo", "LEARNER+PLANNER", "gdg, ddpg, her", "none, bridges, sorb"]),
         (&["--no-ui", "--method", "my-own+none"], &["LEARNER+PLANNER", "none, bridges, sorb"]),
         (&["--no-ui", "--max-updates", "-3"], &["-3"]),
         (&["--no-ui", "--require-success", "2"], &["fraction from 0 to 1"]),

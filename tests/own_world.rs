@@ -110,7 +110,7 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     assert_eq!(run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]), 0);
     assert_eq!(run(&["--resume", path, "--max-updates", "2500"]), 0);
     for (world, method, expected) in [
-        ("bead", "tabel+none", &["\"tabel\"", "table, gdg, random", "LEARNER+PLANNER"][..]),
+        ("bead", "tabel+none", &["\"tabel\"", "table, gdg, ddpg, her", "LEARNER+PLANNER"][..]),
         ("baed", "gdg", &["did you mean bead", "worlds: bead"]),
         ("trap", "table+none", &["requires positions"]),
     ] {

@@ -134,6 +134,12 @@ impl BridgeSettings {
         }
     }
 
+    /// Returns the presets `tuned` and `sb3` of rivals: without excursions, which are no part of what they are compared
+    /// for.
+    pub fn rivals() -> Self {
+        Self { frontier_epsilon: Auto::Given(0.0), ..Self::default() }
+    }
+
     /// Returns the settings that plan on the same candidates as SoRB does (Eysenbach et al. 2019, algorithm 1 and
     /// section 3): edges wherever D is below the cut-off, one plan at the start.
     #[must_use]

@@ -270,6 +270,13 @@ impl Environment for PointMaze {
         }
     }
 
+    fn straight_action(&self, state: &[f32], goal: &[f32], action: &mut [f32]) -> bool {
+        let way = [goal[0] - state[0], goal[1] - state[1]];
+        let longer = way[0].abs().max(way[1].abs()).max(1.0);
+        action.copy_from_slice(&way.map(|along| along / longer));
+        true
+    }
+
     /// Places all agents at the first free cell of the largest component.
     fn fork(&self, agents: usize) -> Box<dyn Environment> {
         let first = self.components[self.largest as usize][0].centre();

@@ -20,10 +20,11 @@ const fn low(title: &'static str, digits: usize, of: fn(&JobResult) -> Option<f6
     Column { title, digits, smaller_is_better: true, of }
 }
 
-const COLUMNS: [Column; 9] = [
+const COLUMNS: [Column; 10] = [
     high("planned", 3, |r| r.last()?.planned.as_ref()?.success),
     high("SPL", 2, |r| r.last()?.planned.as_ref()?.spl),
     high("greedy", 3, |r| r.last()?.greedy.success),
+    high("straight", 3, |r| r.last()?.straight.as_ref()?.success),
     low("error of D", 2, |r| Some(r.last()?.distance_error?.mape)),
     low("error near", 2, |r| Some(r.last()?.distance_error?.near_mape)),
     low("error of graph", 2, |r| Some(r.last()?.distance_error?.graph?.mape)),

@@ -41,6 +41,9 @@ pub enum Record {
         env_steps: u64,
         greedy: Score,
         planned: Option<Score>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        // Boxed, as it would make this variant far larger than the others.
+        straight: Option<Box<Score>>,
         distance_error: Option<DistanceError>,
         bridges: Option<BridgeFacts>,
         coverage: Option<f64>,
@@ -103,7 +106,7 @@ impl Record {
 
     pub fn evaluation(trainer: &Trainer, evaluation: &Evaluation) -> Self {
         let counters = trainer.counters();
-        let Evaluation { greedy, planned, distance_error, bridges, coverage, marked } = evaluation.clone();
+        let Evaluation { greedy, planned, straight, distance_error, bridges, coverage, marked } = evaluation.clone();
         let (updates, env_steps) = (counters.updates, counters.env_steps);
         Self::Evaluation {
             seconds: round(trainer.seconds()),
@@ -111,6 +114,7 @@ impl Record {
             env_steps,
             greedy,
             planned,
+            straight: straight.map(Box::new),
             distance_error,
             bridges,
             coverage,

@@ -19,17 +19,20 @@ use crate::learn::networks::export::ActorExport;
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::policy::{FrozenNets, Nets, Policy, Scratch};
-use crate::learn::networks::state::NetworkState;
+use crate::learn::networks::state::{NetworkState, load_networks, save_networks};
 use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::settings::{Backend, LearnSettings};
+use crate::learn::update::features::Pairs;
 use crate::learn::update::gradient::{Gradient, LearningRates};
-use crate::learn::update::losses::{ActorLossNetworks, ActorLossOptions, Losses, MAX_STATE_DIM, Pairs, Shapes};
+use crate::learn::update::losses::{ActorLossNetworks, ActorLossOptions, Losses, MAX_STATE_DIM, Shapes};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::reference::{Layers, Parameters, Reference};
+use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
-use crate::store::{Store, StoreError};
-use part::{Part, Rows, part_rows};
+use crate::store::Store;
+pub(in crate::learn) use part::part_rows;
+use part::{Part, Rows};
 
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
 pub type FullGradient = (Vec<f32>, Vec<f32>);
@@ -273,9 +276,6 @@ impl Gdg {
     }
 }
 
-/// State part that holds update counts, stored as the bits of floats.
-const COUNTS: &str = "table_last";
-
 impl Learner for Gdg {
     fn kind(&self) -> &'static str {
         NAME
@@ -323,31 +323,11 @@ impl Learner for Gdg {
     }
 
     fn save(&self, store: &mut Store) -> std::result::Result<(), LearnError> {
-        store.put_text("learner_updates", self.updates().to_string());
-        for (network, parts) in self.networks_state()? {
-            for (part, values) in parts {
-                let name = format!("{network}.{part}");
-                if part == COUNTS {
-                    store.put(name, values.into_iter().map(f32::to_bits).collect::<Vec<u32>>());
-                } else {
-                    store.put(name, values);
-                }
-            }
-        }
-        Ok(())
+        Ok(save_networks(store, self.updates(), self.shared.named())?)
     }
 
     fn load(&mut self, store: &Store) -> std::result::Result<(), LearnError> {
-        let updates = store.text("learner_updates")?.parse::<u32>();
-        let updates = updates.map_err(|_| StoreError::inconsistent("its number of updates is out of range"))?.into();
-        let find = |network: &str, part: &str| {
-            let name = format!("{network}.{part}");
-            let counts = || store.u32(&name).map(|counts| counts.iter().copied().map(f32::from_bits).collect());
-            store.f32(&name).map(<[f32]>::to_vec).or_else(|_| counts()).ok()
-        };
-        let named = || self.shared.named();
-        let restore = |(name, network): (String, &Network)| network.restore(updates, |part| find(&name, part));
-        named().try_for_each(restore).map_err(|e| StoreError::inconsistent(format!("its networks do not fit: {e}")))?;
+        load_networks(store, self.shared.named())?;
         self.tape = Tape::new(self.backend, self.shared.networks())?;
         Ok(())
     }
@@ -451,8 +431,6 @@ impl Shared {
         self.step(&self.actor, Half::for_task(task), &self.pairs, |part| &mut part.actor)
     }
 
-    /// Steps one half of a network with the sum of all parts' gradients. Moves these out of the parts meanwhile, so
-    /// that other threads can lock the parts for their own steps.
     fn step(
         &self,
         network: &Network,
@@ -460,33 +438,7 @@ impl Shared {
         touched: &RwLock<TouchedCorners>,
         gradient: impl Fn(&mut Part) -> &mut Gradient,
     ) -> Result<()> {
-        let numbers = |part: &mut Part, exchange: &mut Vec<f32>| {
-            let gradient = gradient(part);
-            std::mem::swap(exchange, if half == Half::Dense { &mut gradient.dense } else { &mut gradient.encoded });
-        };
-        let mut taken: Vec<Vec<f32>> = vec![Vec::new(); self.parts.len()];
-        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
-        let result = match (half, network.halves()) {
-            (Half::Dense, (dense, _)) => dense.step(&mut taken, *self.rates.read()),
-            (Half::Table, (_, Some(table))) => table.step(&touched.read(), &taken, *self.rates.read()),
-            (Half::Table, (_, None)) => Ok(()),
-        };
-        self.parts.iter().zip(&mut taken).for_each(|(part, own)| numbers(&mut part.lock(), own));
-        result
-    }
-}
-
-/// Half of a network.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Half {
-    Dense,
-    Table,
-}
-
-impl Half {
-    /// Returns the half that task number `task` of a phase of steps handles.
-    fn for_task(task: usize) -> Self {
-        if task.is_multiple_of(2) { Self::Table } else { Self::Dense }
+        step_half(network, half, &touched.read(), *self.rates.read(), (&self.parts, gradient))
     }
 }
 

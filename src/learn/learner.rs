@@ -91,7 +91,7 @@ pub enum Acting {
 /// Learns the distance D(s,g) in steps, and a policy that follows it.
 ///
 /// For a reward of -1 per step without discount, a learner with a Q function offers D(s,g) = -Q(s, mu(s,g), g). Other
-/// rewards and discounts give other numbers: convert them to steps. D must be finite and at least 0. If a world hides part
+/// rewards and discounts give other numbers: convert them to steps (as `ddpg` does). D must be finite and at least 0. If a world hides part
 /// of its full state, D(s,g) is an average over what is hidden.
 ///
 /// The same data and random numbers give bit-identical results for any number of threads.

@@ -132,8 +132,24 @@ pub struct LearnSettings {
     /// Number of transitions kept for replay.
     #[serde(alias = "replay_capacity")]
     pub buffer_size: usize,
+    /// Discount gamma of learners with rewards (`ddpg`, `her`, `ddpg-distance`), above 0 and below 1.
+    #[serde(default = "default_discount")]
+    pub discount: f32,
+    /// Weight of the actor's squared outputs before tanh in the loss of learners with rewards (Andrychowicz et al. 2017,
+    /// appendix A).
+    #[serde(default)]
+    pub actor_l2: f32,
+    /// Standard deviation of the noise on the actions of targets, for learners with rewards (Fujimoto et al. 2018,
+    /// section 5.3).
+    #[serde(default)]
+    pub target_noise: f32,
     /// What computes updates.
     pub backend: Backend,
+}
+
+/// The discount in checkpoints from before there was one.
+fn default_discount() -> f32 {
+    LearnSettings::default().discount
 }
 
 impl Default for LearnSettings {
@@ -165,6 +181,9 @@ impl Default for LearnSettings {
             grid_learning_rate: 5e-3,
             distillation: 0.3,
             buffer_size: 1_000_000,
+            discount: 0.99,
+            actor_l2: 0.0,
+            target_noise: 0.0,
             backend: Backend::Fused,
         }
     }
@@ -190,6 +209,27 @@ impl LearnSettings {
             distillation: 0.0,
             ..Self::default()
         }
+    }
+
+    /// Returns the preset `tuned`: learners with rewards as published, in the setting in which they do best here.
+    pub fn tuned() -> Self {
+        Self {
+            batch_size: 256,
+            goal_hindsight: 0.8,
+            goal_geometric: 0.0,
+            goal_random: 0.0,
+            fourier_octaves: 0,
+            relative_scales: Vec::new(),
+            grid_cells: Vec::new(),
+            distillation: 0.0,
+            ..Self::default()
+        }
+    }
+
+    /// Returns the preset `sb3`: the defaults of Stable-Baselines3's DDPG and hindsight replay, with two hidden layers of
+    /// one width.
+    pub fn sb3() -> Self {
+        Self { hidden: 256, critics: 1, actor_bound: 0.0, ..Self::tuned() }
     }
 
     /// Checks every value's range.
@@ -225,6 +265,9 @@ impl LearnSettings {
             ("grid_channels", (1..=32).contains(&self.grid_channels)),
             ("grid_learning_rate", positive(self.grid_learning_rate)),
             ("distillation", share(self.distillation)),
+            ("discount", self.discount > 0.0 && self.discount < 1.0),
+            ("target_noise", (0.0..=100.0).contains(&self.target_noise)),
+            ("actor_l2", (0.0..=1e6).contains(&self.actor_l2)),
             ("buffer_size", (1_000..=100_000_000).contains(&self.buffer_size)),
         ];
         checks.iter().find(|(_, ok)| !ok).map_or(Ok(()), |(name, _)| Err(OutOfRange(name)))

@@ -1,9 +1,11 @@
 //! The parts of an update: losses, gradients, optimiser steps, and the thread pool.
 
 pub mod adam;
+pub mod features;
 pub mod gradient;
 pub mod losses;
 pub mod pool;
 pub mod profile;
 pub mod reference;
+pub mod step;
 pub mod tape;

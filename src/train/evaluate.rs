@@ -22,6 +22,9 @@ pub struct Evaluation {
     pub greedy: Score,
     /// Score with planning over bridge points, if the method plans.
     pub planned: Option<Score>,
+    /// Score of walking straight at the goal, if the world knows how: the floor for everything learned.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub straight: Option<Score>,
     /// Error of D against ground truth, if that is known for any pair of states.
     pub distance_error: Option<DistanceError>,
     /// The bridge graph against ground truth, if there is a graph.
@@ -45,7 +48,7 @@ impl Evaluation {
 
     /// Whether every number is finite: D may have diverged.
     pub fn is_finite(&self) -> bool {
-        let scores = std::iter::once(&self.greedy).chain(&self.planned);
+        let scores = std::iter::once(&self.greedy).chain(&self.planned).chain(&self.straight);
         let of_score = |score: &Score| {
             let Score { success, spl, steps_ratio, by_distance } = score;
             let of_distance = |d: &DistanceScore| [d.distance_steps, d.distance_cm, d.success, d.spl];
@@ -170,7 +173,23 @@ impl EvaluationJob {
             marked: marked_task(world, truth.as_deref_mut(), (&greedy, planned.as_ref()), rng),
             greedy: greedy_score,
             planned: planned_score,
+            straight: self.straight_score(tasks),
         }
+    }
+
+    /// Scores walking straight at the goals.
+    fn straight_score(&self, tasks: &TaskSet) -> Option<Score> {
+        let (world, policy) = (&*self.world, Straight(&*self.world));
+        let mut action = vec![0.0; world.spec().action_dim];
+        let goal = &tasks.tasks.first()?.goal;
+        if !world.straight_action(world.fork(1).states(), goal, &mut action) {
+            return None;
+        }
+        // The second half of the evaluation's stream, so that other results do not depend on this one.
+        let mut rng = self.rng.clone();
+        rng.set_word_pos(rng.get_word_pos() + (1 << 33));
+        let actor = Actor { policy: &policy, graph: None, hold_steps: None, max_steps: self.max_steps };
+        Some(Score::new(tasks, &run_tasks(world, &tasks.tasks, &actor, &mut rng).taken))
     }
 
     /// Builds the graph to plan on, for methods that plan.
@@ -184,6 +203,25 @@ impl EvaluationJob {
     fn actor<'a>(&'a self, graph: Option<&'a BridgeGraph>) -> Actor<'a> {
         let hold_steps = (self.acting == Acting::AtRandom).then_some(self.run.settings.train.random_hold_steps);
         Actor { policy: &*self.policy, graph, hold_steps, max_steps: self.max_steps }
+    }
+}
+
+/// Walks straight at the goal.
+struct Straight<'a>(&'a dyn Environment);
+
+impl Policy for Straight<'_> {
+    fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+        let spec = self.0.spec();
+        let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
+        out.iter_mut().zip(pairs).for_each(|(d, (state, goal))| *d = spec.goal_distance(state, goal));
+    }
+
+    fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+        let spec = self.0.spec();
+        let pairs = states.chunks_exact(spec.state_dim()).zip(goals.chunks_exact(spec.goal_dim()));
+        for (action, (state, goal)) in out.chunks_exact_mut(spec.action_dim).zip(pairs) {
+            self.0.straight_action(state, goal, action);
+        }
     }
 }
 

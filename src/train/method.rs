@@ -32,7 +32,7 @@ pub struct NamedMethod {
 }
 
 /// The named combinations, default first. Any other is called `LEARNER+PLANNER`.
-pub const METHODS: [NamedMethod; 4] = [
+pub const METHODS: [NamedMethod; 7] = [
     NamedMethod {
         name: "gdg-bridge",
         learner: "gdg",
@@ -50,6 +50,24 @@ pub const METHODS: [NamedMethod; 4] = [
         learner: "gdg",
         planner: Planner::Sorb,
         about: "Search on the replay buffer: unverified edges, one plan",
+    },
+    NamedMethod {
+        name: "ddpg",
+        learner: "ddpg",
+        planner: Planner::None,
+        about: "Deep deterministic policy gradient, sparse rewards",
+    },
+    NamedMethod {
+        name: "her",
+        learner: "her",
+        planner: Planner::None,
+        about: "The same with hindsight experience replay",
+    },
+    NamedMethod {
+        name: "ddpg-distance",
+        learner: "ddpg-distance",
+        planner: Planner::None,
+        about: "DDPG rewarded by straight-line distance",
     },
     NamedMethod {
         name: "random",
@@ -147,17 +165,31 @@ pub enum Preset {
     Default,
     /// Algorithms 1 and 2 exactly as published.
     Paper,
+    /// Rivals with rewards as published, in the setting in which they do best here.
+    Tuned,
+    /// Rivals with rewards by Stable-Baselines3's defaults.
+    Sb3,
 }
 
 impl Preset {
     /// All presets.
-    pub const ALL: [Self; 2] = [Self::Default, Self::Paper];
+    pub const ALL: [Self; 4] = [Self::Default, Self::Paper, Self::Tuned, Self::Sb3];
+
+    /// Returns the preset that a run of `method` has unless another is given.
+    pub fn of_method(method: &Method) -> Self {
+        match method.learner.as_str() {
+            "ddpg" | "her" | "ddpg-distance" => Self::Tuned,
+            _ => Self::Default,
+        }
+    }
 
     /// Returns the name used on the command line and in records.
     pub fn name(self) -> &'static str {
         match self {
             Self::Default => "default",
             Self::Paper => "paper",
+            Self::Tuned => "tuned",
+            Self::Sb3 => "sb3",
         }
     }
 
@@ -171,6 +203,8 @@ impl Preset {
         match self {
             Self::Default => "All additions that measurably help",
             Self::Paper => "The algorithms exactly as published",
+            Self::Tuned => "Rivals (ddpg, her, ddpg-distance) as they do best here",
+            Self::Sb3 => "Rivals by the defaults of Stable-Baselines3",
         }
     }
 
@@ -183,6 +217,16 @@ impl Preset {
                 bridge: BridgeSettings::paper(),
                 train: TrainSettings::paper(),
             },
+            Self::Tuned => Settings {
+                learn: LearnSettings::tuned(),
+                bridge: BridgeSettings::rivals(),
+                train: TrainSettings::tuned(),
+            },
+            Self::Sb3 => Settings {
+                learn: LearnSettings::sb3(),
+                bridge: BridgeSettings { averaged_weights: false, ..BridgeSettings::rivals() },
+                train: TrainSettings::sb3(),
+            },
         }
     }
 }
@@ -193,7 +237,7 @@ mod tests {
 
     #[test]
     fn every_method_name_parses_to_the_same_method() {
-        for learner in ["gdg", "random", "my-own"] {
+        for learner in ["gdg", "her", "random", "my-own"] {
             for planner in Planner::ALL {
                 let method = Method { learner: learner.to_owned(), planner };
                 assert_eq!(method.name().parse(), Ok(method.clone()), "{method}");
@@ -203,7 +247,13 @@ mod tests {
         assert_eq!("gdg+none".parse::<Method>().map(|m| m.name()), Ok("gdg".to_owned()));
         assert!("gdg+walls".parse::<Method>().is_err() && "gdgg".parse::<Method>().is_err());
         let error = "gdg+walls".parse::<Method>().expect_err("no such planner").to_string();
-        for part in ["\"gdg+walls\"", "gdg-bridge", "LEARNER+PLANNER", "gdg, random", "none, bridges, sorb"] {
+        for part in [
+            "\"gdg+walls\"",
+            "gdg-bridge",
+            "LEARNER+PLANNER",
+            "gdg, ddpg, her, ddpg-distance, random",
+            "none, bridges, sorb",
+        ] {
             assert!(error.contains(part), "{part}: {error}");
         }
     }

@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::config::{list_settings, with_setting};
 use super::method::{Method, Preset};
 use super::settings::Settings;
 use crate::bridge::BridgeSettings;
@@ -21,6 +22,23 @@ pub struct Run {
 }
 
 impl Run {
+    /// Changes the method. If that has another preset than the method before, and the run was based on that one, the run
+    /// is based on the new one; settings that differed from the preset are kept.
+    pub fn set_method(&mut self, method: Method) {
+        let (before, now) = (Preset::of_method(&self.method), Preset::of_method(&method));
+        self.method = method;
+        if self.preset != before || before == now {
+            return;
+        }
+        let of_preset = list_settings(&before.settings());
+        let own = list_settings(&self.settings).into_iter().filter(|setting| !of_preset.contains(setting));
+        let settings = own.fold(now.settings(), |settings, (name, value)| {
+            // A value may be out of range together with the other preset's.
+            with_setting(&settings, &name, &value).unwrap_or(settings)
+        });
+        (self.preset, self.settings) = (now, settings);
+    }
+
     /// Returns the bridge settings, adjusted to the method's planner.
     pub fn bridge(&self) -> BridgeSettings {
         self.settings.bridge.for_planner(self.method.planner)
@@ -104,4 +122,31 @@ pub enum EndReason {
     MaxEpisodes,
     /// A signal arrived.
     Interrupted,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn another_method_brings_its_preset_and_keeps_what_was_changed() {
+        let method = |name: &str| name.parse::<Method>().expect("a method");
+        let preset = Preset::Default;
+        let mut run = Run { method: method("gdg"), preset, seed: 1, settings: preset.settings() };
+        run.settings.learn.hidden = 33;
+        run.set_method(method("random"));
+        assert_eq!((run.preset, run.settings.learn.hidden), (Preset::Default, 33));
+        run.set_method(method("her+sorb"));
+        let mut expected = Preset::Tuned.settings();
+        expected.learn.hidden = 33;
+        assert_eq!((run.method.name(), run.preset, &run.settings), ("her+sorb".to_owned(), Preset::Tuned, &expected));
+        run.set_method(method("gdg-bridge"));
+        expected = Preset::Default.settings();
+        expected.learn.hidden = 33;
+        assert_eq!((run.preset, &run.settings), (Preset::Default, &expected));
+        // A preset that was chosen stays.
+        (run.preset, run.settings) = (Preset::Paper, Preset::Paper.settings());
+        run.set_method(method("ddpg"));
+        assert_eq!((run.preset, &run.settings), (Preset::Paper, &Preset::Paper.settings()));
+    }
 }

@@ -140,6 +140,25 @@ impl TrainSettings {
         }
     }
 
+    /// Returns the preset `tuned`: more updates per step.
+    pub fn tuned() -> Self {
+        Self { env_steps_per_update: 2, ..Self::default() }
+    }
+
+    /// Returns the preset `sb3`: one agent that makes an update at every step and pursues one goal in each episode.
+    pub fn sb3() -> Self {
+        Self {
+            agents: 1,
+            episode_steps: Auto::Given(150),
+            restart: Restart::Anywhere,
+            env_steps_per_update: 1,
+            learning_starts: 100,
+            random_actions: 0.0,
+            new_goal_when_reached: false,
+            ..Self::default()
+        }
+    }
+
     /// Returns the settings of the environment.
     pub fn env(&self) -> EnvSettings {
         EnvSettings { restart: self.restart, noise: self.env_noise }

@@ -168,8 +168,8 @@ impl BatchSampler {
         }
     }
 
-    /// Chooses a goal for `moment`; returns the number of steps in which it was reached, infinite if unknown.
-    fn push_goal(
+    /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to `goals`; returns the number of steps in which it was reached, infinite if unknown.
+    pub(in crate::learn) fn push_goal(
         &self,
         replay: &Replay,
         moment: Moment,
@@ -211,7 +211,8 @@ impl BatchSampler {
     }
 }
 
-fn later(moment: Moment, steps: usize) -> Moment {
+/// Returns the moment `steps` later in the same agent's slots.
+pub(in crate::learn) fn later(moment: Moment, steps: usize) -> Moment {
     Moment { slot: moment.slot + steps as u64, ..moment }
 }
 

@@ -2,8 +2,9 @@
 
 use crate::learn::data::batch::Batch;
 use crate::learn::networks::network::Weights;
+use crate::learn::update::features::{Pairs, SharedFeatures};
 use crate::learn::update::gradient::Gradient;
-use crate::learn::update::losses::{Losses, Pairs, Shapes, SharedFeatures, Workspaces};
+use crate::learn::update::losses::{Losses, Shapes, Workspaces};
 
 /// Number of parts that a batch is split into, and minimum rows per part. The parts do not depend on the number of
 /// threads and are summed in order, so the results do not depend on it either.
@@ -39,8 +40,8 @@ impl Part {
     /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]). Both are kept within the
     /// bounds that hindsight or the bridge graph give. D' and mu' use running averages.
     pub fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
-        shapes.plain_pairs(rows.states, rows.goals, &mut self.plain);
-        shapes.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
+        shapes.encoder.plain_pairs(rows.states, rows.goals, &mut self.plain);
+        shapes.encoder.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
         self.targets.resize(rows.steps.len(), 0.0);
         let ahead = Pairs { plain: &self.plain_ahead, states: rows.bootstrap_states, goals: rows.goals };
         shapes.max_distances(critics, ahead, &mut self.targets, &mut self.buffers.critic);

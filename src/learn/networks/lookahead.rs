@@ -1,7 +1,8 @@
 //! One step of lookahead: the action of a fixed set after which the critics expect the shortest distance.
 
 use crate::learn::networks::network::Weights;
-use crate::learn::update::losses::{Pairs, Shapes, SharedFeatures, Workspaces};
+use crate::learn::update::features::{Pairs, SharedFeatures};
+use crate::learn::update::losses::{Shapes, Workspaces};
 
 /// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
 const MAX_COMBINED_DIM: usize = 4;
@@ -74,7 +75,7 @@ impl Shapes {
             let rows = tried.len() / a;
             next.resize(rows * s, 0.0);
             self.next_states(model, (from, tried), next, &mut passes.model);
-            self.plain_pairs(next, to, plain);
+            self.encoder.plain_pairs(next, to, plain);
             distances.resize(rows, 0.0);
             self.max_distances(critics, Pairs { plain, states: next, goals: to }, distances, &mut passes.critic);
             let count = rows / (actions.len() / a);

@@ -2,20 +2,24 @@
 
 use std::sync::Arc;
 
+use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::TableView;
 use crate::learn::networks::lookahead::LookaheadBuffers;
 use crate::learn::networks::mlp::{Mlp, Packed};
 use crate::learn::networks::network::Weights;
-use crate::learn::update::losses::{Pairs, Shapes, SharedFeatures, Workspace};
+use crate::learn::update::features::{Pairs, SharedFeatures, Workspace};
+use crate::learn::update::losses::Shapes;
 
 /// Rows per forward pass, few enough for their activations to stay in the cache.
-const ROWS: usize = 128;
+pub(in crate::learn) const ROWS: usize = 128;
 
 /// Inference buffers, one per thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    plain: SharedFeatures,
-    ws: Workspace,
+    pub(in crate::learn) plain: SharedFeatures,
+    pub(in crate::learn) ws: Workspace,
+    /// For learners whose D takes two networks.
+    pub(in crate::learn) second: Workspace,
     lookahead: LookaheadBuffers,
 }
 
@@ -83,7 +87,7 @@ impl Policy for Nets<'_> {
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS));
         for ((states, goals), out) in chunks {
-            self.shapes.plain_pairs(states, goals, &mut scratch.plain);
+            self.shapes.encoder.plain_pairs(states, goals, &mut scratch.plain);
             let pairs = Pairs { plain: &scratch.plain, states, goals };
             self.shapes.max_distances(&self.critics, pairs, out, &mut scratch.ws);
         }
@@ -94,7 +98,7 @@ impl Policy for Nets<'_> {
         let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
         let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * a));
         for ((states, goals), out) in chunks {
-            self.shapes.plain_pairs(states, goals, &mut scratch.plain);
+            self.shapes.encoder.plain_pairs(states, goals, &mut scratch.plain);
             let pairs = Pairs { plain: &scratch.plain, states, goals };
             self.shapes.actions(self.actor, pairs, out, &mut scratch.ws);
         }
@@ -117,14 +121,30 @@ pub struct FrozenNets {
 
 /// One network's copied weights: parameters, flat and packed, and grid table.
 #[derive(Debug)]
-struct OwnedWeights {
+pub(in crate::learn) struct OwnedWeights {
     dense: Vec<f32>,
     packed: Packed,
     table: Vec<f32>,
 }
 
 /// Flat parameters and grid table.
-type CopiedWeights = (Vec<f32>, Vec<f32>);
+pub(in crate::learn) type CopiedWeights = (Vec<f32>, Vec<f32>);
+
+impl OwnedWeights {
+    /// Packs copied weights for inference.
+    pub(in crate::learn) fn new((dense, table): CopiedWeights, mlp: &Mlp) -> Self {
+        let mut packed = Packed::default();
+        mlp.pack(&dense, false, &mut packed);
+        Self { dense, packed, table }
+    }
+
+    /// Returns the weights as slices.
+    pub(in crate::learn) fn weights<'a>(&'a self, encoder: &Encoder) -> Weights<'a> {
+        let Self { dense, packed, table } = self;
+        let table = encoder.grid().map(|grid| TableView { lines: table, stride: grid.channels, average: None });
+        Weights { dense, packed, table }
+    }
+}
 
 impl FrozenNets {
     pub(in crate::learn) fn new(
@@ -132,28 +152,18 @@ impl FrozenNets {
         critics: Vec<CopiedWeights>,
         [model, actor]: [CopiedWeights; 2],
     ) -> Self {
-        let own = |(dense, table): CopiedWeights, mlp: &Mlp| {
-            let mut packed = Packed::default();
-            mlp.pack(&dense, false, &mut packed);
-            OwnedWeights { dense, packed, table }
-        };
-        let critics = critics.into_iter().map(|copied| own(copied, &shapes.critic)).collect();
-        Self { critics, model: own(model, &shapes.model), actor: own(actor, &shapes.actor), shapes }
+        let critics = critics.into_iter().map(|copied| OwnedWeights::new(copied, &shapes.critic)).collect();
+        let (model, actor) = (OwnedWeights::new(model, &shapes.model), OwnedWeights::new(actor, &shapes.actor));
+        Self { shapes, critics, model, actor }
     }
 
     fn nets(&self) -> Nets<'_> {
         Nets {
             shapes: &self.shapes,
-            critics: self.critics.iter().map(|w| self.weights(w)).collect(),
-            model: self.weights(&self.model),
-            actor: self.weights(&self.actor),
+            critics: self.critics.iter().map(|own| own.weights(&self.shapes.encoder)).collect(),
+            model: self.model.weights(&self.shapes.encoder),
+            actor: self.actor.weights(&self.shapes.encoder),
         }
-    }
-
-    fn weights<'a>(&self, OwnedWeights { dense, packed, table }: &'a OwnedWeights) -> Weights<'a> {
-        let grid = self.shapes.encoder.grid();
-        let table = grid.map(|grid| TableView { lines: table, stride: grid.channels, average: None });
-        Weights { dense, packed, table }
     }
 }
 

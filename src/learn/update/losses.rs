@@ -2,11 +2,12 @@
 
 use crate::learn::data::batch::{STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::networks::encoder::Encoder;
-use crate::learn::networks::grid::{GridReads, TableView};
+use crate::learn::networks::grid::GridReads;
 use crate::learn::networks::lookahead::tried_actions;
-use crate::learn::networks::mlp::{Activations, GradientRequest, Mlp};
+use crate::learn::networks::mlp::{GradientRequest, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::{LearnSettings, LossScale};
+use crate::learn::update::features::{Pairs, Workspace, resized};
 use crate::learn::update::gradient::Gradient;
 
 /// Losses of one update, each a mean over the batch.
@@ -60,28 +61,6 @@ impl Shapes {
     }
 }
 
-/// The inputs that depend on no network's parameters, computed once for all networks.
-#[derive(Clone, Debug, Default)]
-pub struct SharedFeatures {
-    /// `(rows, plain_pair_width)`.
-    rows: Vec<f32>,
-    /// Grid reads of the states.
-    states: GridReads,
-    /// Grid reads of the goals.
-    goals: GridReads,
-}
-
-/// (state, goal) pairs, one per row.
-#[derive(Clone, Copy)]
-pub struct Pairs<'a> {
-    /// The inputs that all networks share.
-    pub plain: &'a SharedFeatures,
-    /// `(rows, state_dim)`.
-    pub states: &'a [f32],
-    /// `(rows, goal_dim)`.
-    pub goals: &'a [f32],
-}
-
 /// The networks that the actor's loss goes through.
 pub struct ActorLossNetworks<'a> {
     /// Trained.
@@ -101,18 +80,6 @@ pub struct ActorLossOptions {
     pub frees_stuck: bool,
 }
 
-/// Buffers of one pass, grown to the largest batch seen.
-#[derive(Clone, Debug, Default)]
-pub struct Workspace {
-    plain: SharedFeatures,
-    x: Vec<f32>,
-    y: Vec<f32>,
-    /// The actor's outputs before tanh, `(rows, action_dim)`.
-    outputs: Vec<f32>,
-    dx: Vec<f32>,
-    acts: Activations,
-}
-
 /// Buffers of passes through all three networks.
 #[derive(Clone, Debug, Default)]
 pub struct Workspaces {
@@ -126,42 +93,10 @@ pub struct Workspaces {
     before: Vec<f32>,
 }
 
-fn resized(buffer: &mut Vec<f32>, length: usize) -> &mut [f32] {
-    buffer.resize(buffer.len().max(length), 0.0);
-    &mut buffer[..length]
-}
-
 impl Shapes {
-    /// Computes the inputs of pairs that all networks share.
-    pub fn plain_pairs(&self, states: &[f32], goals: &[f32], plain: &mut SharedFeatures) {
-        let (s, g) = (self.encoder.spec().state_dim(), self.encoder.spec().goal_dim());
-        let width = self.encoder.plain_pair_width();
-        let rows = resized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
-        plain.states.clear();
-        plain.goals.clear();
-        for ((state, goal), row) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(rows) {
-            self.encoder.plain_pair(state, goal, row);
-            self.encoder.locate_state(state, &mut plain.states);
-            self.encoder.locate_goal(goal, &mut plain.goals);
-        }
-    }
-
-    /// Builds full pair rows `(rows, pair_width)` from plain ones and a network's table.
-    fn rows(&self, pairs: Pairs, table: Option<TableView>, x: &mut Vec<f32>) {
-        let (width, plain_width) = (self.encoder.pair_width(), self.encoder.plain_pair_width());
-        let count = pairs.states.len() / self.encoder.spec().state_dim();
-        let places = [&pairs.plain.states, &pairs.plain.goals];
-        let plain = pairs.plain.rows.chunks_exact(plain_width);
-        for ((i, row), plain) in resized(x, count * width).chunks_exact_mut(width).enumerate().zip(plain) {
-            let (copy, encoded) = row.split_at_mut(plain_width);
-            copy.copy_from_slice(plain);
-            self.encoder.encode(table, &places, i, encoded);
-        }
-    }
-
     /// Computes D(s, g) of each pair, `(rows)`.
     pub fn distances(&self, critic: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
-        self.rows(pairs, critic.table, &mut ws.x);
+        self.encoder.pair_rows(pairs, critic.table, self.critic.inputs, &mut ws.x);
         let x = &ws.x[..out.len() * self.critic.inputs];
         self.critic.forward((critic.dense, critic.packed), x, out, &mut ws.acts);
         for z in out {
@@ -171,13 +106,7 @@ impl Shapes {
 
     /// Computes the actions mu(s, g), `(rows, action_dim)`.
     pub fn actions(&self, actor: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
-        self.rows(pairs, actor.table, &mut ws.x);
-        let rows = out.len() / self.actor.outputs;
-        let outputs = resized(&mut ws.outputs, out.len());
-        self.actor.forward((actor.dense, actor.packed), &ws.x[..rows * self.actor.inputs], outputs, &mut ws.acts);
-        for (a, z) in out.iter_mut().zip(outputs) {
-            *a = z.tanh();
-        }
+        ws.actions(&self.encoder, &self.actor, actor, pairs, out);
     }
 
     /// Predicts the next states f(s, a) = s + scale * network, component by component, `(rows, state_dim)`; keeps the
@@ -222,7 +151,7 @@ impl Shapes {
         let mut next = std::mem::take(&mut buffers.model.y);
         let states = self.step_with_actor((actor, model), pairs, &mut next, buffers);
         let mut plain = std::mem::take(&mut buffers.critic.plain);
-        self.plain_pairs(states, pairs.goals, &mut plain);
+        self.encoder.plain_pairs(states, pairs.goals, &mut plain);
         self.max_distances(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
         buffers.critic.plain = plain;
         buffers.model.y = next;
@@ -271,7 +200,7 @@ impl Shapes {
         ws: &mut Workspace,
     ) -> f32 {
         let rows = targets.len();
-        self.rows(pairs, critic.table, &mut ws.x);
+        self.encoder.pair_rows(pairs, critic.table, self.critic.inputs, &mut ws.x);
         let x = &ws.x[..rows * self.critic.inputs];
         let z = resized(&mut ws.y, rows);
         self.critic.forward((critic.dense, critic.packed), x, z, &mut ws.acts);
@@ -287,18 +216,8 @@ impl Shapes {
         let dx = (from < self.critic.inputs).then(|| (from, resized(&mut ws.dx, rows * (self.critic.inputs - from))));
         let wanted = GradientRequest { parameters: Some(&mut gradient.dense), inputs: dx };
         self.critic.backward((critic.dense, critic.packed), x, z, &mut ws.acts, wanted);
-        self.add_pair_corners(pairs, &ws.dx, gradient);
+        gradient.add_pair_corners(&self.encoder, pairs, &ws.dx, 0);
         loss
-    }
-
-    /// Adds the gradients of the states' and goals' grid encodings; `dx` is `(rows, 2 * grid_width)`.
-    fn add_pair_corners(&self, pairs: Pairs, dx: &[f32], gradient: &mut Gradient) {
-        let width = self.encoder.grid_width();
-        if width > 0 {
-            let dx = &dx[..pairs.states.len() / self.encoder.spec().state_dim() * 2 * width];
-            gradient.add_encoded(dx, (0, width, 2 * width));
-            gradient.add_encoded(dx, (width, width, 2 * width));
-        }
     }
 
     /// Predicts the next states f(s, a) of `states` `(rows, state_dim)` after `actions` `(rows, action_dim)` into
@@ -384,10 +303,11 @@ impl Shapes {
             self.distances(critic, pairs, resized(&mut before, rows), &mut buffers.critic);
         }
         let mut next_plain = std::mem::take(&mut buffers.critic.plain);
-        self.plain_pairs(&next[..rows * s], goals, &mut next_plain);
-        self.rows(Pairs { plain: &next_plain, states: &next[..rows * s], goals }, critic.table, &mut buffers.critic.x);
-        buffers.critic.plain = next_plain;
+        self.encoder.plain_pairs(&next[..rows * s], goals, &mut next_plain);
         let width = self.critic.inputs;
+        let ahead = Pairs { plain: &next_plain, states: &next[..rows * s], goals };
+        self.encoder.pair_rows(ahead, critic.table, width, &mut buffers.critic.x);
+        buffers.critic.plain = next_plain;
         let x = &buffers.critic.x[..rows * width];
         let z = resized(&mut buffers.critic.y, rows);
         self.critic.forward((critic.dense, critic.packed), x, z, &mut buffers.critic.acts);
@@ -434,7 +354,7 @@ impl Shapes {
         let x = &buffers.actor.x[..rows * self.actor.inputs];
         self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut buffers.actor.acts, wanted);
         buffers.actor.y = action;
-        self.add_pair_corners(pairs, &buffers.actor.dx, gradient);
+        gradient.add_pair_corners(&self.encoder, pairs, &buffers.actor.dx, 0);
         loss
     }
 }

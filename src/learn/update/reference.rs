@@ -86,7 +86,7 @@ impl<'a> Reference<'a> {
     /// Returns candle's error if a tensor operation fails.
     pub fn distances(&self, k: usize, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let critic = &self.critics[k];
-        let x = self.pair_rows(critic, states, goals)?;
+        let x = pair_rows(&self.shapes().encoder, critic, states, goals)?;
         let z = self.mlp(&self.shapes().critic, &critic.dense, &x)?.squeeze(1)?;
         softplus(&z)? * f64::from(self.shapes().distance_scale)
     }
@@ -100,7 +100,7 @@ impl<'a> Reference<'a> {
     }
 
     fn actor_outputs(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
-        let x = self.pair_rows(&self.actor, states, goals)?;
+        let x = pair_rows(&self.shapes().encoder, &self.actor, states, goals)?;
         self.mlp(&self.shapes().actor, &self.actor.dense, &x)
     }
 
@@ -199,28 +199,33 @@ impl<'a> Reference<'a> {
         let excess = (excess.relu()?.sqr()?.sum(D::Minus1)?.mean_all()? * f64::from(EXCESS_WEIGHT))?;
         Ok((after.mean_all()?, excess))
     }
+}
 
-    fn pair_rows(&self, network: &Parameters, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
-        let encoder = &self.shapes().encoder;
-        let (u, v) = (scaled(encoder, states)?, scaled_goals(encoder, goals)?);
-        let mut columns = vec![state_row(encoder, &u)?, v.clone()];
-        if encoder.octaves() > 0 {
-            columns.push(fourier(encoder, &v)?);
-        }
-        if !encoder.relative().is_empty() {
-            let difference = (goals - achieved(encoder, states)?)?;
-            for axis in 0..encoder.spec().goal_dim() {
-                let d = difference.narrow(1, axis, 1)?;
-                let rates = Tensor::from_slice(encoder.relative(), (1, encoder.relative().len()), d.device())?;
-                columns.push(d.broadcast_mul(&rates)?.tanh()?);
-            }
-        }
-        if let (Some(grid), Some(table)) = (encoder.grid(), &network.table) {
-            columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
-            columns.push(encode(grid, table, &v)?);
-        }
-        Tensor::cat(&columns, 1)
+/// Returns the rows that a network reads of pairs, `(rows, pair_width)`.
+pub(in crate::learn) fn pair_rows(
+    encoder: &Encoder,
+    network: &Parameters,
+    states: &Tensor,
+    goals: &Tensor,
+) -> Result<Tensor> {
+    let (u, v) = (scaled(encoder, states)?, scaled_goals(encoder, goals)?);
+    let mut columns = vec![state_row(encoder, &u)?, v.clone()];
+    if encoder.octaves() > 0 {
+        columns.push(fourier(encoder, &v)?);
     }
+    if !encoder.relative().is_empty() {
+        let difference = (goals - achieved(encoder, states)?)?;
+        for axis in 0..encoder.spec().goal_dim() {
+            let d = difference.narrow(1, axis, 1)?;
+            let rates = Tensor::from_slice(encoder.relative(), (1, encoder.relative().len()), d.device())?;
+            columns.push(d.broadcast_mul(&rates)?.tanh()?);
+        }
+    }
+    if let (Some(grid), Some(table)) = (encoder.grid(), &network.table) {
+        columns.push(encode(grid, table, &achieved(encoder, &u)?)?);
+        columns.push(encode(grid, table, &v)?);
+    }
+    Tensor::cat(&columns, 1)
 }
 
 fn row(values: &[f32], device: &Device) -> Result<Tensor> {
@@ -299,7 +304,8 @@ fn encode(grid: &GridShape, table: &Tensor, u: &Tensor) -> Result<Tensor> {
     Tensor::cat(&columns, 1)
 }
 
-fn mlp(shape: &Mlp, parameters: &Tensor, x: &Tensor) -> Result<Tensor> {
+/// Returns an MLP's outputs by candle-nn's layers.
+pub(in crate::learn) fn mlp(shape: &Mlp, parameters: &Tensor, x: &Tensor) -> Result<Tensor> {
     let part = |range: std::ops::Range<usize>| parameters.narrow(0, range.start, range.len());
     let mut h = x.clone();
     for layer in 0..shape.layers {

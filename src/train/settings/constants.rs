@@ -47,6 +47,18 @@ fn learning() -> Vec<Constant> {
         constant("EPSILON", learn::EPSILON, "", "Adam's addend to the denominator"),
         constant("EXCESS_WEIGHT", learn::EXCESS_WEIGHT, "", "weight of squared actor outputs beyond actor_bound"),
         constant(
+            "MIN_REMAINING",
+            learn::MIN_REMAINING,
+            "",
+            "least discount^D that the learners with rewards tell apart from 0",
+        ),
+        constant(
+            "MAX_NOISE_DEVIATIONS",
+            learn::MAX_NOISE_DEVIATIONS,
+            "",
+            "target_noise is clipped at this many standard deviations",
+        ),
+        constant(
             "RELEARN_RECENT",
             learn::RELEARN_RECENT,
             "",

@@ -1,8 +1,8 @@
 //! The reference of all settings: meaning, unit, range and the effect of a change. Errors, the settings dialog,
 //! `--print-config` and the reference page use it.
 
+use super::Effect;
 use super::constants::{Constant, constants};
-use super::{Effect, Settings};
 use crate::train::config::list_settings;
 use crate::train::method::Preset;
 
@@ -110,7 +110,7 @@ const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
-pub const SETTINGS: [Setting; 58] = [
+pub const SETTINGS: [Setting; 61] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
     Setting::new(Networks, "critics", "", "1 or 2", "number of critics; D is their maximum").for_networks(),
@@ -155,6 +155,13 @@ pub const SETTINGS: [Setting; 58] = [
         "a number from 0 to 100",
         "actions are tanh(z); |z| above this is penalised, as a saturated actor has no gradient; 0 for no bound",
     ),
+    Setting::new(
+        Networks,
+        "actor_l2",
+        "",
+        "a number from 0 to 1000000",
+        "weight of the mean of z squared in the actor's loss of ddpg, her and ddpg-distance",
+    ),
     Setting::new(Targets, "n_step", "steps", "an integer from 1 to 1000", "n of the n-step return"),
     Setting::new(
         Targets,
@@ -190,6 +197,21 @@ pub const SETTINGS: [Setting; 58] = [
         "updates",
         "an integer, 0 or more",
         "updates after an edit during which distances that have changed are relearned",
+    ),
+    Setting::new(
+        Targets,
+        "discount",
+        "",
+        "a number above 0 and below 1",
+        "discount gamma of the learners with rewards: ddpg, her and ddpg-distance",
+    )
+    .for_networks(),
+    Setting::new(
+        Targets,
+        "target_noise",
+        "",
+        "a number from 0 to 100",
+        "standard deviation of the noise on the actions of targets of ddpg, her and ddpg-distance",
     ),
     Setting::new(Targets, "loss", "", "squared, sqrt or log", "scale on which the critic error is measured"),
     Setting::new(Targets, "tau", "", "a number above 0, at most 1", "Polyak factor of target networks and averages"),
@@ -441,18 +463,20 @@ pub fn reference_page() -> String {
                     format of `--print-config`), or change any of them during training with `o`. Former names still work. This page \
                     is printed by `gdg-tui settings`.\n"
         .to_owned();
-    let values = list_settings(&Settings::default()).into_iter().zip(list_settings(&Preset::Paper.settings()));
-    let rows: Vec<_> = SETTINGS.iter().zip(values).collect();
+    let presets = Preset::ALL.map(|preset| list_settings(&preset.settings()));
+    let names = Preset::ALL.map(Preset::name).join(" | ");
+    let columns = "---|".repeat(Preset::ALL.len() + 5);
     for group in Group::ALL {
         page += &format!(
-            "\n## {}\n\n| setting | default | paper | unit | values | description | effect of a change |\n|---|---|---|---|---|---|---|\n",
+            "\n## {}\n\n| setting | {names} | unit | values | description | effect of a change |\n|{columns}\n",
             group.name()
         );
-        for (setting, ((_, default), (_, paper))) in rows.iter().filter(|(setting, _)| setting.group == group) {
+        for (i, setting) in SETTINGS.iter().enumerate().filter(|(_, setting)| setting.group == group) {
             let Setting { name, about, unit, range, effect, former, .. } = setting;
             let former = former.map_or(String::new(), |former| format!(" (was `{former}`)"));
             let effect = effect.about();
-            page += &format!("| `{name}`{former} | {default} | {paper} | {unit} | {range} | {about} | {effect} |\n");
+            let values = presets.each_ref().map(|values| values[i].1.as_str()).join(" | ");
+            page += &format!("| `{name}`{former} | {values} | {unit} | {range} | {about} | {effect} |\n");
         }
     }
     page += "\n## Constants\n\nThese are not settings: changing them takes another build.\n\n\
@@ -467,7 +491,7 @@ pub fn reference_page() -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::with_setting;
+    use crate::train::{Settings, with_setting};
 
     #[test]
     fn every_setting_has_an_entry_and_every_entry_a_setting() {

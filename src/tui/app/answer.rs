@@ -71,7 +71,7 @@ impl App {
         match choice {
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => self.ask_setting(name),
-            Choice::Method(method) => self.change_run(|run| run.method = method),
+            Choice::Method(method) => self.change_run(|run| run.set_method(method)),
             Choice::Preset(preset) => {
                 self.change_run(|run| (run.preset, run.settings) = (preset, preset.settings()));
             }

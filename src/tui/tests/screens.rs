@@ -44,6 +44,7 @@ fn evaluation(at: f64) -> Evaluation {
     Evaluation {
         greedy: score(0.6 * at),
         planned: Some(score(at)),
+        straight: None,
         distance_error: Some(DistanceError { mape: 0.5 - 0.4 * at, ..DistanceError::default() }),
         bridges: None,
         coverage: Some(coverage(at)),

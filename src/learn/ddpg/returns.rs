@@ -1,0 +1,163 @@
+//! Rewards, the range of their discounted sum, and what that sum means in steps.
+
+use crate::env::Spec;
+
+/// What a step earns.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reward {
+    /// -1, until the goal is reached.
+    Sparse,
+    /// Minus the straight-line distance that remains, in lengths of a typical step.
+    Distance,
+}
+
+/// Discounted sums of rewards: Q(s, a, g), which is never above 0.
+#[derive(Clone, Debug)]
+pub struct Returns {
+    reward: Reward,
+    /// gamma, above 0 and below 1.
+    pub discount: f32,
+    /// Least possible sum.
+    pub lowest: f32,
+    /// Length of a typical step.
+    step_length: f32,
+}
+
+/// Least 1 + Q (1 - gamma) that is told apart from 0: beyond this, D no longer grows.
+pub const MIN_REMAINING: f32 = 1e-6;
+
+/// Newton steps to convert the sum of distances: enough for f32 over the whole range.
+const NEWTON_STEPS: usize = 24;
+
+impl Returns {
+    /// Returns the sums of `reward` with a discount, in an environment of `spec`.
+    pub fn new(reward: Reward, discount: f32, spec: &Spec) -> Self {
+        let steps = spec.achieved.iter().map(|i| spec.change_scale[*i]).filter(|scale| *scale > 0.0);
+        let (sum, count) = steps.fold((0.0, 0.0), |(sum, count), scale| (sum + scale, count + 1.0));
+        let step_length = if count > 0.0 { sum / count } else { 1.0 };
+        let sides = spec.achieved.iter().map(|i| 2.0 * spec.state_half_range[*i]);
+        let largest_cost = match reward {
+            Reward::Sparse => 1.0,
+            Reward::Distance => sides.map(|side| side * side).sum::<f32>().sqrt() / step_length,
+        };
+        Self { reward, discount, lowest: -largest_cost / (1.0 - discount), step_length }
+    }
+
+    /// Returns the reward of a step that ends in `next`. The one that reaches the goal costs as much as any other; what
+    /// follows costs nothing, as the episode is over.
+    pub fn reward(&self, spec: &Spec, next: &[f32], goal: &[f32]) -> f32 {
+        match self.reward {
+            Reward::Sparse => -1.0,
+            Reward::Distance => -spec.goal_distance(next, goal) / self.step_length,
+        }
+    }
+
+    /// Returns the target of Q: r + gamma Q', or r at the goal, within the possible range (Andrychowicz et al. 2017,
+    /// appendix A).
+    pub fn target(&self, reward: f32, at_goal: bool, ahead: f32) -> f32 {
+        let rest = if at_goal { 0.0 } else { self.discount * ahead };
+        (reward + rest).clamp(self.lowest, 0.0)
+    }
+
+    /// Converts Q to the steps to the goal, D: finite and at least 0.
+    ///
+    /// With sparse rewards, -Q = 1 + gamma + ... + gamma^(D-1) = (1 - gamma^D) / (1 - gamma). With distances, D is the
+    /// length of a straight walk of full steps that earns Q, -Q = sum over t < D of gamma^t (D - 1 - t): the number of
+    /// steps where nothing is in the way. A way round an obstacle earns as little as a straight way of another length,
+    /// so that this D only tells which of two goals is worth more.
+    pub fn steps(&self, q: f32) -> f32 {
+        match self.reward {
+            Reward::Sparse => {
+                let remaining = (1.0 + q * (1.0 - self.discount)).clamp(MIN_REMAINING, 1.0);
+                (remaining.ln() / self.discount.ln()).max(0.0)
+            }
+            Reward::Distance => straight_steps(-q.clamp(self.lowest, 0.0), self.discount),
+        }
+    }
+}
+
+/// Returns the n of at least 1 with n / (1 - gamma) - (1 - gamma^n) / (1 - gamma)^2 = `cost`, by Newton's method from
+/// above: the sum is convex, so that every step stays above the solution.
+fn straight_steps(cost: f32, discount: f32) -> f32 {
+    let (cost, discount) = (f64::from(cost), f64::from(discount));
+    let horizon = 1.0 / (1.0 - discount);
+    let mut n = cost / horizon + horizon;
+    for _ in 0..NEWTON_STEPS {
+        let kept = discount.powf(n);
+        let excess = n * horizon - (1.0 - kept) * horizon * horizon - cost;
+        n -= excess / (horizon + kept * discount.ln() * horizon * horizon);
+    }
+    n.max(1.0) as f32
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn spec() -> Spec {
+        Spec {
+            state_centre: vec![15.0, 20.0],
+            state_half_range: vec![15.0, 20.0],
+            change_scale: vec![2.0, 2.0],
+            achieved: vec![0, 1],
+            action_dim: 2,
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        }
+    }
+
+    #[test]
+    fn steps_and_sparse_returns_are_inverse() {
+        for discount in [0.9, 0.98, 0.99] {
+            let returns = Returns::new(Reward::Sparse, discount, &spec());
+            let mut q = 0.0;
+            for steps in 0..200 {
+                let found = returns.steps(q);
+                let told_apart = f64::from(discount).powi(steps) > 1e-3;
+                assert!(!told_apart || (found - steps as f32).abs() < 1e-2 * steps as f32 + 1e-3, "{steps}: {found}");
+                q = returns.target(-1.0, false, q);
+            }
+        }
+    }
+
+    #[test]
+    fn steps_of_any_value_are_finite_and_not_negative() {
+        for reward in [Reward::Sparse, Reward::Distance] {
+            let returns = Returns::new(reward, 0.99, &spec());
+            let values = [returns.lowest * 2.0, returns.lowest, -3.0, -0.0, 0.0, 7.0, f32::MAX, f32::MIN];
+            for q in values {
+                let steps = returns.steps(q);
+                assert!(steps.is_finite() && steps >= 0.0, "{reward:?} {q}: {steps}");
+            }
+            assert!(returns.steps(-20.0) < returns.steps(-30.0));
+        }
+    }
+
+    #[test]
+    fn steps_and_returns_of_a_straight_walk_are_inverse() {
+        for discount in [0.9, 0.98, 0.99] {
+            let returns = Returns::new(Reward::Distance, discount, &spec());
+            // The diagonal is 25 steps long.
+            for steps in 1..=25 {
+                // From the last step, with nothing left to go, to the first.
+                let q = (0..steps).fold(0.0, |q, left| returns.target(-(left as f32), false, q));
+                let found = returns.steps(q);
+                assert!((found - steps as f32).abs() < 0.02 * steps as f32, "{steps}: {found}");
+            }
+        }
+    }
+
+    #[test]
+    fn targets_end_at_the_goal_and_stay_within_the_possible_range() {
+        let sparse = Returns::new(Reward::Sparse, 0.98, &spec());
+        assert!((sparse.lowest + 50.0).abs() < 1e-3);
+        assert_eq!(sparse.target(-1.0, true, -30.0), -1.0);
+        assert_eq!(sparse.target(-1.0, false, -30.0), -1.0 + 0.98 * -30.0);
+        assert_eq!(sparse.target(-1.0, false, -1e6), sparse.lowest);
+        assert_eq!(sparse.target(-1.0, false, 1e6), 0.0);
+        // A diagonal of 50 in steps of 2.
+        let distance = Returns::new(Reward::Distance, 0.98, &spec());
+        assert!((distance.lowest + 25.0 * 50.0).abs() < 1e-2);
+        assert_eq!(distance.reward(&spec(), &[3.0, 4.0], &[0.0, 0.0]), -2.5);
+    }
+}

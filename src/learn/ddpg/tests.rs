@@ -1,0 +1,269 @@
+//! Gradients against candle's autograd.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+use candle_core::{D, Device, Tensor, Var};
+use rand::{RngExt, SeedableRng};
+
+use super::*;
+use crate::learn::kernels::kernel;
+use crate::learn::update::losses::EXCESS_WEIGHT;
+use crate::learn::update::reference::{Parameters, mlp, pair_rows};
+
+/// Updates before gradients are compared: target networks start equal to the networks.
+const UPDATES_BEFORE: usize = 20;
+
+fn spec(state: usize, axes: usize, positions: bool) -> Spec {
+    Spec {
+        state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
+        state_half_range: (0..state).map(|i| 3.0 + i as f32).collect(),
+        change_scale: (0..state).map(|i| 0.4 + 0.2 * i as f32).collect(),
+        achieved: (0..axes).map(|i| (i + 1) % state).collect(),
+        action_dim: axes,
+        goal_radius: 0.8,
+        goals_are_positions: positions,
+    }
+}
+
+fn transitions(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Transitions {
+    let state = |rng: &mut ChaCha8Rng| -> Vec<f32> {
+        let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
+        numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
+    };
+    let mut batch = Transitions::default();
+    for i in 0..rows {
+        batch.states.extend(state(rng));
+        batch.next.extend(state(rng));
+        let goal = state(rng);
+        batch.goals.extend(spec.achieved(&goal));
+        batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
+        // Some targets are beyond the possible range.
+        batch.rewards.push(if i % 5 == 4 { 3.0 } else { -0.5 * (i % 3) as f32 });
+        batch.at_goal.push(i % 4 == 1);
+        batch.noise.extend((0..spec.action_dim).map(|_| rng.random_range(-0.5..0.5f32)));
+    }
+    batch
+}
+
+/// Returns a network's parameters or their averages.
+fn parameters_of(learner: &Ddpg, network: &Network, averaged: bool) -> Parameters {
+    let (dense, table) = network.copy(averaged).unwrap();
+    let grid = learner.shared.shapes.encoder.grid();
+    let table = grid.map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu).unwrap());
+    Parameters { dense: Tensor::new(dense, &Device::Cpu).unwrap(), table }
+}
+
+/// The same as variables, and these.
+fn variables_of(learner: &Ddpg, network: &Network) -> (Parameters, Vec<Var>) {
+    let Parameters { dense, table } = parameters_of(learner, network, false);
+    let vars: Vec<Var> = std::iter::once(&dense).chain(&table).map(|t| Var::from_tensor(t).unwrap()).collect();
+    let table = table.map(|_| vars[1].as_tensor().clone());
+    (Parameters { dense: vars[0].as_tensor().clone(), table }, vars)
+}
+
+/// The learner's losses in candle's operations.
+struct Oracle<'a> {
+    shapes: &'a Shapes,
+    states: Tensor,
+    next: Tensor,
+    goals: Tensor,
+    actions: Tensor,
+    batch: &'a Transitions,
+}
+
+impl<'a> Oracle<'a> {
+    fn new(shapes: &'a Shapes, batch: &'a Transitions) -> Self {
+        let spec = shapes.encoder.spec();
+        let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu);
+        Self {
+            shapes,
+            states: tensor(&batch.states, spec.state_dim()).unwrap(),
+            next: tensor(&batch.next, spec.state_dim()).unwrap(),
+            goals: tensor(&batch.goals, spec.goal_dim()).unwrap(),
+            actions: tensor(&batch.actions, spec.action_dim).unwrap(),
+            batch,
+        }
+    }
+
+    fn values(&self, critic: &Parameters, states: &Tensor, actions: &Tensor) -> Tensor {
+        let rows = pair_rows(&self.shapes.encoder, critic, states, &self.goals).unwrap();
+        let rows = Tensor::cat(&[&rows, actions], 1).unwrap();
+        mlp(&self.shapes.critic, &critic.dense, &rows).unwrap().squeeze(1).unwrap()
+    }
+
+    /// The actor's outputs before tanh.
+    fn outputs(&self, actor: &Parameters, states: &Tensor) -> Tensor {
+        let rows = pair_rows(&self.shapes.encoder, actor, states, &self.goals).unwrap();
+        mlp(&self.shapes.actor, &actor.dense, &rows).unwrap()
+    }
+
+    fn targets(&self, critics: &[Parameters], actor: &Parameters) -> Tensor {
+        let noise = Tensor::from_slice(&self.batch.noise, self.actions.shape(), &Device::Cpu).unwrap();
+        let actions = (self.outputs(actor, &self.next).tanh().unwrap() + noise).unwrap().clamp(-1.0, 1.0).unwrap();
+        let values = critics.iter().map(|critic| self.values(critic, &self.next, &actions));
+        let least = values.reduce(|a, b| a.minimum(&b).unwrap()).unwrap();
+        let column = |numbers: Vec<f32>| Tensor::new(numbers, &Device::Cpu).unwrap();
+        let rest = column(self.batch.at_goal.iter().map(|end| f32::from(u8::from(!end))).collect());
+        let returns = &self.shapes.returns;
+        let ahead = ((least * rest).unwrap() * f64::from(returns.discount)).unwrap();
+        let targets = (&column(self.batch.rewards.clone()) + &ahead).unwrap();
+        targets.clamp(returns.lowest, 0.0).unwrap().detach()
+    }
+
+    fn critic_loss(&self, critic: &Parameters, targets: &Tensor) -> Tensor {
+        let error = (self.values(critic, &self.states, &self.actions) - targets).unwrap();
+        error.sqr().unwrap().mean_all().unwrap()
+    }
+
+    /// Mean -Q, and all that the actor minimises.
+    fn actor_loss(&self, critic: &Parameters, actor: &Parameters) -> (Tensor, Tensor) {
+        let outputs = self.outputs(actor, &self.states);
+        let cost = self.values(critic, &self.states, &outputs.tanh().unwrap()).mean_all().unwrap().neg().unwrap();
+        let mut all = (&cost + (outputs.sqr().unwrap().mean_all().unwrap() * f64::from(self.shapes.actor_l2))).unwrap();
+        if self.shapes.actor_bound.is_finite() {
+            let excess = (outputs.abs().unwrap() - f64::from(self.shapes.actor_bound)).unwrap().relu().unwrap();
+            let excess = excess.sqr().unwrap().sum(D::Minus1).unwrap().mean_all().unwrap();
+            all = (all + (excess * f64::from(EXCESS_WEIGHT)).unwrap()).unwrap();
+        }
+        (cost, all)
+    }
+}
+
+/// Returns a network's gradient on the latest batch: of its parameters, and of its table.
+fn full_gradient(learner: &Ddpg, network: &Network, of: impl Fn(&mut Part) -> &mut Gradient) -> Vec<Vec<f32>> {
+    let (mut dense, mut encoded) = (Vec::new(), Vec::new());
+    for part in &learner.shared.parts {
+        let mut part = part.lock();
+        let gradient = of(&mut part);
+        dense.resize(gradient.dense.len(), 0.0);
+        kernel::add_into(&mut dense, &gradient.dense);
+        encoded.push(gradient.encoded.clone());
+    }
+    let touched = learner.shared.touched.read();
+    let table = network.halves().1.map(|table| touched.table_gradient(&encoded, table.channels()));
+    std::iter::once(dense).chain(table).collect()
+}
+
+fn assert_close(name: &str, found: &[Vec<f32>], loss: &Tensor, vars: &[Var]) {
+    let gradients = loss.backward().unwrap();
+    assert_eq!(found.len(), vars.len());
+    for (found, var) in found.iter().zip(vars) {
+        let expected = gradients.get(var).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
+        assert_eq!(found.len(), expected.len());
+        let off = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        let largest = expected.iter().map(|g| g.abs()).fold(0.0, f32::max);
+        assert!(largest > 0.0 && off < 5e-4 * largest + 1e-6, "{name}: off by {off} of {largest}");
+    }
+}
+
+fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut learner = Ddpg::new(variant, (spec, settings), 2, &mut rng).unwrap();
+    for _ in 0..UPDATES_BEFORE {
+        let other = transitions(spec, settings.batch_size, &mut rng);
+        learner.update_on(&other, &mut Profile::default()).unwrap();
+    }
+    let batch = transitions(spec, settings.batch_size, &mut rng);
+    let shapes = learner.shared.shapes.clone();
+    let oracle = Oracle::new(&shapes, &batch);
+    let at = |averaged: bool| {
+        let critics: Vec<_> = learner.shared.critics.iter().map(|c| parameters_of(&learner, c, averaged)).collect();
+        oracle.targets(&critics, &parameters_of(&learner, &learner.shared.actor, averaged))
+    };
+    let targets = at(true);
+    let [expected, current] = [&targets, &at(false)].map(|targets| targets.to_vec1::<f32>().unwrap());
+    let apart = expected.iter().zip(&current).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(apart > 0.003 || batch.len() == 1, "targets at averages and at current weights differ by {apart} only");
+    // The gradients of an update, without its steps.
+    learner.shared.batch.write().clone_from(&batch);
+    let parts = learner.shared.parts.len();
+    learner.run_parallel(1 + parts, Shared::touched_corners_or_gradients).unwrap();
+    learner.run_parallel(parts, Shared::actor_gradient).unwrap();
+    let found: Vec<f32> = learner.shared.parts.iter().flat_map(|part| part.lock().targets.clone()).collect();
+    for (found, expected) in found.iter().zip(&expected) {
+        assert!((found - expected).abs() < 1e-4 * expected.abs() + 1e-5, "target {found} instead of {expected}");
+    }
+    assert!(batch.len() < 5 || found.contains(&0.0), "a target is clipped");
+    let mut critic_losses = Vec::new();
+    for (k, critic) in learner.shared.critics.iter().enumerate() {
+        let (own, vars) = variables_of(&learner, critic);
+        let loss = oracle.critic_loss(&own, &targets);
+        critic_losses.push(loss.to_scalar::<f32>().unwrap());
+        let found = full_gradient(&learner, critic, |part| &mut part.critics[k]);
+        assert_close("critic", &found, &loss, &vars);
+    }
+    let (own, vars) = variables_of(&learner, &learner.shared.actor);
+    let (cost, loss) = oracle.actor_loss(&parameters_of(&learner, &learner.shared.critics[0], false), &own);
+    assert_close("actor", &full_gradient(&learner, &learner.shared.actor, |part| &mut part.actor), &loss, &vars);
+    let losses = learner.shared.parts.iter().map(|part| part.lock().losses);
+    let (critic, actor) = losses.fold((0.0, 0.0), |sum, part| (sum.0 + part.critic, sum.1 + part.actor));
+    let expected = (critic_losses.iter().sum::<f32>() / critic_losses.len() as f32, cost.to_scalar::<f32>().unwrap());
+    let close = |a: f32, b: f32| (a - b).abs() < 2e-4 * b.abs() + 1e-5;
+    assert!(close(critic, expected.0) && close(actor, expected.1), "{critic}, {actor} instead of {expected:?}");
+}
+
+fn settings(batch: usize, hidden: usize, layers: usize, critics: usize) -> LearnSettings {
+    LearnSettings { batch_size: batch, hidden, layers, critics, ..LearnSettings::tuned() }
+}
+
+/// Inputs as the goal-distance learner has them by default.
+fn with_our_inputs(settings: &LearnSettings) -> LearnSettings {
+    let LearnSettings { fourier_octaves, relative_scales, grid_cells, .. } = LearnSettings::default();
+    LearnSettings { fourier_octaves, relative_scales, grid_cells, ..settings.clone() }
+}
+
+#[test]
+fn gradients_of_the_presets_match_autograd() {
+    for preset in [LearnSettings::tuned(), LearnSettings::sb3()] {
+        for variant in [&SPARSE, &HINDSIGHT, &DISTANCE] {
+            check(variant, &spec(2, 2, true), &LearnSettings { batch_size: 96, ..preset.clone() });
+        }
+    }
+}
+
+#[test]
+fn gradients_with_our_inputs_match_autograd() {
+    for critics in [1, 2] {
+        check(&HINDSIGHT, &spec(2, 2, true), &with_our_inputs(&settings(70, 48, 2, critics)));
+        check(&DISTANCE, &spec(5, 3, true), &with_our_inputs(&settings(40, 24, 2, critics)));
+    }
+}
+
+#[test]
+fn gradients_of_odd_sizes_and_batch_one_match_autograd() {
+    for (batch, hidden, layers) in [(1, 16, 1), (3, 7, 2), (37, 33, 3), (129, 40, 2)] {
+        check(&SPARSE, &spec(2, 2, true), &settings(batch, hidden, layers, 2));
+    }
+    check(&SPARSE, &spec(10, 6, false), &settings(33, 24, 2, 1));
+}
+
+#[test]
+fn gradients_of_penalised_outputs_match_autograd() {
+    let bounded = LearnSettings { actor_bound: 0.05, actor_l2: 0.0, ..settings(40, 32, 2, 1) };
+    check(&SPARSE, &spec(2, 2, true), &bounded);
+    check(&SPARSE, &spec(2, 2, true), &LearnSettings { actor_bound: 0.0, actor_l2: 0.7, ..bounded });
+}
+
+#[test]
+fn updates_are_the_same_on_any_number_of_threads() {
+    let (spec, settings) = (spec(2, 2, true), with_our_inputs(&settings(130, 32, 2, 2)));
+    let states = [1, 2, 3].map(|threads| {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut learner = Ddpg::new(&HINDSIGHT, (&spec, &settings), threads, &mut rng).unwrap();
+        for _ in 0..30 {
+            learner.update_on(&transitions(&spec, 130, &mut rng), &mut Profile::default()).unwrap();
+        }
+        let mut store = Store::default();
+        learner.save(&mut store).unwrap();
+        store
+    });
+    assert!(states[0] == states[1] && states[0] == states[2]);
+}
+
+#[test]
+fn other_backends_are_refused_by_name() {
+    let settings = LearnSettings { backend: Backend::Tape, ..LearnSettings::tuned() };
+    let refused = (HER.create)(&spec(2, 2, true), &settings, 1, &mut ChaCha8Rng::seed_from_u64(1));
+    let message = refused.err().unwrap().to_string();
+    assert!(message.contains("her") && message.contains("backend=fused"), "{message}");
+}
