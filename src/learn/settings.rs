@@ -195,10 +195,12 @@ impl LearnSettings {
         Self {
             critics: 1,
             n_step: 1,
+            tau: 0.01,
             expectile: 0.5,
             greedy_targets: false,
             relearn_updates: 0,
             hindsight_bound: false,
+            max_distance_steps: 20.0,
             goal_hindsight: 0.0,
             goal_random: 0.0,
             loss: LossScale::Squared,

@@ -130,12 +130,15 @@ impl TrainSettings {
     pub fn paper() -> Self {
         Self {
             agents: 1,
-            episode_steps: Auto::Given(150),
+            episode_steps: Auto::Given(20),
             restart: Restart::Anywhere,
             env_steps_per_update: 1,
             update_when: UpdateWhen::EpisodeEnd,
+            learning_starts: 1_000,
             random_actions: 0.0,
+            near_goals: 0.8,
             new_goal_when_reached: false,
+            env_noise: 1.0,
             ..Self::default()
         }
     }

@@ -119,6 +119,8 @@ impl Figure {
             _ => (20_000, 100_000),
         };
         let length = match budget {
+            // With batches of one agent's steps and no tricks, the paper's updates are cheaper and it needs more of them.
+            BudgetArg::Quick if ["gdg", "gdg-bridge"].contains(&method) => Length::Updates(4 * updates),
             BudgetArg::Quick => Length::Updates(updates),
             // Our default needs a small part of what the paper's methods train for.
             BudgetArg::Paper if method == "default" => Length::Updates(5 * updates),

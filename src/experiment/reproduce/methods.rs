@@ -23,6 +23,9 @@ pub struct Entry {
     pub colour: Rgb,
 }
 
+/// SoRB's environment, in which the paper compares its methods, adds noise to all actions (preset `paper` has it too).
+const NOISE: &str = "env_noise=1";
+
 /// All methods: our default, those that the paper compares, and SoRB, on which it builds.
 pub const ENTRIES: [Entry; 8] = [
     Entry {
@@ -31,7 +34,7 @@ pub const ENTRIES: [Entry; 8] = [
         learner: "gdg",
         planner: Planner::Bridges,
         preset: "default",
-        set: &[],
+        set: &[NOISE],
         colour: (213, 94, 0),
     },
     Entry {
@@ -58,7 +61,7 @@ pub const ENTRIES: [Entry; 8] = [
         learner: "her",
         planner: Planner::None,
         preset: "tuned",
-        set: &[],
+        set: &[NOISE],
         colour: (0, 158, 115),
     },
     Entry {
@@ -67,7 +70,7 @@ pub const ENTRIES: [Entry; 8] = [
         learner: "ddpg",
         planner: Planner::None,
         preset: "tuned",
-        set: &[],
+        set: &[NOISE],
         colour: (230, 159, 0),
     },
     Entry {
@@ -76,7 +79,7 @@ pub const ENTRIES: [Entry; 8] = [
         learner: "ddpg-distance",
         planner: Planner::None,
         preset: "tuned",
-        set: &[],
+        set: &[NOISE],
         colour: (204, 121, 167),
     },
     Entry {
@@ -86,7 +89,7 @@ pub const ENTRIES: [Entry; 8] = [
         learner: "her",
         planner: Planner::Sorb,
         preset: "tuned",
-        set: &[],
+        set: &[NOISE],
         colour: (0, 0, 0),
     },
     Entry {
