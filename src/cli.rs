@@ -121,6 +121,9 @@ pub struct AblateArgs {
     /// Built-in map or map file
     #[arg(default_value = "fourrooms", value_name = "MAP")]
     pub map: String,
+    /// Climb from the preset paper to the default instead, component by component
+    #[arg(long)]
+    pub ladder: bool,
     /// Updates per run
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..))]
     pub updates: u64,

@@ -332,6 +332,32 @@ fn the_paper_preset_makes_one_update_per_step_after_each_episode() {
     assert_eq!((run.counters().updates, run.counters().episodes), (episode, 1));
 }
 
+/// Returns the longest way along an axis from an agent's start to its goal, over many episodes.
+fn farthest_goal(near_goals: f32) -> f32 {
+    let mut own = settings();
+    own.train.near_goals = near_goals;
+    own.train.restart = Restart::Anywhere;
+    own.train.episode_steps = Auto::Given(5);
+    let mut run = trainer(own, 15, 1);
+    let mut farthest = 0.0f32;
+    for _ in 0..60 {
+        run.tick().unwrap();
+        let starts = run.rollout().agents().iter().zip(run.rollout().env().states().chunks_exact(2));
+        let begins = starts.filter(|(agent, _)| agent.steps == 0 && run.counters().episodes > 0);
+        for (agent, at) in begins {
+            farthest = (agent.goal[0] - at[0]).abs().max((agent.goal[1] - at[1]).abs()).max(farthest);
+        }
+    }
+    farthest
+}
+
+#[test]
+fn near_goals_are_where_walks_of_a_few_steps_end() {
+    let near = farthest_goal(1.0);
+    assert!((1.0..=4.0).contains(&near), "{near}");
+    assert!(farthest_goal(0.0) > 10.0);
+}
+
 /// Returns the two rooms with the door in the first row instead.
 fn door_above() -> Arc<Grid> {
     let row = |(i, line): (usize, &str)| {

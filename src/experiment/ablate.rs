@@ -1,4 +1,5 @@
-//! `gdg-tui ablate`: measures the effect of switching off each component of the default preset.
+//! `gdg-tui ablate`: measures the effect of switching off each component of the default preset, or of adding one after the
+//! other to the preset `paper`.
 
 use std::fs::OpenOptions;
 use std::io::Write;
@@ -16,7 +17,7 @@ use crate::map::Grid;
 use crate::report::from_config_error;
 use crate::setup::{create, find_map, refuse_existing, threads};
 use crate::text::{counted, eprint_line};
-use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
+use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Settings, Trainer, settings_from};
 
 /// The default with one thing changed.
 struct Variant {
@@ -24,6 +25,15 @@ struct Variant {
     method: &'static str,
     /// Settings as `--set` takes them, separated by spaces.
     set: &'static str,
+}
+
+/// What is trained and evaluated.
+struct Case {
+    name: &'static str,
+    method: &'static str,
+    preset: Preset,
+    /// Settings that differ from the preset's, as `--set` takes them.
+    set: Vec<&'static str>,
 }
 
 const fn without(name: &'static str, set: &'static str) -> Variant {
@@ -58,11 +68,58 @@ const VARIANTS: [Variant; 25] = [
     Variant { name: "method gdg (no bridges)", method: "gdg", set: "" },
 ];
 
+/// The components between the presets `paper` and `default`, each on top of those before it. The world is the same for
+/// all, without noise.
+const LADDER: [(&str, &str); 11] = [
+    ("preset paper, without noise", "env_noise=0"),
+    (
+        "+ hindsight goals instead of near ones",
+        "near_goals=0 goal_hindsight=0.5 goal_random=0.1 hindsight_bound=true max_distance_steps=0",
+    ),
+    (
+        "+ 32 agents side by side, long episodes",
+        "agents=32 env_steps_per_update=16 update_when=step learning_starts=4000 random_actions=0.3 \
+         new_goal_when_reached=true episode_steps=auto",
+    ),
+    ("+ relative inputs, Fourier features", "relative_scales=[0.5,1,2,4,8,32] fourier_octaves=3"),
+    ("+ grid encoding", "grid_cells=[4,2,1,0.5]"),
+    ("+ 3-step targets, two critics, error of sqrt(D)", "n_step=3 critics=2 loss=sqrt tau=0.005"),
+    (
+        "+ targets of the better of behaviour and actor",
+        "greedy_targets=true expectile=0.55 actor_bound=2.5 relearn_updates=3000",
+    ),
+    (
+        "+ verified edges, progress check, more candidates",
+        "verify_edges=true keep_observed_edges=true progress_check=true averaged_weights=true hop_steps=1 \
+         candidates=1200 candidate_spacing=1",
+    ),
+    ("+ distillation, plans in exploration", "distillation=0.3 planned_episodes=0.7"),
+    ("+ lookahead", "lookahead=true"),
+    ("+ one start, excursions: the default", "restart=auto frontier_epsilon=auto"),
+];
+
+/// Returns the cases in the order of the table.
+fn cases(ladder: bool) -> Vec<Case> {
+    if !ladder {
+        let case = |v: &Variant| Case {
+            name: v.name,
+            method: v.method,
+            preset: Preset::Default,
+            set: v.set.split_whitespace().collect(),
+        };
+        return VARIANTS.iter().map(case).collect();
+    }
+    let set = |rung: usize| LADDER[..=rung].iter().flat_map(|(_, set)| set.split_whitespace()).collect();
+    let case = |rung: usize| Case { name: LADDER[rung].0, method: "gdg-bridge", preset: Preset::Paper, set: set(rung) };
+    (0..LADDER.len()).map(case).collect()
+}
+
 /// One run's result.
 #[derive(Debug, Serialize)]
 struct Outcome {
     variant: &'static str,
-    set: &'static str,
+    preset: Preset,
+    set: String,
     method: &'static str,
     seed: u64,
     evaluation: Evaluation,
@@ -78,17 +135,19 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
     }
     let map = Arc::new(find_map(&args.map, &Registry::builtin())?);
     let world = PointMaze::new(map.clone(), 0);
-    let runs: Vec<(&Variant, u64)> =
-        VARIANTS.iter().flat_map(|v| (1..=args.seeds).map(move |seed| (v, seed))).collect();
+    let cases = cases(args.ladder);
+    let runs: Vec<(&Case, u64)> =
+        cases.iter().flat_map(|case| (1..=args.seeds).map(move |seed| (case, seed))).collect();
     let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
     let work = || -> Result<(), Report> {
-        while let Some((variant, seed)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let evaluation = train(variant, *seed, &world, args)?;
+        while let Some((case, seed)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
+            let evaluation = train(case, *seed, &world, args)?;
             let mut outcomes = outcomes.lock();
             let (done, success) = (outcomes.len() + 1, evaluation.success(args.updates));
-            eprint_line(&format!("{done} of {}: {}, seed {seed}: {success}", runs.len(), variant.name));
-            let (variant, set, method) = (variant.name, variant.set, variant.method);
-            outcomes.push(Outcome { variant, set, method, seed: *seed, evaluation });
+            eprint_line(&format!("{done} of {}: {}, seed {seed}: {success}", runs.len(), case.name));
+            let Case { name, method, preset, set } = case;
+            let (variant, set) = (*name, set.join(" "));
+            outcomes.push(Outcome { variant, preset: *preset, set, method, seed: *seed, evaluation });
         }
         Ok(())
     };
@@ -99,7 +158,7 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
             .try_for_each(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
     })?;
     let mut outcomes = outcomes.into_inner();
-    let place = |name: &str| VARIANTS.iter().position(|v| v.name == name);
+    let place = |name: &str| cases.iter().position(|case| case.name == name);
     outcomes.sort_by_key(|o| (place(o.variant), o.seed));
     let table = table(&map, &outcomes, args);
     if let Some(path) = &args.json {
@@ -125,11 +184,15 @@ fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), 
     create(path, overwrite)?.write_all(json.as_bytes()).into_diagnostic().wrap_err_with(problem)
 }
 
-fn train(variant: &Variant, seed: u64, world: &PointMaze, args: &AblateArgs) -> Result<Evaluation, Report> {
-    let set: Vec<String> = variant.set.split_whitespace().map(str::to_owned).collect();
-    let settings = settings_from(Preset::Default, &Overrides { config: None, set: &set }).map_err(from_config_error)?;
-    let method: Method = variant.method.parse().into_diagnostic()?;
-    let run = Run { method, preset: Preset::Default, seed, settings };
+/// Returns the settings of `case`.
+fn settings(case: &Case) -> Result<Settings, Report> {
+    let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
+    settings_from(case.preset, &Overrides { config: None, set: &set }).map_err(from_config_error)
+}
+
+fn train(case: &Case, seed: u64, world: &PointMaze, args: &AblateArgs) -> Result<Evaluation, Report> {
+    let method: Method = case.method.parse().into_diagnostic()?;
+    let run = Run { method, preset: case.preset, seed, settings: settings(case)? };
     let mut trainer = Trainer::new(run, world, &Registry::builtin(), 1).into_diagnostic()?;
     let limits = Limits { updates: Some(args.updates), ..Limits::default() };
     while trainer.limit_reached(&limits).is_none() {
@@ -171,4 +234,22 @@ fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
         );
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::train::TrainSettings;
+
+    #[test]
+    fn the_ladder_climbs_from_the_preset_paper_to_the_default() {
+        let ladder = cases(true);
+        let settings = |case: &Case| settings(case).expect("valid settings");
+        let first =
+            Settings { train: TrainSettings { env_noise: 0.0, ..TrainSettings::paper() }, ..Preset::Paper.settings() };
+        assert_eq!(settings(&ladder[0]), first);
+        assert_eq!(settings(&ladder[ladder.len() - 1]), Settings::default());
+        assert!(ladder.windows(2).all(|rungs| settings(&rungs[0]) != settings(&rungs[1])));
+        assert!(cases(false).iter().all(|case| super::settings(case).is_ok()));
+    }
 }

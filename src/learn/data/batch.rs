@@ -249,6 +249,10 @@ mod tests {
         let mut batch = Batch::default();
         sampler.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.greedy_targets && !batch.frees_stuck_actor && batch.lower.iter().all(|steps| *steps == 0.0));
+        assert!(batch.bound.iter().any(|bound| *bound > 20.0));
+        let bounded = LearnSettings { max_distance_steps: 20.0, ..settings };
+        BatchSampler::new(&spec, &bounded).sample(&replay, None, &mut rng, &mut batch);
+        assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
         // Places at both ends; from the first to the second it is much farther than D says.
         let (states, pairs) = ([10.0, 90.0], [(0, 1, 200.0), (1, 0, 80.0)]);
         let mut places = GoalIndex::new(&spec);
