@@ -151,6 +151,10 @@ pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
         return Ok(grid);
     }
     let path = Path::new(name);
+    if registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name) && !path.exists() {
+        let help = "give a map: a built-in name or a file";
+        return Err(miette!(help = help, "{name}: is a world without a map, which this command needs"));
+    }
     let looks_like_a_name = !path.exists() && path.extension().is_none() && !name.contains(std::path::is_separator);
     if looks_like_a_name {
         let maps = map::BUILTIN.map(|(known, _)| known);
@@ -198,12 +202,18 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     args.edit_at.iter().map(load).collect()
 }
 
-/// Rejects the path of an existing file unless it may be replaced.
+/// Rejects the path of an existing file unless it may be replaced. What is not a checkpoint never replaces one.
 ///
 /// # Errors
 /// The file exists.
 pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
-    if overwrite || path.symlink_metadata().is_err() { Ok(()) } else { Err(already_exists(path)) }
+    if path.symlink_metadata().is_err() {
+        return Ok(());
+    }
+    if train::is_checkpoint(path) {
+        return Err(miette!(help = "give another name", "{}: is a checkpoint and is not replaced", path.display()));
+    }
+    if overwrite { Ok(()) } else { Err(already_exists(path)) }
 }
 
 /// Creates a file, or truncates an existing one if it may be replaced.
@@ -211,6 +221,7 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
 /// # Errors
 /// The file exists, or cannot be created.
 pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
+    refuse_existing(path, overwrite)?;
     let file = if overwrite { File::create(path) } else { File::create_new(path) };
     file.map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => already_exists(path),

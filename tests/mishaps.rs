@@ -133,6 +133,24 @@ fn a_new_run_does_not_replace_the_checkpoint_of_another() {
 }
 
 #[test]
+fn tables_and_exports_never_replace_a_checkpoint() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    let before = std::fs::read(&path).unwrap();
+    let run = |args: &[&str]| {
+        let mut command = isolated_command(folder.path());
+        let (status, _, errors) = outcome(command.args(args));
+        assert_eq!(status, 2, "{errors}");
+        assert!(errors.contains("small.safetensors: is a checkpoint and is not replaced"), "{errors}");
+        assert_eq!(std::fs::read(&path).unwrap(), before);
+    };
+    run(&["export-policy", "small.safetensors", "--out", "small.safetensors", "--overwrite"]);
+    run(&["--no-ui", "trap", "--max-updates", "5", "--csv", "small.safetensors", "--overwrite"]);
+    run(&["--no-ui", "--resume", "small.safetensors", "--csv", "small.safetensors", "--overwrite"]);
+    run(&["ablate", "trap", "--updates", "5", "--json", "small.safetensors", "--overwrite"]);
+}
+
+#[test]
 fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
     let folder = folder();
     let path = folder.path().join("notes.txt");

@@ -212,7 +212,7 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
 
     let none = more(&["--collect"]);
     assert_eq!(none.status, Some(1));
-    has_parts(&none.err, &["nothing to draw", "missing: trap-default-1-"]);
+    has_parts(&none.err, &["nothing to draw", "5 jobs missing: ", "trap-default-1-"]);
     let listed = more(&["--list-jobs"]).out;
     let commands: Vec<&str> = listed.lines().collect();
     assert!(commands.len() >= 3 && commands.iter().all(|line| line.contains("'/")), "{listed}");

@@ -45,6 +45,11 @@ impl Folder {
     /// # Errors
     /// They cannot.
     pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
+        let report = self.0.join("report.md");
+        if report.exists() && !self.0.join("jobs").exists() {
+            let help = "give --out a folder of its own";
+            return Err(miette!(help = help, "{}: is not of gdg-tui and is not replaced", report.display()));
+        }
         let paths: Vec<PathBuf> = names.iter().map(|name| self.0.join(name)).collect();
         paths.iter().try_for_each(|path| files::check_writable(path)).map_err(|error| {
             let help = "give --out a writable folder";

@@ -47,6 +47,8 @@ pub struct CheckpointError {
 pub struct Description {
     /// The file.
     pub file: PathBuf,
+    /// Kind of its world.
+    pub world: String,
     /// Title of its world: the map's name.
     pub title: String,
     /// Method, preset, seed and settings.
@@ -75,6 +77,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
         Ok::<_, ContentError>(Description {
             file: path.to_owned(),
             // Older formats only had maps.
+            world: safe_file_name(store.text("world").unwrap_or("maze")),
             title: safe_file_name(store.text("title").or_else(|_| store.text("map_name"))?),
             run: store.json("run")?,
             updates: store.json::<TrainerState>("trainer")?.counters.updates,

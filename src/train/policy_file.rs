@@ -23,7 +23,13 @@ pub fn policy_file(trainer: &Trainer) -> Result<Vec<u8>, TrainError> {
     let run = trainer.run();
     let export = trainer.learner().export_actor(run.settings.bridge.averaged_weights)?;
     let export = export.ok_or_else(|| {
-        LearnError::Other(format!("the learner {} has no actor to export", trainer.learner().kind()).into())
+        LearnError::Other(
+            format!(
+                "the actor of the learner {} cannot be exported yet: only that of gdg can",
+                trainer.learner().kind()
+            )
+            .into(),
+        )
     })?;
     let description = json!({
         "inputs": export.inputs,

@@ -50,8 +50,10 @@ pub enum Choice {
     StartOn(Arc<Grid>),
     /// Continues with the same networks on another map of the current size.
     ContinueOn(Arc<Grid>),
-    /// Loads a checkpoint.
+    /// Loads a checkpoint; asks first if much would be lost.
     Load(PathBuf),
+    /// Loads a checkpoint without saving.
+    LoadUnsaved(PathBuf),
     /// Writes an export to a file.
     Export(ExportKind),
     /// Quits, saving first or not.

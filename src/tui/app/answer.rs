@@ -7,6 +7,7 @@ use super::files::checkpoint_file;
 use super::{App, maze_on};
 use crate::map::{Grid, MAX_CELLS};
 use crate::train::{Command, ConfigError, Run, Setting, list_settings, with_setting};
+use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 
 /// Why an answer is not accepted.
@@ -88,7 +89,11 @@ impl App {
                 let new = self.screen.editor.record(&self.screen.map.clone(), (*map).clone());
                 self.change_map(new);
             }
-            Choice::Load(path) => {
+            Choice::Load(path) if self.is_worth_saving() => {
+                let key = self.screen.keymap.key_of(Action::Save).to_string();
+                self.open_picker(lists::load_choices(self.screen.unsaved_updates(), path, &key));
+            }
+            Choice::Load(path) | Choice::LoadUnsaved(path) => {
                 self.notify(&format!("loading {} ...", path.display()));
                 self.command(Command::Load(path));
             }

@@ -7,6 +7,7 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::{Choice, Item, Picker};
+use crate::env::maze;
 use crate::map::{BUILTIN, Grid};
 use crate::train::{
     CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, Settings, list_settings,
@@ -78,6 +79,15 @@ pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
     Picker::new("quit?", items)
 }
 
+/// Asks whether to load a checkpoint although training is unsaved.
+pub fn load_choices(unsaved_updates: u64, file: PathBuf, save_key: &str) -> Picker {
+    let items = vec![
+        Item::new("stay", format!("{save_key} saves this run first"), Choice::Nothing),
+        Item::new("load it", format!("{unsaved_updates} unsaved updates are lost"), Choice::LoadUnsaved(file)),
+    ];
+    Picker::new("load a checkpoint although this run is not saved?", items)
+}
+
 /// Asks what to do after a failure.
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
@@ -135,6 +145,10 @@ pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &
     found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
     let name = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let item = |found: &Result<Description, CheckpointError>| match found {
+        Ok(d) if d.world != maze::KIND.name => {
+            let why = format!("cannot be drawn: continue it with --no-ui; {}", about(d, zone));
+            Item::new(name(&d.file), why, Choice::Nothing)
+        }
         Ok(d) => Item::new(name(&d.file), about(d, zone), Choice::Load(d.file.clone())),
         Err(e) => Item::new(name(&e.file), format!("cannot be loaded: {}", e.problem), Choice::Nothing),
     };

@@ -114,7 +114,11 @@ impl Picker {
         let pattern = Pattern::parse(self.typed.value(), CaseMatching::Ignore, Normalization::Smart);
         let mut matcher = Matcher::new(Config::DEFAULT);
         let mut buffer = Vec::new();
+        let typed = self.typed.value().trim();
         let mut score = |item: &Item| {
+            if item.label == typed {
+                return Some(u32::MAX);
+            }
             // A match in the label counts more than one in the detail.
             let of = |text: &str, matcher: &mut Matcher, buffer: &mut Vec<char>| {
                 pattern.score(Utf32Str::new(text, buffer), matcher)
@@ -140,7 +144,12 @@ mod tests {
         let item = |label: &str, detail: &str| Item::new(label, detail, Choice::Setting(label.to_owned()));
         Picker::new(
             "settings",
-            vec![item("batch", "64"), item("learning_rate", "0.001"), item("loss", "sqrt: relative accuracy")],
+            vec![
+                item("loss_scale", "-"),
+                item("batch", "64"),
+                item("learning_rate", "0.001"),
+                item("loss", "sqrt: relative accuracy"),
+            ],
         )
     }
 
@@ -156,6 +165,9 @@ mod tests {
         picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
         press(&mut picker, "accuracy");
         assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "details are searched too");
+        picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
+        press(&mut picker, "loss");
+        assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "the exact name comes first");
         press(&mut picker, "zzz");
         assert_eq!(picker.choice(), None);
     }
@@ -166,7 +178,7 @@ mod tests {
         picker.move_selection(-5);
         assert_eq!(picker.shown().1, 0);
         picker.move_selection(99);
-        assert_eq!(picker.shown().1, 2);
-        assert!(!picker.select(3));
+        assert_eq!(picker.shown().1, 3);
+        assert!(!picker.select(4));
     }
 }

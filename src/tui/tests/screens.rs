@@ -298,6 +298,7 @@ fn lists_of_files_match_their_snapshots() {
     let entries = entries.map(|(name, is_folder)| (folder.join(name), is_folder));
     let recent = [PathBuf::from("/home/ada/rooms-edited.txt")];
     let description = |name: &str, days: u64, planned| Description {
+        world: "maze".to_owned(),
         file: PathBuf::from(format!("saves/{name}.safetensors")),
         title: "rooms".to_owned(),
         run: staged_app(80, 24).screen.run().clone(),
