@@ -133,6 +133,7 @@ fn the_same_seed_prints_the_same_records_on_any_number_of_threads() {
 fn other_methods_and_the_paper_preset_run() {
     let plans = [
         (["--method", "gdg"], false),
+        (["--method", "gdg-distance"], false),
         (["--method", "random"], false),
         (["--method", "ddpg-distance"], false),
         (["--method", "her+sorb"], true),
