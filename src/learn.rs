@@ -11,6 +11,8 @@ mod data;
 mod ddpg;
 #[forbid(unsafe_code)]
 mod gdg;
+#[forbid(unsafe_code)]
+mod gdg_distance;
 mod kernels;
 #[forbid(unsafe_code)]
 mod learner;
@@ -49,4 +51,5 @@ pub use update::profile::{Profile, Stage};
 pub use update::reference::{Layers, Reference};
 
 /// The built-in learners.
-pub const LEARNERS: [LearnerKind; 5] = [gdg::KIND, ddpg::DDPG, ddpg::HER, ddpg::DDPG_DISTANCE, random::KIND];
+pub const LEARNERS: [LearnerKind; 6] =
+    [gdg::KIND, gdg_distance::KIND, ddpg::DDPG, ddpg::HER, ddpg::DDPG_DISTANCE, random::KIND];

@@ -133,6 +133,7 @@ fn the_same_seed_prints_the_same_records_on_any_number_of_threads() {
 fn other_methods_and_the_paper_preset_run() {
     let plans = [
         (["--method", "gdg"], false),
+        (["--method", "gdg-distance"], false),
         (["--method", "random"], false),
         (["--method", "ddpg-distance"], false),
         (["--method", "her+sorb"], true),
@@ -341,7 +342,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--no-ui", &scenario], &["plain.scen:1:1", "this is a scenario file", "--scen"]),
         (&["--no-ui", "--set", "expectil=0.9"], &["expectil", "did you mean expectile"]),
         (&["--no-ui", "--set", "expectile=2"], &["expectile cannot be 2", "above 0 and below 1"]),
-        (&["--no-ui", "--method", "my-own+none"], &["unknown learner \"my-own\"", "gdg, ddpg, her"]),
+        (&["--no-ui", "--method", "my-own+none"], &["unknown learner \"my-own\"", "gdg, gdg-distance, ddpg, her"]),
         (&["--no-ui", "--set", "batch=many"], &["batch cannot be \"many\"", "integer from 1"]),
         (&["--no-ui", "--set", "loss=cubic"], &["loss cannot be \"cubic\"", "squared, sqrt or log"]),
         (&["--no-ui", "--set", "tau"], &["no value", "name=value"]),
@@ -352,7 +353,10 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
             &["episode_steps=60000", "buffer_size must be at least 1920032"],
         ),
         (&["--no-ui", "--method", "gpg"], &["gpg", "possible values"]),
-        (&["--no-ui", "--method", "gdg+foo"], &["gdg+foo", "LEARNER+PLANNER", "gdg, ddpg, her", "none, bridges, sorb"]),
+        (
+            &["--no-ui", "--method", "gdg+foo"],
+            &["gdg+foo", "LEARNER+PLANNER", "gdg, gdg-distance, ddpg, her", "none, bridges, sorb"],
+        ),
         (&["--no-ui", "--method", "my-own+none"], &["LEARNER+PLANNER", "none, bridges, sorb"]),
         (&["--no-ui", "--max-updates", "-3"], &["-3"]),
         (&["--no-ui", "--require-success", "2"], &["fraction from 0 to 1"]),

@@ -150,7 +150,8 @@ fn state(trainer: &Trainer) -> Store {
 #[test]
 fn runs_resume_bitwise_from_a_checkpoint() {
     let folder = tempfile::tempdir().unwrap();
-    for (wall, method) in [(None, "gdg"), (None, "gdg-bridge"), (Some(WALL), "gdg"), (Some(WALL), "gdg-bridge")] {
+    let open = [(None, "gdg"), (None, "gdg-bridge"), (None, "gdg-distance")];
+    for (wall, method) in open.into_iter().chain([(Some(WALL), "gdg"), (Some(WALL), "gdg-bridge")]) {
         let (world, path) = (FetchReach::new(wall, 0), folder.path().join(method));
         let mut straight = trainer(&world, method);
         // In the middle of an episode of 50 steps: 117 steps of each agent.
@@ -212,4 +213,20 @@ fn the_learned_distance_solves_all_tasks_after_a_thousand_steps() {
     assert!(run.counters().env_steps <= 1_008);
     let success = run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap();
     assert!(success >= 0.95, "{success}");
+}
+
+#[test]
+fn the_given_distance_solves_the_tasks_after_fifteen_hundred_steps() {
+    let mut settings = Preset::Default.settings();
+    (settings.learn.hidden, settings.train.agents) = (64, 8);
+    (settings.train.learning_starts, settings.train.env_steps_per_update) = (200, 1);
+    let run = Run { method: "gdg-distance".parse().unwrap(), preset: Preset::Default, seed: 1, settings };
+    let mut run = Trainer::new(run, &FetchReach::new(None, 0), &Registry::builtin(), 2).unwrap();
+    let tasks = run.tasks(10);
+    let before = run.evaluate(&tasks).unwrap().greedy.success.unwrap();
+    while run.counters().env_steps < 1_500 {
+        run.tick().unwrap();
+    }
+    let after = run.evaluate(&tasks).unwrap().greedy.success.unwrap();
+    assert!(before < 0.5 && after >= 0.9, "{before}, then {after}");
 }

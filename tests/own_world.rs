@@ -69,7 +69,16 @@ fn random_actions_do_not_solve_a_custom_world() {
 #[test]
 fn any_learner_and_planner_combine_and_resume_bitwise() {
     let folder = tempfile::tempdir().unwrap();
-    for method in ["table+none", "table+bridges", "table+sorb", "gdg", "gdg-bridge", "random", "random+bridges"] {
+    for method in [
+        "table+none",
+        "table+bridges",
+        "table+sorb",
+        "gdg",
+        "gdg-bridge",
+        "gdg-distance+bridges",
+        "random",
+        "random+bridges",
+    ] {
         let path = folder.path().join(method);
         let mut straight = trainer(method);
         train_to(&mut straight, 700);
@@ -110,7 +119,7 @@ fn a_custom_world_runs_headless_and_resumes_from_its_checkpoint() {
     assert_eq!(run(&["bead", "--method", "table+bridges", "--max-updates", "2000", "--save", path]), 0);
     assert_eq!(run(&["--resume", path, "--max-updates", "2500"]), 0);
     for (world, method, expected) in [
-        ("bead", "tabel+none", &["\"tabel\"", "table, gdg, ddpg, her", "LEARNER+PLANNER"][..]),
+        ("bead", "tabel+none", &["\"tabel\"", "table, gdg, gdg-distance, ddpg, her", "LEARNER+PLANNER"][..]),
         ("baed", "gdg", &["did you mean bead", "worlds: bead"]),
         ("trap", "table+none", &["requires positions"]),
     ] {

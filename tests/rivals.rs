@@ -1,4 +1,5 @@
 //! Rivals that learn from rewards: they learn what they can, reproducibly, and planners work over them.
+//! Whether runs repeat is also tested for the goal-distance gradient with D given.
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
@@ -81,7 +82,7 @@ fn the_floor_is_lower_where_walls_are_in_the_way() {
 
 #[test]
 fn rivals_are_reproducible_on_any_number_of_threads() {
-    for rival in ["ddpg", "her+bridges", "ddpg-distance+sorb"] {
+    for rival in ["ddpg", "her+bridges", "ddpg-distance+sorb", "gdg-distance"] {
         let mut runs = [1, 2].map(|threads| trainer(rival, two_rooms(), 3, threads));
         runs.iter_mut().for_each(|run| train_to(run, 450));
         assert!(state(&runs[0]) == state(&runs[1]), "{rival}");
@@ -94,7 +95,7 @@ fn rivals_are_reproducible_on_any_number_of_threads() {
 #[test]
 fn resumed_rivals_continue_bitwise() {
     let folder = tempfile::tempdir().unwrap();
-    for rival in ["ddpg", "her", "ddpg-distance", "her+bridges"] {
+    for rival in ["ddpg", "her", "ddpg-distance", "her+bridges", "gdg-distance"] {
         let path = folder.path().join(format!("{rival}.safetensors"));
         let mut straight = trainer(rival, two_rooms(), 5, 1);
         train_to(&mut straight, 500);

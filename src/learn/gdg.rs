@@ -31,8 +31,8 @@ use crate::learn::update::reference::{Layers, Parameters, Reference};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
 use crate::store::Store;
-pub(in crate::learn) use part::part_rows;
-use part::{Part, Rows};
+use part::Part;
+pub(in crate::learn) use part::{Rows, find_corners_of_pairs, find_corners_of_transitions, part_rows};
 
 /// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
 pub type FullGradient = (Vec<f32>, Vec<f32>);
@@ -360,25 +360,11 @@ impl Shared {
 
     /// Finds the corners that the batch's pairs, or its transitions, touch.
     fn find_touched_corners(&self, pairs: bool) {
-        let Some(grid) = self.shapes.encoder.grid() else { return };
-        let batch = self.batch.read();
-        let encoder = &self.shapes.encoder;
-        let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
-        let parts = (0..self.parts.len()).map(|i| Rows::new(&self.shapes, &batch, i));
-        // In the order of the parts' gradients.
+        let (shapes, batch, parts) = (&self.shapes, self.batch.read(), self.parts.len());
         if pairs {
-            self.pairs.write().find(grid, |places| {
-                for rows in parts {
-                    rows.states.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
-                    rows.goals.chunks_exact(g).for_each(|goal| encoder.locate_goal(goal, places));
-                }
-            });
+            find_corners_of_pairs(shapes, &batch, parts, &mut self.pairs.write());
         } else {
-            self.transitions.write().find(grid, |places| {
-                for rows in parts {
-                    rows.from.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
-                }
-            });
+            find_corners_of_transitions(shapes, &batch, parts, &mut self.transitions.write());
         }
     }
 

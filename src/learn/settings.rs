@@ -132,7 +132,8 @@ pub struct LearnSettings {
     /// Number of transitions kept for replay.
     #[serde(alias = "replay_capacity")]
     pub buffer_size: usize,
-    /// Discount gamma of learners with rewards (`ddpg`, `her`, `ddpg-distance`), above 0 and below 1.
+    /// Discount gamma of learners with rewards (`ddpg`, `her`, `ddpg-distance`), at least 0 and below 1. With 0,
+    /// `ddpg-distance` has the paper's V(s, g) = -|s - g| (section 4.1); sparse rewards need more than 0.
     #[serde(default = "default_discount")]
     pub discount: f32,
     /// Weight of the actor's squared outputs before tanh in the loss of learners with rewards (Andrychowicz et al. 2017,
@@ -267,7 +268,7 @@ impl LearnSettings {
             ("grid_channels", (1..=32).contains(&self.grid_channels)),
             ("grid_learning_rate", positive(self.grid_learning_rate)),
             ("distillation", share(self.distillation)),
-            ("discount", self.discount > 0.0 && self.discount < 1.0),
+            ("discount", (0.0..1.0).contains(&self.discount)),
             ("target_noise", (0.0..=100.0).contains(&self.target_noise)),
             ("actor_l2", (0.0..=1e6).contains(&self.actor_l2)),
             ("buffer_size", (1_000..=100_000_000).contains(&self.buffer_size)),

@@ -8,4 +8,5 @@ pub mod pool;
 pub mod profile;
 pub mod reference;
 pub mod step;
+pub mod straight;
 pub mod tape;

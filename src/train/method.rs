@@ -32,7 +32,7 @@ pub struct NamedMethod {
 }
 
 /// The named combinations, default first. Any other is called `LEARNER+PLANNER`.
-pub const METHODS: [NamedMethod; 7] = [
+pub const METHODS: [NamedMethod; 8] = [
     NamedMethod {
         name: "gdg-bridge",
         learner: "gdg",
@@ -44,6 +44,12 @@ pub const METHODS: [NamedMethod; 7] = [
         learner: "gdg",
         planner: Planner::None,
         about: "Goal-distance gradient: the actor alone",
+    },
+    NamedMethod {
+        name: "gdg-distance",
+        learner: "gdg-distance",
+        planner: Planner::None,
+        about: "The same, D given: the straight line to the goal",
     },
     NamedMethod {
         name: "sorb",
@@ -251,7 +257,7 @@ mod tests {
             "\"gdg+walls\"",
             "gdg-bridge",
             "LEARNER+PLANNER",
-            "gdg, ddpg, her, ddpg-distance, random",
+            "gdg, gdg-distance, ddpg, her, ddpg-distance, random",
             "none, bridges, sorb",
         ] {
             assert!(error.contains(part), "{part}: {error}");

@@ -1,6 +1,7 @@
 //! Rewards, the range of their discounted sum, and what that sum means in steps.
 
 use crate::env::Spec;
+use crate::learn::update::straight::typical_step;
 
 /// What a step earns.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,7 +16,7 @@ pub enum Reward {
 #[derive(Clone, Debug)]
 pub struct Returns {
     reward: Reward,
-    /// gamma, above 0 and below 1.
+    /// gamma, at least 0 and below 1.
     pub discount: f32,
     /// Least possible sum.
     pub lowest: f32,
@@ -32,9 +33,7 @@ const NEWTON_STEPS: usize = 24;
 impl Returns {
     /// Returns the sums of `reward` with a discount, in an environment of `spec`.
     pub fn new(reward: Reward, discount: f32, spec: &Spec) -> Self {
-        let steps = spec.achieved.iter().map(|i| spec.change_scale[*i]).filter(|scale| *scale > 0.0);
-        let (sum, count) = steps.fold((0.0, 0.0), |(sum, count), scale| (sum + scale, count + 1.0));
-        let step_length = if count > 0.0 { sum / count } else { 1.0 };
+        let step_length = typical_step(spec);
         let sides = spec.achieved.iter().map(|i| 2.0 * spec.state_half_range[*i]);
         let largest_cost = match reward {
             Reward::Sparse => 1.0,
@@ -80,6 +79,10 @@ impl Returns {
 /// above: the sum is convex, so that every step stays above the solution.
 fn straight_steps(cost: f32, discount: f32) -> f32 {
     let (cost, discount) = (f64::from(cost), f64::from(discount));
+    if discount == 0.0 {
+        // The logarithm below is infinite.
+        return (cost + 1.0) as f32;
+    }
     let horizon = 1.0 / (1.0 - discount);
     let mut n = cost / horizon + horizon;
     for _ in 0..NEWTON_STEPS {
@@ -122,20 +125,22 @@ mod tests {
 
     #[test]
     fn steps_of_any_value_are_finite_and_not_negative() {
-        for reward in [Reward::Sparse, Reward::Distance] {
-            let returns = Returns::new(reward, 0.99, &spec());
+        for (reward, discount) in [Reward::Sparse, Reward::Distance].into_iter().flat_map(|r| [(r, 0.0), (r, 0.99)]) {
+            let returns = Returns::new(reward, discount, &spec());
             let values = [returns.lowest * 2.0, returns.lowest, -3.0, -0.0, 0.0, 7.0, f32::MAX, f32::MIN];
             for q in values {
                 let steps = returns.steps(q);
                 assert!(steps.is_finite() && steps >= 0.0, "{reward:?} {q}: {steps}");
             }
-            assert!(returns.steps(-20.0) < returns.steps(-30.0));
+            // Without what is ahead, sparse rewards tell nothing.
+            let told_apart = discount > 0.0 || reward == Reward::Distance;
+            assert_eq!(returns.steps(-20.0) < returns.steps(-30.0), told_apart);
         }
     }
 
     #[test]
     fn steps_and_returns_of_a_straight_walk_are_inverse() {
-        for discount in [0.9, 0.98, 0.99] {
+        for discount in [0.0, 0.9, 0.98, 0.99] {
             let returns = Returns::new(Reward::Distance, discount, &spec());
             // The diagonal is 25 steps long.
             for steps in 1..=25 {

@@ -2,6 +2,7 @@
 
 use crate::learn::data::batch::Batch;
 use crate::learn::networks::network::Weights;
+use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::update::features::{Pairs, SharedFeatures};
 use crate::learn::update::gradient::Gradient;
 use crate::learn::update::losses::{Losses, Shapes, Workspaces};
@@ -70,6 +71,31 @@ impl Part {
             self.losses.critic += loss / critics.len() as f32;
         }
     }
+}
+
+/// Finds the table corners that the batch's pairs touch, in the order of the parts' gradients.
+pub fn find_corners_of_pairs(shapes: &Shapes, batch: &Batch, parts: usize, touched: &mut TouchedCorners) {
+    let encoder = &shapes.encoder;
+    let Some(grid) = encoder.grid() else { return };
+    let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
+    touched.find(grid, |places| {
+        for rows in (0..parts).map(|i| Rows::new(shapes, batch, i)) {
+            rows.states.chunks_exact(s).for_each(|state| encoder.locate_state(state, places));
+            rows.goals.chunks_exact(g).for_each(|goal| encoder.locate_goal(goal, places));
+        }
+    });
+}
+
+/// Finds the table corners that the batch's transitions touch, in the order of the parts' gradients.
+pub fn find_corners_of_transitions(shapes: &Shapes, batch: &Batch, parts: usize, touched: &mut TouchedCorners) {
+    let encoder = &shapes.encoder;
+    let Some(grid) = encoder.grid() else { return };
+    touched.find(grid, |places| {
+        for rows in (0..parts).map(|i| Rows::new(shapes, batch, i)) {
+            let states = rows.from.chunks_exact(encoder.spec().state_dim());
+            states.for_each(|state| encoder.locate_state(state, places));
+        }
+    });
 }
 
 /// The rows of a batch that belong to one part.

@@ -170,7 +170,7 @@ impl Shapes {
 
     /// Computes s' = f(s, mu(s, g)) of each pair into `next`, `(rows, state_dim)`; keeps the activations for the
     /// backward passes.
-    fn step_with_actor<'a>(
+    pub fn step_with_actor<'a>(
         &self,
         (actor, model): (Weights, Weights),
         pairs: Pairs,
@@ -292,12 +292,11 @@ impl Shapes {
         let ActorLossNetworks { actor, model, critic } = *path;
         let Pairs { states, goals, .. } = pairs;
         let spec = self.encoder.spec();
-        let (s, a) = (spec.state_dim(), spec.action_dim);
+        let s = spec.state_dim();
         let rows = states.len() / s;
         // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
         let mut next = std::mem::take(&mut buffers.model.y);
         self.step_with_actor((actor, model), pairs, &mut next, buffers);
-        let mut action = std::mem::take(&mut buffers.actor.y);
         let mut before = std::mem::take(&mut buffers.before);
         if frees_stuck {
             self.distances(critic, pairs, resized(&mut before, rows), &mut buffers.critic);
@@ -334,19 +333,38 @@ impl Shapes {
                 *next = scale * d;
             }
         }
+        let bounds = frees_stuck.then_some(&before[..]);
+        self.actor_gradient_through_model((actor, model), pairs, (&next[..rows * s], share, bounds), gradient, buffers);
+        buffers.model.y = next;
+        buffers.before = before;
+        loss
+    }
+
+    /// Computes the actor's gradient into `gradient`, after [`Self::step_with_actor`]: that of a loss whose gradient with
+    /// respect to the model's outputs is `d_change` `(rows, state_dim)`, through the frozen model, plus that of the
+    /// excess of the actor's outputs over their bound, or over `bounds` `(rows)`; `share` is 1 / batch size.
+    pub fn actor_gradient_through_model(
+        &self,
+        (actor, model): (Weights, Weights),
+        pairs: Pairs,
+        (d_change, share, bounds): (&[f32], f32, Option<&[f32]>),
+        gradient: &mut Gradient,
+        buffers: &mut Workspaces,
+    ) {
+        let a = self.actor.outputs;
+        let rows = d_change.len() / self.model.outputs;
+        let mut action = std::mem::take(&mut buffers.actor.y);
         let d_action = resized(&mut buffers.model.dx, rows * a);
         let wanted = GradientRequest { parameters: None, inputs: Some((self.model.inputs - a, &mut *d_action)) };
         let x = &buffers.model.x[..rows * self.model.inputs];
-        self.model.backward((model.dense, model.packed), x, &next[..rows * s], &mut buffers.model.acts, wanted);
-        buffers.model.y = next;
+        self.model.backward((model.dense, model.packed), x, d_change, &mut buffers.model.acts, wanted);
         for (i, ((action, d), z)) in
             action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs).enumerate()
         {
-            let bound = if frees_stuck { before[i / a] } else { self.actor_bound };
+            let bound = bounds.map_or(self.actor_bound, |bounds| bounds[i / a]);
             let excess = z - z.clamp(-bound, bound);
             *action = d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess;
         }
-        buffers.before = before;
         let from = self.encoder.plain_pair_width();
         let dx = (from < self.actor.inputs)
             .then(|| (from, resized(&mut buffers.actor.dx, rows * (self.actor.inputs - from))));
@@ -355,7 +373,6 @@ impl Shapes {
         self.actor.backward((actor.dense, actor.packed), x, &action[..rows * a], &mut buffers.actor.acts, wanted);
         buffers.actor.y = action;
         gradient.add_pair_corners(&self.encoder, pairs, &buffers.actor.dx, 0);
-        loss
     }
 }
 

@@ -202,7 +202,7 @@ pub const SETTINGS: [Setting; 61] = [
         Targets,
         "discount",
         "",
-        "a number above 0 and below 1",
+        "a number from 0, below 1",
         "discount gamma of the learners with rewards: ddpg, her and ddpg-distance",
     )
     .for_networks(),
