@@ -90,7 +90,7 @@ impl App {
                 self.change_map(new);
             }
             Choice::Load(path) if self.is_worth_saving() => {
-                let key = self.screen.keymap.key_of(Action::Save).to_string();
+                let key = self.screen.keymap.key_of(Action::Save);
                 self.open_picker(lists::load_choices(self.screen.unsaved_updates(), path, &key));
             }
             Choice::Load(path) | Choice::LoadUnsaved(path) => {
