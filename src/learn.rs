@@ -32,7 +32,7 @@ pub(crate) use data::batch::{
 pub use data::goal_index::GoalIndex;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub(crate) use ddpg::{MAX_NOISE_DEVIATIONS, MIN_REMAINING};
-pub use gdg::{FullGradient, Gdg};
+pub use gdg::Gdg;
 pub use kernels::{kernel, product};
 pub use learner::{
     Acting, ChangedDistances, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, Relearning, TrainingData,
@@ -45,6 +45,7 @@ pub use networks::policy::{FrozenNets, Nets, Policy, Scratch, look_ahead};
 pub use networks::state::NetworkState;
 pub use settings::{Auto, Backend, LearnSettings, LossScale, OutOfRange};
 pub(crate) use update::adam::EPSILON;
+pub use update::gradient::FullGradient;
 pub(crate) use update::losses::EXCESS_WEIGHT;
 pub use update::losses::Losses;
 pub use update::profile::{Profile, Stage};

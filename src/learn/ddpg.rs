@@ -15,24 +15,24 @@ mod tests;
 use std::sync::Arc;
 use std::time::Instant;
 
-use candle_core::{Error, Result};
+use candle_core::Result;
 use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
-use crate::learn::gdg::part_rows;
 use crate::learn::learner::{LearnError, Learner, LearnerKind, TrainingData};
-use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::{LockedNetwork, Network};
 use crate::learn::networks::policy::{Policy, Scratch};
 use crate::learn::networks::state::{load_networks, save_networks};
 use crate::learn::networks::touched::TouchedCorners;
-use crate::learn::settings::{Backend, LearnSettings};
+use crate::learn::settings::LearnSettings;
 use crate::learn::update::gradient::{Gradient, LearningRates};
-use crate::learn::update::losses::{Losses, MAX_STATE_DIM};
+use crate::learn::update::losses::{Losses, check_state_dim};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
+use crate::learn::update::rows::{find_corners, parts_of};
 use crate::learn::update::step::{Half, step_half};
+use crate::learn::update::tape::refuse_tape;
 use crate::store::Store;
 pub use batch::MAX_NOISE_DEVIATIONS;
 use batch::{Sampler, Transitions};
@@ -83,8 +83,7 @@ pub const DDPG_DISTANCE: LearnerKind = LearnerKind {
 /// Returns the number of trainable parameters in all networks that `settings` specify.
 fn parameters(spec: &Spec, settings: &LearnSettings) -> u64 {
     let shapes = Shapes::new(spec, settings, Reward::Sparse);
-    let table = shapes.encoder.grid().map_or(0, |grid| grid.corners() * grid.channels);
-    let of = |mlp: &Mlp| (mlp.parameters() + table) as u64;
+    let of = |mlp| shapes.encoder.parameters_with(mlp);
     settings.critics as u64 * of(&shapes.critic) + of(&shapes.actor)
 }
 
@@ -109,8 +108,6 @@ struct Shared {
     batch: RwLock<Transitions>,
     /// Grid table corners that the batch's states and goals touch.
     touched: RwLock<TouchedCorners>,
-    /// The first failure of the current update.
-    failure: Mutex<Option<Error>>,
 }
 
 impl Ddpg {
@@ -122,25 +119,19 @@ impl Ddpg {
         threads: usize,
         rng: &mut ChaCha8Rng,
     ) -> Result<Self> {
-        if spec.state_dim() > MAX_STATE_DIM {
-            candle_core::bail!("states with more than {MAX_STATE_DIM} components are not supported");
-        }
-        if settings.backend != Backend::Fused {
-            candle_core::bail!("the learner {} needs backend=fused", variant.name);
-        }
+        check_state_dim(spec)?;
+        refuse_tape(settings.backend, variant.name)?;
         let shapes = Arc::new(Shapes::new(spec, settings, variant.reward));
         let mut network = |mlp| Network::new(mlp, shapes.encoder.grid(), Some(settings.tau), rng);
         let critics = (0..settings.critics).map(|_| network(shapes.critic)).collect::<Result<Vec<_>>>()?;
         let actor = network(shapes.actor)?;
-        let parts = settings.batch_size.div_ceil(part_rows(settings.batch_size));
         let shared = Shared {
             rates: LearningRates::from_settings(settings),
-            parts: (0..parts).map(|_| Mutex::new(Part::new(critics.len()))).collect(),
+            parts: (0..parts_of(settings.batch_size)).map(|_| Mutex::new(Part::new(critics.len()))).collect(),
             critics,
             actor,
             batch: RwLock::default(),
             touched: RwLock::default(),
-            failure: Mutex::default(),
             shapes: shapes.clone(),
         };
         Ok(Self {
@@ -157,31 +148,19 @@ impl Ddpg {
         let began = Instant::now();
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.run_parallel(1 + parts, Shared::touched_corners_or_gradients)?;
+        self.run(1 + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
-        self.run_parallel(2 * critics, Shared::step_critics)?;
+        self.run(2 * critics, Shared::step_critics)?;
         let began = profile.lap(Stage::CriticModelSteps, began);
-        self.run_parallel(parts, Shared::actor_gradient)?;
+        self.run(parts, Shared::actor_gradient)?;
         let began = profile.lap(Stage::ActorGradient, began);
-        self.run_parallel(2, Shared::step_actor)?;
+        self.run(2, Shared::step_actor)?;
         profile.lap(Stage::ActorStep, began);
-        let losses = self.shared.parts.iter().map(|part| part.lock().losses);
-        Ok(losses.fold(Losses::default(), |sum, part| Losses {
-            critic: sum.critic + part.critic,
-            model: 0.0,
-            actor: sum.actor + part.actor,
-        }))
+        Ok(self.shared.parts.iter().map(|part| part.lock().losses).sum())
     }
 
-    /// Calls `work` with each index below `tasks`, on all threads; returns the first error.
-    fn run_parallel(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
-        let shared = self.shared.clone();
-        self.pool.run(tasks, move |i| {
-            if let Err(error) = work(&shared, i) {
-                shared.failure.lock().get_or_insert(error);
-            }
-        });
-        self.shared.failure.lock().take().map_or(Ok(()), Err)
+    fn run(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
+        self.pool.try_run(tasks, &self.shared, work)
     }
 
     /// Calls `use_nets` with the current networks or the target networks; no update can run in the meantime.
@@ -269,17 +248,9 @@ impl Shared {
 
     /// Finds the corners that the batch's states and goals touch.
     fn find_touched_corners(&self) {
-        let encoder = &self.shapes.encoder;
-        let Some(grid) = encoder.grid() else { return };
-        let (batch, spec) = (self.batch.read(), encoder.spec());
-        self.touched.write().find(grid, |places| {
-            // In the order of the parts' gradients.
-            for part in 0..self.parts.len() {
-                let rows = Rows::new(spec, &batch, part);
-                rows.states.chunks_exact(spec.state_dim()).for_each(|state| encoder.locate_state(state, places));
-                rows.goals.chunks_exact(spec.goal_dim()).for_each(|goal| encoder.locate_goal(goal, places));
-            }
-        });
+        let (encoder, batch) = (&self.shapes.encoder, self.batch.read());
+        let parts = (0..self.parts.len()).map(|part| Rows::new(encoder.spec(), &batch, part));
+        find_corners(encoder, parts.map(|rows| (rows.states, rows.goals)), &mut self.touched.write());
     }
 
     /// Computes the critics' gradients on part `i` of the batch.

@@ -6,36 +6,31 @@ mod part;
 use std::sync::Arc;
 use std::time::Instant;
 
-use candle_core::{Device, Error, Result, Tensor};
+use candle_core::Result;
 use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::batch::{Batch, BatchSampler};
-use crate::learn::kernels::kernel;
 use crate::learn::learner::{LearnError, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::export::ActorExport;
-use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::policy::{FrozenNets, Nets, Policy, Scratch};
 use crate::learn::networks::state::{NetworkState, load_networks, save_networks};
 use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::settings::{Backend, LearnSettings};
 use crate::learn::update::features::Pairs;
-use crate::learn::update::gradient::{Gradient, LearningRates};
-use crate::learn::update::losses::{ActorLossNetworks, ActorLossOptions, Losses, MAX_STATE_DIM, Shapes};
+use crate::learn::update::gradient::{FullGradient, Gradient, LearningRates, full_gradient};
+use crate::learn::update::losses::{ActorLossNetworks, ActorLossOptions, Losses, Shapes, check_state_dim};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::reference::{Layers, Parameters, Reference};
+use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
 use crate::store::Store;
 use part::Part;
-pub(in crate::learn) use part::{Rows, find_corners_of_pairs, find_corners_of_transitions, part_rows};
-
-/// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
-pub type FullGradient = (Vec<f32>, Vec<f32>);
 
 /// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
@@ -71,8 +66,6 @@ struct Shared {
     /// Grid table corners that the batch touches, in its pairs and in its transitions.
     pairs: RwLock<TouchedCorners>,
     transitions: RwLock<TouchedCorners>,
-    /// The first failure of the current update.
-    failure: Mutex<Option<Error>>,
 }
 
 impl Gdg {
@@ -82,9 +75,7 @@ impl Gdg {
     /// # Errors
     /// Returns an error if states are too large, a tensor operation fails or a thread cannot be started.
     pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
-        if spec.state_dim() > MAX_STATE_DIM {
-            candle_core::bail!("states with more than {MAX_STATE_DIM} components are not supported");
-        }
+        check_state_dim(spec)?;
         let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
         let grid = shapes.encoder.grid();
         let mut network = |mlp, tau| Network::new(mlp, grid, tau, rng);
@@ -92,12 +83,10 @@ impl Gdg {
         let critics = (0..settings.critics).map(|_| network(shapes.critic, tau)).collect::<Result<Vec<_>>>()?;
         let (model, actor) = (network(shapes.model, None)?, network(shapes.actor, tau)?);
         let part = || Part::new(settings.critics);
-        let parts =
-            (0..settings.batch_size.div_ceil(part_rows(settings.batch_size))).map(|_| Mutex::new(part())).collect();
+        let parts = (0..parts_of(settings.batch_size)).map(|_| Mutex::new(part())).collect();
         let rates = RwLock::new(LearningRates::from_settings(settings));
         let (batch, pairs, transitions) = (RwLock::default(), RwLock::default(), RwLock::default());
-        let failure = Mutex::default();
-        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions, failure };
+        let shared = Shared { shapes, rates, critics, model, actor, parts, batch, pairs, transitions };
         let tape = Tape::new(settings.backend, shared.networks())?;
         Ok(Self {
             sampler: BatchSampler::new(spec, settings),
@@ -112,8 +101,7 @@ impl Gdg {
     /// Returns the number of trainable parameters in all networks that `settings` specify.
     pub fn parameters(spec: &Spec, settings: &LearnSettings) -> u64 {
         let shapes = Shapes::new(Encoder::new(spec, settings), settings);
-        let table = shapes.encoder.grid().map_or(0, |grid| grid.corners() * grid.channels);
-        let of = |mlp: &Mlp| (mlp.parameters() + table) as u64;
+        let of = |mlp| shapes.encoder.parameters_with(mlp);
         settings.critics as u64 * of(&shapes.critic) + of(&shapes.model) + of(&shapes.actor)
     }
 
@@ -164,26 +152,19 @@ impl Gdg {
         }
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.run_parallel(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
+        self.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
-        self.run_parallel(2 * (critics + 1), Shared::step_critics_and_model)?;
+        self.run(2 * (critics + 1), Shared::step_critics_and_model)?;
         let began = profile.lap(Stage::CriticModelSteps, began);
-        self.run_parallel(parts, Shared::actor_gradients)?;
+        self.run(parts, Shared::actor_gradients)?;
         let began = profile.lap(Stage::ActorGradient, began);
-        self.run_parallel(2, Shared::step_actor)?;
+        self.run(2, Shared::step_actor)?;
         profile.lap(Stage::ActorStep, began);
         Ok(self.losses())
     }
 
-    /// Calls `work` with each index below `tasks`, on all threads; returns the first error.
-    fn run_parallel(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
-        let shared = self.shared.clone();
-        self.pool.run(tasks, move |i| {
-            if let Err(error) = work(&shared, i) {
-                shared.failure.lock().get_or_insert(error);
-            }
-        });
-        self.shared.failure.lock().take().map_or(Ok(()), Err)
+    fn run(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
+        self.pool.try_run(tasks, &self.shared, work)
     }
 
     /// Returns the losses and the gradients (flat parameters and table) of the first critic, the model and the actor on
@@ -194,36 +175,20 @@ impl Gdg {
     pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [FullGradient; 3])> {
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        self.run_parallel(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
-        self.run_parallel(parts, Shared::actor_gradients)?;
-        let full_gradient =
-            |network: &Network, touched: &RwLock<TouchedCorners>, of: fn(&mut Part) -> &mut Gradient| {
-                let mut dense = Vec::new();
-                for part in &self.shared.parts {
-                    let mut part = part.lock();
-                    let gradient = &of(&mut part).dense;
-                    dense.resize(gradient.len(), 0.0);
-                    kernel::add_into(&mut dense, gradient);
-                }
-                let encoded: Vec<_> = self.shared.parts.iter().map(|p| of(&mut p.lock()).encoded.clone()).collect();
-                let table = network.halves().1.map(|table| touched.read().table_gradient(&encoded, table.channels()));
-                (dense, table.unwrap_or_default())
-            };
-        let Shared { pairs, transitions, .. } = &*self.shared;
+        self.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
+        self.run(parts, Shared::actor_gradients)?;
+        let Shared { pairs, transitions, parts, .. } = &*self.shared;
+        let (pairs, transitions) = (pairs.read(), transitions.read());
         let gradients = [
-            full_gradient(self.critic(0), pairs, |part| &mut part.critics[0]),
-            full_gradient(self.model(), transitions, |part| &mut part.model),
-            full_gradient(self.actor(), pairs, |part| &mut part.actor),
+            full_gradient(self.critic(0), &pairs, parts, |part| &mut part.critics[0]),
+            full_gradient(self.model(), &transitions, parts, |part| &mut part.model),
+            full_gradient(self.actor(), &pairs, parts, |part| &mut part.actor),
         ];
         Ok((self.losses(), gradients))
     }
 
     fn losses(&self) -> Losses {
-        self.shared.parts.iter().map(|part| part.lock().losses).fold(Losses::default(), |sum, part| Losses {
-            critic: sum.critic + part.critic,
-            model: sum.model + part.model,
-            actor: sum.actor + part.actor,
-        })
+        self.shared.parts.iter().map(|part| part.lock().losses).sum()
     }
 
     /// Returns the losses at the current weights in candle operations.
@@ -240,12 +205,8 @@ impl Gdg {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn target_reference(&self, layers: Layers) -> Result<Reference<'_>> {
-        let grid = self.shapes().encoder.grid();
-        let parameters = |network: &Network, averaged: bool| {
-            let (dense, table) = network.copy(averaged)?;
-            let table = grid.map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu));
-            Ok(Parameters { dense: Tensor::new(dense, &Device::Cpu)?, table: table.transpose()? })
-        };
+        let encoder = &self.shapes().encoder;
+        let parameters = |network, averaged| Parameters::copied(network, encoder, averaged);
         let critics = self.shared.critics.iter().map(|critic| parameters(critic, true));
         let others = [parameters(&self.shared.model, false), parameters(&self.shared.actor, true)];
         Reference::with_parameters(self.shapes(), critics.chain(others).collect::<Result<_>>()?, layers)
@@ -310,8 +271,7 @@ impl Learner for Gdg {
 
     fn export_actor(&self, averaged: bool) -> std::result::Result<Option<ActorExport>, LearnError> {
         let Shared { shapes, actor, .. } = &*self.shared;
-        let (parameters, table) = actor.copy(averaged)?;
-        Ok(Some(ActorExport::new(&shapes.encoder, &shapes.actor, &parameters, &table)))
+        Ok(Some(ActorExport::of(&shapes.encoder, &shapes.actor, actor, averaged)?))
     }
 
     /// Returns whether the averaged critics give finite distances on the latest batch.
@@ -360,11 +320,11 @@ impl Shared {
 
     /// Finds the corners that the batch's pairs, or its transitions, touch.
     fn find_touched_corners(&self, pairs: bool) {
-        let (shapes, batch, parts) = (&self.shapes, self.batch.read(), self.parts.len());
+        let (shapes, batch) = (&self.shapes, self.batch.read());
         if pairs {
-            find_corners_of_pairs(shapes, &batch, parts, &mut self.pairs.write());
+            find_corners_of_pairs(shapes, &batch, &mut self.pairs.write());
         } else {
-            find_corners_of_transitions(shapes, &batch, parts, &mut self.transitions.write());
+            find_corners_of_transitions(shapes, &batch, &mut self.transitions.write());
         }
     }
 

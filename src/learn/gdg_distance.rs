@@ -11,29 +11,29 @@ mod tests;
 use std::sync::Arc;
 use std::time::Instant;
 
-use candle_core::{Error, Result};
+use candle_core::Result;
 use parking_lot::{Mutex, RwLock};
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::batch::{Batch, BatchSampler};
-use crate::learn::gdg::{Rows, find_corners_of_pairs, find_corners_of_transitions, part_rows};
 use crate::learn::learner::{LearnError, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::export::ActorExport;
-use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::{Network, Weights};
 use crate::learn::networks::policy::{Policy, Scratch};
 use crate::learn::networks::state::{load_networks, save_networks};
 use crate::learn::networks::touched::TouchedCorners;
-use crate::learn::settings::{Backend, LearnSettings};
+use crate::learn::settings::LearnSettings;
 use crate::learn::update::features::{Pairs, SharedFeatures};
 use crate::learn::update::gradient::{Gradient, LearningRates};
-use crate::learn::update::losses::{Losses, MAX_STATE_DIM, Shapes, Workspaces};
+use crate::learn::update::losses::{Losses, MAX_STATE_DIM, Shapes, Workspaces, check_state_dim};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
+use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::straight::StraightLine;
+use crate::learn::update::tape::refuse_tape;
 use crate::store::Store;
 use policy::{FrozenActor, Nets};
 
@@ -50,9 +50,7 @@ const NAME: &str = "gdg-distance";
 /// Returns the number of trainable parameters in the networks that `settings` specify.
 fn parameters(spec: &Spec, settings: &LearnSettings) -> u64 {
     let shapes = Shapes::new(Encoder::new(spec, settings), settings);
-    let table = shapes.encoder.grid().map_or(0, |grid| grid.corners() * grid.channels);
-    let of = |mlp: &Mlp| (mlp.parameters() + table) as u64;
-    of(&shapes.model) + of(&shapes.actor)
+    shapes.encoder.parameters_with(&shapes.model) + shapes.encoder.parameters_with(&shapes.actor)
 }
 
 /// The networks and everything needed to train them.
@@ -81,8 +79,6 @@ struct Shared {
     /// Grid table corners that the batch touches, in its pairs and in its transitions.
     pairs: RwLock<TouchedCorners>,
     transitions: RwLock<TouchedCorners>,
-    /// The first failure of the current update.
-    failure: Mutex<Option<Error>>,
 }
 
 /// Buffers of one task of an update.
@@ -128,25 +124,18 @@ impl GdgDistance {
     /// Creates networks for an environment of `spec`. Updates run on `threads` threads, which does not change their
     /// results.
     fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
-        if spec.state_dim() > MAX_STATE_DIM {
-            candle_core::bail!("states with more than {MAX_STATE_DIM} components are not supported");
-        }
-        if settings.backend != Backend::Fused {
-            candle_core::bail!("the learner {NAME} needs backend=fused");
-        }
+        check_state_dim(spec)?;
+        refuse_tape(settings.backend, NAME)?;
         let shapes = Shapes::new(Encoder::new(spec, settings), settings);
         let grid = shapes.encoder.grid();
         let shared = Shared {
             rates: LearningRates::from_settings(settings),
             model: Network::new(shapes.model, grid, None, rng)?,
             actor: Network::new(shapes.actor, grid, Some(settings.tau), rng)?,
-            parts: (0..settings.batch_size.div_ceil(part_rows(settings.batch_size)))
-                .map(|_| Mutex::default())
-                .collect(),
+            parts: (0..parts_of(settings.batch_size)).map(|_| Mutex::default()).collect(),
             batch: RwLock::default(),
             pairs: RwLock::default(),
             transitions: RwLock::default(),
-            failure: Mutex::default(),
             objective: Arc::new(Objective { shapes, line: StraightLine::new(spec) }),
         };
         Ok(Self {
@@ -162,34 +151,23 @@ impl GdgDistance {
         let began = Instant::now();
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        self.run_parallel(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
+        self.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
-        self.run_parallel(2, Shared::step_model)?;
+        self.run(2, Shared::step_model)?;
         let began = profile.lap(Stage::CriticModelSteps, began);
-        self.run_parallel(parts, Shared::actor_gradient)?;
+        self.run(parts, Shared::actor_gradient)?;
         let began = profile.lap(Stage::ActorGradient, began);
-        self.run_parallel(2, Shared::step_actor)?;
+        self.run(2, Shared::step_actor)?;
         profile.lap(Stage::ActorStep, began);
         Ok(self.losses())
     }
 
     fn losses(&self) -> Losses {
-        self.shared.parts.iter().map(|part| part.lock().losses).fold(Losses::default(), |sum, part| Losses {
-            critic: 0.0,
-            model: sum.model + part.model,
-            actor: sum.actor + part.actor,
-        })
+        self.shared.parts.iter().map(|part| part.lock().losses).sum()
     }
 
-    /// Calls `work` with each index below `tasks`, on all threads; returns the first error.
-    fn run_parallel(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
-        let shared = self.shared.clone();
-        self.pool.run(tasks, move |i| {
-            if let Err(error) = work(&shared, i) {
-                shared.failure.lock().get_or_insert(error);
-            }
-        });
-        self.shared.failure.lock().take().map_or(Ok(()), Err)
+    fn run(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
+        self.pool.try_run(tasks, &self.shared, work)
     }
 
     /// Calls `use_nets` with the current actor or its running average; no update can run in the meantime.
@@ -237,8 +215,7 @@ impl Learner for GdgDistance {
 
     fn export_actor(&self, averaged: bool) -> std::result::Result<Option<ActorExport>, LearnError> {
         let Shared { objective, actor, .. } = &*self.shared;
-        let (parameters, table) = actor.copy(averaged)?;
-        Ok(Some(ActorExport::new(&objective.shapes.encoder, &objective.shapes.actor, &parameters, &table)))
+        Ok(Some(ActorExport::of(&objective.shapes.encoder, &objective.shapes.actor, actor, averaged)?))
     }
 
     /// Returns whether the averaged actor gives finite actions on the latest batch; the given D always is finite.
@@ -265,10 +242,10 @@ impl Shared {
     /// Runs one task of an update's first phase: the first tasks find the corners that the steps will touch, each other
     /// one computes the model's gradient on its part of the batch.
     fn touched_corners_or_gradients(&self, task: usize) -> Result<()> {
-        let (shapes, parts) = (&self.objective.shapes, self.parts.len());
+        let shapes = &self.objective.shapes;
         match task {
-            0 => find_corners_of_pairs(shapes, &self.batch.read(), parts, &mut self.pairs.write()),
-            1 => find_corners_of_transitions(shapes, &self.batch.read(), parts, &mut self.transitions.write()),
+            0 => find_corners_of_pairs(shapes, &self.batch.read(), &mut self.pairs.write()),
+            1 => find_corners_of_transitions(shapes, &self.batch.read(), &mut self.transitions.write()),
             _ => return self.model_gradient(task - Self::TOUCH_TASKS),
         }
         Ok(())

@@ -3,7 +3,6 @@
 use super::batch::Transitions;
 use super::returns::{Returns, Reward};
 use crate::env::Spec;
-use crate::learn::gdg::part_rows;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::mlp::{GradientRequest, Mlp};
 use crate::learn::networks::network::Weights;
@@ -11,6 +10,7 @@ use crate::learn::settings::LearnSettings;
 use crate::learn::update::features::{Pairs, SharedFeatures, Workspace, resized};
 use crate::learn::update::gradient::Gradient;
 use crate::learn::update::losses::{EXCESS_WEIGHT, Losses};
+use crate::learn::update::rows::rows_of_part;
 
 /// Sizes of the networks, and the meaning of their outputs.
 #[derive(Clone, Debug)]
@@ -222,8 +222,7 @@ pub struct Rows<'a> {
 impl<'a> Rows<'a> {
     /// Returns the rows of part number `part`.
     pub fn new(spec: &Spec, batch: &'a Transitions, part: usize) -> Self {
-        let size = part_rows(batch.len());
-        let rows = part * size..((part + 1) * size).min(batch.len());
+        let rows = rows_of_part(batch.len(), part);
         let cut = |numbers: &'a [f32], width: usize| &numbers[rows.start * width..rows.end * width];
         Self {
             states: cut(&batch.states, spec.state_dim()),

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use super::losses::Shapes;
 use crate::learn::networks::network::Weights;
-use crate::learn::networks::policy::{CopiedWeights, OwnedWeights, Policy, ROWS, Scratch};
-use crate::learn::update::features::{Pairs, Workspace};
+use crate::learn::networks::policy::{CopiedWeights, OwnedWeights, Policy, Scratch};
 
 /// Borrowed weights of critics and actor. There is no dynamics model, so actions cannot be improved by lookahead.
 pub struct Nets<'a> {
@@ -14,31 +13,11 @@ pub struct Nets<'a> {
     pub actor: Weights<'a>,
 }
 
-impl Nets<'_> {
-    /// Calls `compute` for a few pairs at a time, with their rows of `out` `(rows, width)`.
-    fn in_chunks(
-        &self,
-        (states, goals): (&[f32], &[f32]),
-        (out, width): (&mut [f32], usize),
-        scratch: &mut Scratch,
-        compute: impl Fn(Pairs, &mut [f32], [&mut Workspace; 2]),
-    ) {
-        let spec = self.shapes.encoder.spec();
-        let (s, g) = (spec.state_dim(), spec.goal_dim());
-        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * width));
-        let Scratch { plain, ws, second, .. } = scratch;
-        for ((states, goals), out) in chunks {
-            self.shapes.encoder.plain_pairs(states, goals, plain);
-            compute(Pairs { plain, states, goals }, out, [ws, second]);
-        }
-    }
-}
-
 impl Policy for Nets<'_> {
     /// Computes D as the steps that Q(s, mu(s, g), g) means, by the most pessimistic critic (see
     /// [`super::returns::Returns::steps`]).
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        self.in_chunks((states, goals), (out, 1), scratch, |pairs, out, buffers| {
+        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, 1), |pairs, out, buffers| {
             self.shapes.values_of_actor((self.actor, &self.critics), (pairs, &[]), out, buffers);
             out.iter_mut().for_each(|q| *q = self.shapes.returns.steps(*q));
         });
@@ -46,7 +25,7 @@ impl Policy for Nets<'_> {
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let width = self.shapes.actor.outputs;
-        self.in_chunks((states, goals), (out, width), scratch, |pairs, out, [ws, _]| {
+        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, width), |pairs, out, [ws, _]| {
             ws.actions(&self.shapes.encoder, &self.shapes.actor, self.actor, pairs, out);
         });
     }

@@ -2,39 +2,25 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
-use candle_core::{D, Device, Tensor, Var};
+use candle_core::{D, Device, Tensor};
 use rand::{RngExt, SeedableRng};
 
 use super::*;
-use crate::learn::kernels::kernel;
+use crate::learn::settings::Backend;
+use crate::learn::update::autograd::{assert_close, random_state, spec, variables_of};
+use crate::learn::update::gradient::full_gradient;
 use crate::learn::update::losses::EXCESS_WEIGHT;
 use crate::learn::update::reference::{Parameters, mlp, pair_rows};
 
 /// Updates before gradients are compared: target networks start equal to the networks.
 const UPDATES_BEFORE: usize = 20;
 
-fn spec(state: usize, axes: usize, positions: bool) -> Spec {
-    Spec {
-        state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
-        state_half_range: (0..state).map(|i| 3.0 + i as f32).collect(),
-        change_scale: (0..state).map(|i| 0.4 + 0.2 * i as f32).collect(),
-        achieved: (0..axes).map(|i| (i + 1) % state).collect(),
-        action_dim: axes,
-        goal_radius: 0.8,
-        goals_are_positions: positions,
-    }
-}
-
 fn transitions(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Transitions {
-    let state = |rng: &mut ChaCha8Rng| -> Vec<f32> {
-        let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
-        numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
-    };
     let mut batch = Transitions::default();
     for i in 0..rows {
-        batch.states.extend(state(rng));
-        batch.next.extend(state(rng));
-        let goal = state(rng);
+        batch.states.extend(random_state(spec, rng));
+        batch.next.extend(random_state(spec, rng));
+        let goal = random_state(spec, rng);
         batch.goals.extend(spec.achieved(&goal));
         batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
         // Some targets are beyond the possible range.
@@ -47,18 +33,7 @@ fn transitions(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Transitions {
 
 /// Returns a network's parameters or their averages.
 fn parameters_of(learner: &Ddpg, network: &Network, averaged: bool) -> Parameters {
-    let (dense, table) = network.copy(averaged).unwrap();
-    let grid = learner.shared.shapes.encoder.grid();
-    let table = grid.map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu).unwrap());
-    Parameters { dense: Tensor::new(dense, &Device::Cpu).unwrap(), table }
-}
-
-/// The same as variables, and these.
-fn variables_of(learner: &Ddpg, network: &Network) -> (Parameters, Vec<Var>) {
-    let Parameters { dense, table } = parameters_of(learner, network, false);
-    let vars: Vec<Var> = std::iter::once(&dense).chain(&table).map(|t| Var::from_tensor(t).unwrap()).collect();
-    let table = table.map(|_| vars[1].as_tensor().clone());
-    (Parameters { dense: vars[0].as_tensor().clone(), table }, vars)
+    Parameters::copied(network, &learner.shared.shapes.encoder, averaged).unwrap()
 }
 
 /// The learner's losses in candle's operations.
@@ -129,33 +104,6 @@ impl<'a> Oracle<'a> {
     }
 }
 
-/// Returns a network's gradient on the latest batch: of its parameters, and of its table.
-fn full_gradient(learner: &Ddpg, network: &Network, of: impl Fn(&mut Part) -> &mut Gradient) -> Vec<Vec<f32>> {
-    let (mut dense, mut encoded) = (Vec::new(), Vec::new());
-    for part in &learner.shared.parts {
-        let mut part = part.lock();
-        let gradient = of(&mut part);
-        dense.resize(gradient.dense.len(), 0.0);
-        kernel::add_into(&mut dense, &gradient.dense);
-        encoded.push(gradient.encoded.clone());
-    }
-    let touched = learner.shared.touched.read();
-    let table = network.halves().1.map(|table| touched.table_gradient(&encoded, table.channels()));
-    std::iter::once(dense).chain(table).collect()
-}
-
-fn assert_close(name: &str, found: &[Vec<f32>], loss: &Tensor, vars: &[Var]) {
-    let gradients = loss.backward().unwrap();
-    assert_eq!(found.len(), vars.len());
-    for (found, var) in found.iter().zip(vars) {
-        let expected = gradients.get(var).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
-        assert_eq!(found.len(), expected.len());
-        let off = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        let largest = expected.iter().map(|g| g.abs()).fold(0.0, f32::max);
-        assert!(largest > 0.0 && off < 5e-4 * largest + 1e-6, "{name}: off by {off} of {largest}");
-    }
-}
-
 fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Ddpg::new(variant, (spec, settings), 2, &mut rng).unwrap();
@@ -176,9 +124,10 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
     assert!(apart > 0.003 || batch.len() == 1, "targets at averages and at current weights differ by {apart} only");
     // The gradients of an update, without its steps.
     learner.shared.batch.write().clone_from(&batch);
-    let parts = learner.shared.parts.len();
-    learner.run_parallel(1 + parts, Shared::touched_corners_or_gradients).unwrap();
-    learner.run_parallel(parts, Shared::actor_gradient).unwrap();
+    let (parts, touched) = (&learner.shared.parts, &learner.shared.touched);
+    learner.run(1 + parts.len(), Shared::touched_corners_or_gradients).unwrap();
+    learner.run(parts.len(), Shared::actor_gradient).unwrap();
+    let touched = touched.read();
     let found: Vec<f32> = learner.shared.parts.iter().flat_map(|part| part.lock().targets.clone()).collect();
     for (found, expected) in found.iter().zip(&expected) {
         assert!((found - expected).abs() < 1e-4 * expected.abs() + 1e-5, "target {found} instead of {expected}");
@@ -186,15 +135,16 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
     assert!(batch.len() < 5 || found.contains(&0.0), "a target is clipped");
     let mut critic_losses = Vec::new();
     for (k, critic) in learner.shared.critics.iter().enumerate() {
-        let (own, vars) = variables_of(&learner, critic);
+        let (own, vars) = variables_of(critic, &shapes.encoder);
         let loss = oracle.critic_loss(&own, &targets);
         critic_losses.push(loss.to_scalar::<f32>().unwrap());
-        let found = full_gradient(&learner, critic, |part| &mut part.critics[k]);
-        assert_close("critic", &found, &loss, &vars);
+        let found = full_gradient(critic, &touched, parts, |part| &mut part.critics[k]);
+        assert_close("critic", found, &loss, &vars);
     }
-    let (own, vars) = variables_of(&learner, &learner.shared.actor);
+    let (own, vars) = variables_of(&learner.shared.actor, &shapes.encoder);
     let (cost, loss) = oracle.actor_loss(&parameters_of(&learner, &learner.shared.critics[0], false), &own);
-    assert_close("actor", &full_gradient(&learner, &learner.shared.actor, |part| &mut part.actor), &loss, &vars);
+    let found = full_gradient(&learner.shared.actor, &touched, parts, |part| &mut part.actor);
+    assert_close("actor", found, &loss, &vars);
     let losses = learner.shared.parts.iter().map(|part| part.lock().losses);
     let (critic, actor) = losses.fold((0.0, 0.0), |sum, part| (sum.0 + part.critic, sum.1 + part.actor));
     let expected = (critic_losses.iter().sum::<f32>() / critic_losses.len() as f32, cost.to_scalar::<f32>().unwrap());

@@ -4,8 +4,7 @@ use std::sync::Arc;
 
 use super::Objective;
 use crate::learn::networks::network::Weights;
-use crate::learn::networks::policy::{CopiedWeights, OwnedWeights, Policy, ROWS, Scratch};
-use crate::learn::update::features::Pairs;
+use crate::learn::networks::policy::{CopiedWeights, OwnedWeights, Policy, Scratch};
 
 /// The straight line and the borrowed weights of the actor. Actions are not improved by lookahead.
 pub struct Nets<'a> {
@@ -26,14 +25,9 @@ impl Policy for Nets<'_> {
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         let shapes = &self.objective.shapes;
-        let spec = shapes.encoder.spec();
-        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
-        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * a));
-        for ((states, goals), out) in chunks {
-            shapes.encoder.plain_pairs(states, goals, &mut scratch.plain);
-            let pairs = Pairs { plain: &scratch.plain, states, goals };
-            shapes.actions(self.actor, pairs, out, &mut scratch.ws);
-        }
+        scratch.for_pairs(&shapes.encoder, (states, goals), (out, shapes.actor.outputs), |pairs, out, [ws, _]| {
+            shapes.actions(self.actor, pairs, out, ws);
+        });
     }
 }
 

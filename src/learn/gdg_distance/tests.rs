@@ -2,83 +2,31 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
-use candle_core::{D, Device, Tensor, Var};
+use candle_core::{D, Device, Tensor};
 use rand::{RngExt, SeedableRng};
 
 use super::*;
-use crate::learn::kernels::kernel;
 use crate::learn::networks::export::NamedTensor;
+use crate::learn::settings::Backend;
+use crate::learn::update::autograd::{assert_close, random_state, spec, variables_of};
+use crate::learn::update::gradient::full_gradient;
 use crate::learn::update::losses::EXCESS_WEIGHT;
-use crate::learn::update::reference::{Layers, Parameters, Reference, mlp, pair_rows};
+use crate::learn::update::reference::{Layers, Reference, mlp, pair_rows};
 use crate::learn::update::straight::typical_step;
 
-fn spec(state: usize, axes: usize, positions: bool) -> Spec {
-    Spec {
-        state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
-        state_half_range: (0..state).map(|i| 3.0 + i as f32).collect(),
-        change_scale: (0..state).map(|i| 0.4 + 0.2 * i as f32).collect(),
-        achieved: (0..axes).map(|i| (i + 1) % state).collect(),
-        action_dim: axes,
-        goal_radius: 0.8,
-        goals_are_positions: positions,
-    }
-}
-
 fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
-    let state = |rng: &mut ChaCha8Rng| -> Vec<f32> {
-        let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
-        numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
-    };
     let mut batch = Batch { steps: vec![0.0; rows], bootstrap: vec![0.0; rows], ..Batch::default() };
     (batch.bound, batch.lower) = (vec![0.0; rows], vec![0.0; rows]);
     for _ in 0..rows {
-        batch.states.extend(state(rng));
-        let goal = state(rng);
+        batch.states.extend(random_state(spec, rng));
+        let goal = random_state(spec, rng);
         batch.goals.extend(spec.achieved(&goal));
-        batch.bootstrap_states.extend(state(rng));
-        batch.from.extend(state(rng));
+        batch.bootstrap_states.extend(random_state(spec, rng));
+        batch.from.extend(random_state(spec, rng));
         batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
-        batch.next.extend(state(rng));
+        batch.next.extend(random_state(spec, rng));
     }
     batch
-}
-
-/// Returns a network's parameters as variables, and these.
-fn variables_of(learner: &GdgDistance, network: &Network) -> (Parameters, Vec<Var>) {
-    let (dense, table) = network.copy(false).unwrap();
-    let grid = learner.shared.objective.shapes.encoder.grid();
-    let table = grid.map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu).unwrap());
-    let dense = Tensor::new(dense, &Device::Cpu).unwrap();
-    let vars: Vec<Var> = std::iter::once(&dense).chain(&table).map(|t| Var::from_tensor(t).unwrap()).collect();
-    let table = table.map(|_| vars[1].as_tensor().clone());
-    (Parameters { dense: vars[0].as_tensor().clone(), table }, vars)
-}
-
-/// Compares a network's gradient on the latest batch with that of `loss`.
-fn assert_close(
-    (learner, network, touched): (&GdgDistance, &Network, &RwLock<TouchedCorners>),
-    of: impl Fn(&mut Part) -> &mut Gradient,
-    loss: &Tensor,
-    vars: &[Var],
-) {
-    let (mut dense, mut encoded) = (Vec::new(), Vec::new());
-    for part in &learner.shared.parts {
-        let mut part = part.lock();
-        let gradient = of(&mut part);
-        dense.resize(gradient.dense.len(), 0.0);
-        kernel::add_into(&mut dense, &gradient.dense);
-        encoded.push(gradient.encoded.clone());
-    }
-    let table = network.halves().1.map(|table| touched.read().table_gradient(&encoded, table.channels()));
-    let gradients = loss.backward().unwrap();
-    assert_eq!(vars.len(), 1 + usize::from(table.is_some()));
-    for (found, var) in std::iter::once(dense).chain(table).zip(vars) {
-        let expected = gradients.get(var).unwrap().flatten_all().unwrap().to_vec1::<f32>().unwrap();
-        assert_eq!(found.len(), expected.len());
-        let off = found.iter().zip(&expected).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
-        let largest = expected.iter().map(|g| g.abs()).fold(0.0, f32::max);
-        assert!(largest > 0.0 && off < 5e-4 * largest + 1e-6, "off by {off} of {largest}");
-    }
 }
 
 fn check(spec: &Spec, settings: &LearnSettings) {
@@ -91,8 +39,8 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     // The gradients of an update, without its steps.
     learner.shared.batch.write().clone_from(&batch);
     let parts = learner.shared.parts.len();
-    learner.run_parallel(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients).unwrap();
-    learner.run_parallel(parts, Shared::actor_gradient).unwrap();
+    learner.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients).unwrap();
+    learner.run(parts, Shared::actor_gradient).unwrap();
 
     let tensor =
         |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu).unwrap();
@@ -100,11 +48,12 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let (from, next) = (tensor(&batch.from, spec.state_dim()), tensor(&batch.next, spec.state_dim()));
     let shared = &*learner.shared;
     let shapes = &shared.objective.shapes;
-    let (model, model_vars) = variables_of(&learner, &shared.model);
-    let (actor, actor_vars) = variables_of(&learner, &shared.actor);
+    let (model, model_vars) = variables_of(&shared.model, &shapes.encoder);
+    let (actor, actor_vars) = variables_of(&shared.actor, &shapes.encoder);
     let reference = Reference::with_parameters(shapes, vec![model, actor.clone()], Layers::Linear).unwrap();
     let model_loss = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    assert_close((&learner, &shared.model, &shared.transitions), |part| &mut part.model, &model_loss, &model_vars);
+    let found = full_gradient(&shared.model, &shared.transitions.read(), &shared.parts, |part| &mut part.model);
+    assert_close("model", found, &model_loss, &model_vars);
 
     let indices: Vec<u32> = spec.achieved.iter().map(|i| *i as u32).collect();
     let after = reference.predictions(&states, &reference.actions(&states, &goals).unwrap()).unwrap();
@@ -116,7 +65,8 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let excess = (outputs - f64::from(shapes.actor_bound)).unwrap().relu().unwrap().sqr().unwrap();
     let excess = (excess.sum(D::Minus1).unwrap().mean_all().unwrap() * f64::from(EXCESS_WEIGHT)).unwrap();
     let whole = if shapes.actor_bound.is_finite() { (&steps + excess).unwrap() } else { steps.clone() };
-    assert_close((&learner, &shared.actor, &shared.pairs), |part| &mut part.actor, &whole, &actor_vars);
+    let found = full_gradient(&shared.actor, &shared.pairs.read(), &shared.parts, |part| &mut part.actor);
+    assert_close("actor", found, &whole, &actor_vars);
 
     let found = learner.losses();
     let expected = [&model_loss, &steps].map(|loss| loss.to_scalar::<f32>().unwrap());

@@ -4,6 +4,7 @@ use std::f32::consts::PI;
 
 use crate::env::Spec;
 use crate::learn::networks::grid::{GridReads, GridShape, TableView};
+use crate::learn::networks::mlp::Mlp;
 use crate::learn::settings::LearnSettings;
 
 /// Input features of states and of (state, goal) pairs.
@@ -46,6 +47,11 @@ impl Encoder {
     /// Returns the geometry of the grid encoding, if there is one.
     pub fn grid(&self) -> Option<&GridShape> {
         self.grid.as_ref()
+    }
+
+    /// Returns the number of trainable parameters of `mlp` and its network's grid table.
+    pub fn parameters_with(&self, mlp: &Mlp) -> u64 {
+        (mlp.parameters() + self.grid.as_ref().map_or(0, |grid| grid.corners() * grid.channels)) as u64
     }
 
     /// Returns the number of Fourier octaves per coordinate.

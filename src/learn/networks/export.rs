@@ -1,9 +1,11 @@
 //! An actor as named arrays and a description of its inputs, for other programs.
 
+use candle_core::Result;
 use serde::Serialize;
 
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::mlp::Mlp;
+use crate::learn::networks::network::Network;
 
 /// An actor that other programs can run.
 ///
@@ -59,8 +61,17 @@ pub struct ActorInputs {
 }
 
 impl ActorExport {
+    /// Returns the export of `actor`, whose shape is `mlp`, or of its running average.
+    ///
+    /// # Errors
+    /// Returns candle's error if a tensor operation fails.
+    pub(in crate::learn) fn of(encoder: &Encoder, mlp: &Mlp, actor: &Network, averaged: bool) -> Result<Self> {
+        let (parameters, table) = actor.copy(averaged)?;
+        Ok(Self::new(encoder, mlp, &parameters, &table))
+    }
+
     /// Returns the export of an actor `mlp` with these `parameters` and grid `table` `(corners, channels)`.
-    pub(in crate::learn) fn new(encoder: &Encoder, mlp: &Mlp, parameters: &[f32], table: &[f32]) -> Self {
+    fn new(encoder: &Encoder, mlp: &Mlp, parameters: &[f32], table: &[f32]) -> Self {
         let tensor = |name: String, shape: &[usize], values: &[f32]| NamedTensor {
             name,
             shape: shape.to_vec(),

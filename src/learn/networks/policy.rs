@@ -11,16 +11,35 @@ use crate::learn::update::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::update::losses::Shapes;
 
 /// Rows per forward pass, few enough for their activations to stay in the cache.
-pub(in crate::learn) const ROWS: usize = 128;
+const ROWS: usize = 128;
 
 /// Inference buffers, one per thread.
 #[derive(Clone, Debug, Default)]
 pub struct Scratch {
-    pub(in crate::learn) plain: SharedFeatures,
-    pub(in crate::learn) ws: Workspace,
+    plain: SharedFeatures,
+    ws: Workspace,
     /// For learners whose D takes two networks.
-    pub(in crate::learn) second: Workspace,
+    second: Workspace,
     lookahead: LookaheadBuffers,
+}
+
+impl Scratch {
+    /// Calls `compute` for a few pairs at a time, with their rows of `out` `(rows, width)` and two buffers.
+    pub(in crate::learn) fn for_pairs(
+        &mut self,
+        encoder: &Encoder,
+        (states, goals): (&[f32], &[f32]),
+        (out, width): (&mut [f32], usize),
+        compute: impl Fn(Pairs, &mut [f32], [&mut Workspace; 2]),
+    ) {
+        let (s, g) = (encoder.spec().state_dim(), encoder.spec().goal_dim());
+        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * width));
+        let Self { plain, ws, second, .. } = self;
+        for ((states, goals), out) in chunks {
+            encoder.plain_pairs(states, goals, plain);
+            compute(Pairs { plain, states, goals }, out, [ws, second]);
+        }
+    }
 }
 
 /// The learned D and mu, for inference.
@@ -83,25 +102,16 @@ pub struct Nets<'a> {
 impl Policy for Nets<'_> {
     /// Computes D by the most pessimistic critic.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        let spec = self.shapes.encoder.spec();
-        let (s, g) = (spec.state_dim(), spec.goal_dim());
-        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS));
-        for ((states, goals), out) in chunks {
-            self.shapes.encoder.plain_pairs(states, goals, &mut scratch.plain);
-            let pairs = Pairs { plain: &scratch.plain, states, goals };
-            self.shapes.max_distances(&self.critics, pairs, out, &mut scratch.ws);
-        }
+        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, 1), |pairs, out, [ws, _]| {
+            self.shapes.max_distances(&self.critics, pairs, out, ws);
+        });
     }
 
     fn actions(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
-        let spec = self.shapes.encoder.spec();
-        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
-        let chunks = states.chunks(ROWS * s).zip(goals.chunks(ROWS * g)).zip(out.chunks_mut(ROWS * a));
-        for ((states, goals), out) in chunks {
-            self.shapes.encoder.plain_pairs(states, goals, &mut scratch.plain);
-            let pairs = Pairs { plain: &scratch.plain, states, goals };
-            self.shapes.actions(self.actor, pairs, out, &mut scratch.ws);
-        }
+        let width = self.shapes.actor.outputs;
+        scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, width), |pairs, out, [ws, _]| {
+            self.shapes.actions(self.actor, pairs, out, ws);
+        });
     }
 
     fn improve_actions(&self, states: &[f32], goals: &[f32], actions: &mut [f32], scratch: &mut Scratch) {

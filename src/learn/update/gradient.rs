@@ -1,5 +1,10 @@
-//! The gradient of one network from one part of a batch.
+//! The gradient of one network.
 
+use parking_lot::Mutex;
+
+use crate::learn::kernels::kernel;
+use crate::learn::networks::network::Network;
+use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::settings::LearnSettings;
 
 /// Gradient of one network from one part of a batch.
@@ -22,6 +27,29 @@ impl Gradient {
     pub fn add_encoded(&mut self, d: &[f32], (from, width, stride): (usize, usize, usize)) {
         self.encoded.extend(d.chunks_exact(stride).flat_map(|row| &row[from..from + width]));
     }
+}
+
+/// A network's gradient: of its flat parameters, and of its grid table `(corners, channels)`.
+pub type FullGradient = (Vec<f32>, Vec<f32>);
+
+/// Sums a network's gradients from all parts of a batch, which touched these corners of its table. For checks against
+/// other implementations: steps sum the parts themselves.
+pub fn full_gradient<P>(
+    network: &Network,
+    touched: &TouchedCorners,
+    parts: &[Mutex<P>],
+    gradient: impl Fn(&mut P) -> &mut Gradient,
+) -> FullGradient {
+    let (mut dense, mut encoded) = (Vec::new(), Vec::new());
+    for part in parts {
+        let mut part = part.lock();
+        let own = gradient(&mut part);
+        dense.resize(own.dense.len(), 0.0);
+        kernel::add_into(&mut dense, &own.dense);
+        encoded.push(own.encoded.clone());
+    }
+    let table = network.halves().1.map(|table| touched.table_gradient(&encoded, table.channels()));
+    (dense, table.unwrap_or_default())
 }
 
 /// Step sizes of one update.

@@ -1,5 +1,10 @@
 //! Hand-written losses and gradients of one part of a batch (see [`crate::learn::Reference`] for the autograd version).
 
+use std::iter::Sum;
+
+use candle_core::Result;
+
+use crate::env::Spec;
 use crate::learn::data::batch::{STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::GridReads;
@@ -19,6 +24,16 @@ pub struct Losses {
     pub model: f32,
     /// D(f(s, mu(s, g)), g) in steps.
     pub actor: f32,
+}
+
+impl Sum for Losses {
+    fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
+        parts.fold(Self::default(), |sum, part| Self {
+            critic: sum.critic + part.critic,
+            model: sum.model + part.model,
+            actor: sum.actor + part.actor,
+        })
+    }
 }
 
 /// Sizes of the three networks, and the meaning of their outputs.
@@ -378,6 +393,17 @@ impl Shapes {
 
 /// Maximum size of a state: states are short vectors, so their gradients live on the stack.
 pub const MAX_STATE_DIM: usize = 64;
+
+/// Refuses states that are too large.
+///
+/// # Errors
+/// They are.
+pub fn check_state_dim(spec: &Spec) -> Result<()> {
+    if spec.state_dim() > MAX_STATE_DIM {
+        candle_core::bail!("states with more than {MAX_STATE_DIM} components are not supported");
+    }
+    Ok(())
+}
 
 impl LossScale {
     /// Returns the error of `distance` against `target` on this scale, and the scale's slope at `distance`.

@@ -106,6 +106,31 @@ impl ThreadPool {
     }
 }
 
+impl ThreadPool {
+    /// Calls `work` with each index below `tasks` on data that all threads share; returns when all calls are done.
+    ///
+    /// # Errors
+    /// Returns the first error of a call.
+    ///
+    /// # Panics
+    /// Panics if a call panicked.
+    pub fn try_run<S: Send + Sync + 'static, E: Send + 'static>(
+        &self,
+        tasks: usize,
+        shared: &Arc<S>,
+        work: fn(&S, usize) -> Result<(), E>,
+    ) -> Result<(), E> {
+        let failure = Arc::new(Mutex::new(None));
+        let (shared, first) = (shared.clone(), failure.clone());
+        self.run(tasks, move |i| {
+            if let Err(error) = work(&shared, i) {
+                first.lock().get_or_insert(error);
+            }
+        });
+        failure.lock().take().map_or(Ok(()), Err)
+    }
+}
+
 impl Drop for ThreadPool {
     fn drop(&mut self) {
         self.slot.shutdown.store(true, Ordering::SeqCst);

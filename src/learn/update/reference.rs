@@ -22,6 +22,18 @@ pub struct Parameters {
     pub table: Option<Tensor>,
 }
 
+impl Parameters {
+    /// Copies the parameters of a network with the inputs of `encoder`, or their running averages.
+    ///
+    /// # Errors
+    /// Returns candle's error if a tensor operation fails.
+    pub(in crate::learn) fn copied(network: &Network, encoder: &Encoder, averaged: bool) -> Result<Self> {
+        let (dense, table) = network.copy(averaged)?;
+        let table = encoder.grid().map(|grid| Tensor::from_vec(table, (grid.corners(), grid.channels), &Device::Cpu));
+        Ok(Self { dense: Tensor::new(dense, &Device::Cpu)?, table: table.transpose()? })
+    }
+}
+
 /// How an MLP's layers are computed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layers {

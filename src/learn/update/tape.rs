@@ -24,6 +24,17 @@ pub struct Tape {
     networks: Vec<TapeNetwork>,
 }
 
+/// Refuses backends other than the fused one, for a learner that has no losses on a tape.
+///
+/// # Errors
+/// It is another one.
+pub fn refuse_tape(backend: Backend, learner: &str) -> Result<()> {
+    if backend != Backend::Fused {
+        bail!("the learner {learner} needs backend=fused");
+    }
+    Ok(())
+}
+
 /// A network on the device.
 struct TapeNetwork {
     dense: TapeParameters,
