@@ -2,14 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
+#[path = "support/runs.rs"]
+mod runs;
+
 use std::path::Path;
 
 use gdg_tui::env::fetch_reach::WALL;
 use gdg_tui::env::{Environment, FetchReach};
-use gdg_tui::store::Store;
 use gdg_tui::train::{self, Preset, Registry, Run, SaveTo, Trainer};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
+use runs::{state, train_to};
 
 fn rng() -> ChaCha8Rng {
     ChaCha8Rng::seed_from_u64(1)
@@ -130,21 +133,6 @@ fn trainer(world: &dyn Environment, method: &str) -> Trainer {
     (settings.bridge.candidates, settings.bridge.graph_every_updates) = (60, 100);
     let run = Run { method: method.parse().unwrap(), preset: Preset::Default, seed: 3, settings };
     Trainer::new(run, world, &Registry::builtin(), 1).unwrap()
-}
-
-fn train_to(trainer: &mut Trainer, updates: u64) {
-    while trainer.counters().updates < updates {
-        trainer.tick().unwrap();
-    }
-}
-
-/// Returns the saved state without the elapsed time.
-fn state(trainer: &Trainer) -> Store {
-    let mut store = trainer.save().unwrap();
-    let mut state: serde_json::Value = store.json("trainer").unwrap();
-    state.as_object_mut().unwrap().remove("seconds").unwrap();
-    store.put_text("trainer", state.to_string());
-    store
 }
 
 #[test]

@@ -5,14 +5,16 @@
 #[allow(dead_code, reason = "its main function is the example's")]
 #[path = "../examples/own_world.rs"]
 mod own_world;
+#[path = "support/runs.rs"]
+mod runs;
 
 use clap::Parser;
 use gdg_tui::cli::Cli;
-use gdg_tui::store::Store;
 use gdg_tui::train::{self, Preset, Run, SaveTo, Trainer};
 use gdg_tui::{headless, setup};
 
 use own_world::registry;
+use runs::{state, train_to};
 
 fn trainer(method: &str) -> Trainer {
     let mut settings = Preset::Default.settings();
@@ -24,21 +26,6 @@ fn trainer(method: &str) -> Trainer {
     let registry = registry();
     let world = registry.worlds()[0].create.unwrap()();
     Trainer::new(run, &*world, &registry, 1).unwrap()
-}
-
-fn train_to(trainer: &mut Trainer, updates: u64) {
-    while trainer.counters().updates < updates {
-        trainer.tick().unwrap();
-    }
-}
-
-/// Returns the saved state without the elapsed time.
-fn state(trainer: &Trainer) -> Store {
-    let mut store = trainer.save().unwrap();
-    let mut state: serde_json::Value = store.json("trainer").unwrap();
-    state.as_object_mut().unwrap().remove("seconds").unwrap();
-    store.put_text("trainer", state.to_string());
-    store
 }
 
 #[test]

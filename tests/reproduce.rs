@@ -2,11 +2,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
+#[path = "support/ran.rs"]
+mod ran;
+
 use std::collections::BTreeMap;
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use ran::{Ran, has_parts, ran};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -31,13 +35,6 @@ const FIGURES: [&str; 5] = ["fig2", "fig3", "fig4", "fig5", "fig6"];
 
 /// A folder in which figures are reproduced.
 struct Place(TempDir);
-
-/// What a command printed, and its exit status.
-struct Ran {
-    status: Option<i32>,
-    out: String,
-    err: String,
-}
 
 impl Place {
     fn new() -> Self {
@@ -85,16 +82,6 @@ impl Place {
         }
         all
     }
-}
-
-fn ran(mut command: Command) -> Ran {
-    let output = command.output().unwrap();
-    let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-    Ran { status: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
-}
-
-fn has_parts(text: &str, parts: &[&str]) {
-    parts.iter().for_each(|part| assert!(text.contains(part), "{part:?} is not in {text}"));
 }
 
 /// Compares two outcomes, naming the file that differs.

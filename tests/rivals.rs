@@ -3,13 +3,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
+#[path = "support/runs.rs"]
+mod runs;
+
 use std::sync::Arc;
 
 use gdg_tui::env::PointMaze;
 use gdg_tui::learn::Scratch;
 use gdg_tui::map::{Grid, parse_map};
-use gdg_tui::store::Store;
 use gdg_tui::train::{self, Method, Preset, Registry, Run, SaveTo, Settings, Trainer};
+use runs::{state, train_to};
 
 const RIVALS: [&str; 3] = ["ddpg", "her", "ddpg-distance"];
 
@@ -40,21 +43,6 @@ fn empty(side: usize) -> Grid {
 fn two_rooms() -> Grid {
     let row = |i: usize| if i == 4 { "...............\n" } else { ".......#.......\n" };
     parse_map("two-rooms", (0..9).map(row).collect::<String>().as_bytes()).unwrap()
-}
-
-fn train_to(trainer: &mut Trainer, updates: u64) {
-    while trainer.counters().updates < updates {
-        trainer.tick().unwrap();
-    }
-}
-
-/// Returns the saved state without the elapsed time.
-fn state(trainer: &Trainer) -> Store {
-    let mut store = trainer.save().unwrap();
-    let mut state: serde_json::Value = store.json("trainer").unwrap();
-    state.as_object_mut().unwrap().remove("seconds").unwrap();
-    store.put_text("trainer", state.to_string());
-    store
 }
 
 #[test]

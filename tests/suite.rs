@@ -2,10 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
+#[path = "support/ran.rs"]
+mod ran;
+
 use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
+use ran::{Ran, has_parts, ran};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -28,13 +32,6 @@ const SMALL: [&str; 10] = [
 
 /// A folder with a folder of maps in which suites run.
 struct Place(TempDir);
-
-/// What a command printed, and its exit status.
-struct Ran {
-    status: Option<i32>,
-    out: String,
-    err: String,
-}
 
 impl Place {
     fn new() -> Self {
@@ -66,9 +63,9 @@ impl Place {
     }
 
     fn run_with(&self, args: &[&str], variables: &[(&str, &str)]) -> Ran {
-        let output = self.command(args).envs(variables.iter().copied()).output().unwrap();
-        let text = |bytes: &[u8]| String::from_utf8_lossy(bytes).into_owned();
-        Ran { status: output.status.code(), out: text(&output.stdout), err: text(&output.stderr) }
+        let mut command = self.command(args);
+        command.envs(variables.iter().copied());
+        ran(command)
     }
 
     /// Returns the names of the files in a folder, sorted.
@@ -101,10 +98,6 @@ fn without_times(results: Vec<Vec<u8>>) -> Vec<Value> {
         result
     };
     results.into_iter().map(without).collect()
-}
-
-fn has_parts(text: &str, parts: &[&str]) {
-    parts.iter().for_each(|part| assert!(text.contains(part), "{part:?} is not in {text}"));
 }
 
 #[test]

@@ -2,6 +2,9 @@
 
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
+#[path = "support/runs.rs"]
+mod runs;
+
 use std::path::Path;
 use std::sync::Arc;
 
@@ -10,6 +13,7 @@ use gdg_tui::learn::{Auto, Scratch};
 use gdg_tui::map::{Cell, Grid, RandomMapKind, parse_map, random};
 use gdg_tui::store::{Array, Store};
 use gdg_tui::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use runs::train_to;
 
 /// Two rooms joined by a door: most straight lines between them hit the wall.
 const TWO_ROOMS: &str = "\
@@ -50,12 +54,6 @@ fn map_of(trainer: &Trainer) -> &Arc<Grid> {
 fn change_map(trainer: &mut Trainer, map: &Arc<Grid>) -> Result<train::WorldChange, train::TrainError> {
     let maze = PointMaze::downcast_ref(trainer.world()).unwrap().with_map(map.clone());
     trainer.change_world(&maze)
-}
-
-fn train_to(trainer: &mut Trainer, updates: u64) {
-    while trainer.counters().updates < updates {
-        trainer.tick().unwrap();
-    }
 }
 
 /// Returns all state of a run as bits, except for the elapsed time.

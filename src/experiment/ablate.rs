@@ -19,14 +19,6 @@ use crate::setup::{create, find_map, refuse_existing, threads};
 use crate::text::{counted, eprint_line};
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Settings, Trainer, settings_from};
 
-/// The default with one thing changed.
-struct Variant {
-    name: &'static str,
-    method: &'static str,
-    /// Settings as `--set` takes them, separated by spaces.
-    set: &'static str,
-}
-
 /// What is trained and evaluated.
 struct Case {
     name: &'static str,
@@ -36,37 +28,38 @@ struct Case {
     set: Vec<&'static str>,
 }
 
-const fn without(name: &'static str, set: &'static str) -> Variant {
-    Variant { name, method: "gdg-bridge", set }
-}
-
-const VARIANTS: [Variant; 25] = [
-    without("default", ""),
-    without("1-step targets", "n_step=1"),
-    without("targets from behaviour alone", "greedy_targets=false"),
-    without("... and an expectile of 0.95", "greedy_targets=false expectile=0.95"),
-    without("no hindsight bound", "hindsight_bound=false"),
-    without("one critic", "critics=1"),
-    without("squared error of D", "loss=squared"),
-    without("no random goals in a batch", "goal_random=0"),
-    without("no Fourier features", "fourier_octaves=0"),
-    without("no relative inputs", "relative_scales=[]"),
-    without("no grid encoding", "grid_cells=[]"),
-    without("unbounded actor", "actor_bound=0"),
-    without("no distillation", "distillation=0"),
-    without("unverified edges", "verify_edges=false"),
-    without("no edges from trajectories alone", "keep_observed_edges=false"),
-    without("no progress check", "progress_check=false"),
-    without("current weights, no averages", "averaged_weights=false"),
-    without("no bridge goals in exploration", "bridge_epsilon=0"),
-    without("no plans in exploration", "planned_episodes=0"),
-    without("no lookahead", "lookahead=false"),
-    without("episodes from anywhere", "restart=anywhere"),
-    without("episodes of 150 steps", "episode_steps=150"),
-    without("no excursions", "frontier_epsilon=0"),
-    Variant { name: "method sorb", method: "sorb", set: "" },
-    Variant { name: "method gdg (no bridges)", method: "gdg", set: "" },
+/// The default with one thing changed: settings as `--set` takes them, separated by spaces.
+const VARIANTS: [(&str, &str); 23] = [
+    ("default", ""),
+    ("1-step targets", "n_step=1"),
+    ("targets from behaviour alone", "greedy_targets=false"),
+    ("... and an expectile of 0.95", "greedy_targets=false expectile=0.95"),
+    ("no hindsight bound", "hindsight_bound=false"),
+    ("one critic", "critics=1"),
+    ("squared error of D", "loss=squared"),
+    ("no random goals in a batch", "goal_random=0"),
+    ("no Fourier features", "fourier_octaves=0"),
+    ("no relative inputs", "relative_scales=[]"),
+    ("no grid encoding", "grid_cells=[]"),
+    ("unbounded actor", "actor_bound=0"),
+    ("no distillation", "distillation=0"),
+    ("unverified edges", "verify_edges=false"),
+    ("no edges from trajectories alone", "keep_observed_edges=false"),
+    ("no progress check", "progress_check=false"),
+    ("current weights, no averages", "averaged_weights=false"),
+    ("no bridge goals in exploration", "bridge_epsilon=0"),
+    ("no plans in exploration", "planned_episodes=0"),
+    ("no lookahead", "lookahead=false"),
+    ("episodes from anywhere", "restart=anywhere"),
+    ("episodes of 150 steps", "episode_steps=150"),
+    ("no excursions", "frontier_epsilon=0"),
 ];
+
+/// The default with another method.
+const OTHER_METHODS: [(&str, &str); 2] = [("method sorb", "sorb"), ("method gdg (no bridges)", "gdg")];
+
+/// The default's method.
+const METHOD: &str = "gdg-bridge";
 
 /// The components between the presets `paper` and `default`, each on top of those before it. The world is the same for
 /// all, without noise.
@@ -100,18 +93,15 @@ const LADDER: [(&str, &str); 11] = [
 
 /// Returns the cases in the order of the table.
 fn cases(ladder: bool) -> Vec<Case> {
-    if !ladder {
-        let case = |v: &Variant| Case {
-            name: v.name,
-            method: v.method,
-            preset: Preset::Default,
-            set: v.set.split_whitespace().collect(),
-        };
-        return VARIANTS.iter().map(case).collect();
+    let case = |name, method, preset, set| Case { name, method, preset, set };
+    if ladder {
+        let set = |rung: usize| LADDER[..=rung].iter().flat_map(|(_, set)| set.split_whitespace()).collect();
+        return (0..LADDER.len()).map(|rung| case(LADDER[rung].0, METHOD, Preset::Paper, set(rung))).collect();
     }
-    let set = |rung: usize| LADDER[..=rung].iter().flat_map(|(_, set)| set.split_whitespace()).collect();
-    let case = |rung: usize| Case { name: LADDER[rung].0, method: "gdg-bridge", preset: Preset::Paper, set: set(rung) };
-    (0..LADDER.len()).map(case).collect()
+    let variants =
+        VARIANTS.iter().map(|(name, set)| case(name, METHOD, Preset::Default, set.split_whitespace().collect()));
+    let methods = OTHER_METHODS.iter().map(|(name, method)| case(name, method, Preset::Default, Vec::new()));
+    variants.chain(methods).collect()
 }
 
 /// One run's result.

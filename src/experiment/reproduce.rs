@@ -24,7 +24,6 @@ use super::suite::{any_failed, print, print_raw};
 use crate::cli::{EXIT_FAILURE, ReproduceArgs};
 use crate::report::from_config_error;
 use crate::setup::{find_map, threads};
-use crate::signals::TerminationSignal;
 use crate::text::{counted, eprint_line};
 use crate::train::{Overrides, Preset, Registry, Run, settings_from};
 pub use figures::{FIGURES, Figure};
@@ -151,20 +150,11 @@ impl Reproduction<'_> {
         if self.args.collect {
             return self.draw();
         }
-        let chosen = self.chosen()?;
-        let (done, open): (Vec<&Job>, Vec<&Job>) =
-            chosen.into_iter().partition(|job| self.folder.result_of(job).is_some());
-        eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
-        let termination = TerminationSignal::listen(|| {})?;
-        let runner = Runner {
-            folder: self.folder.clone(),
-            registry: self.registry.clone(),
-            termination: termination.clone(),
-            keep: self.args.keep,
-        };
-        let ends = runner.run(&open, threads(self.args.jobs));
-        let failed = any_failed(&open, &ends);
-        if let Some(status) = termination.status() {
+        let place = (&self.folder, &self.registry);
+        let jobs = self.chosen()?.into_iter();
+        let outcome = Runner::run_open(place, jobs, threads(self.args.jobs), self.args.keep)?;
+        let failed = any_failed(&outcome);
+        if let Some(status) = outcome.interrupted {
             return Ok(status);
         }
         let drawn = if self.args.job.is_empty() { self.draw()? } else { 0 };

@@ -18,6 +18,7 @@ use crate::headless::{Saver, evaluate};
 use crate::report::print_error;
 use crate::setup::begin;
 use crate::signals::TerminationSignal;
+use crate::text::{counted, eprint_line};
 use crate::train::{self, Registry, SaveTo, Tick, Trainer};
 
 /// How a job ended.
@@ -36,19 +37,48 @@ pub enum End {
 /// Runs jobs, each on one thread.
 pub struct Runner {
     /// Where results and checkpoints are kept.
-    pub folder: Folder,
+    folder: Folder,
     /// Worlds and learners.
-    pub registry: Arc<Registry>,
+    registry: Arc<Registry>,
     /// Ends all jobs when a signal arrives.
-    pub termination: TerminationSignal,
+    termination: TerminationSignal,
     /// Whether the checkpoints of finished jobs are kept.
-    pub keep: bool,
+    keep: bool,
+}
+
+/// What became of the jobs without a result.
+pub struct Outcome<'a> {
+    /// These jobs.
+    pub open: Vec<&'a Job>,
+    /// How each ended, in the same order.
+    pub ends: Vec<End>,
+    /// Exit status if a signal ended them.
+    pub interrupted: Option<u8>,
 }
 
 impl Runner {
+    /// Runs those of `jobs` that have no result, `parallel` at a time, until a signal arrives.
+    ///
+    /// # Errors
+    /// Signals cannot be listened for.
+    pub fn run_open<'a>(
+        (folder, registry): (&Folder, &Arc<Registry>),
+        jobs: impl Iterator<Item = &'a Job>,
+        parallel: usize,
+        keep: bool,
+    ) -> Result<Outcome<'a>, Report> {
+        let (done, open): (Vec<&Job>, Vec<&Job>) = jobs.partition(|job| folder.result_of(job).is_some());
+        eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
+        let termination = TerminationSignal::listen(|| {})?;
+        let (folder, registry) = (folder.clone(), registry.clone());
+        let runner = Self { folder, registry, termination: termination.clone(), keep };
+        let ends = runner.run(&open, parallel);
+        Ok(Outcome { open, ends, interrupted: termination.status() })
+    }
+
     /// Runs `jobs` without a result, `parallel` at a time, the longest first; returns how each ended, in the same order. A
     /// job that fails does not end the others.
-    pub fn run(&self, jobs: &[&Job], parallel: usize) -> Vec<End> {
+    fn run(&self, jobs: &[&Job], parallel: usize) -> Vec<End> {
         let mut order: Vec<usize> = (0..jobs.len()).collect();
         let length = |i: &usize| (matches!(jobs[*i].plan.length, Length::Episodes(_)), jobs[*i].plan.length.amount());
         order.sort_by_key(|i| std::cmp::Reverse(length(i)));

@@ -11,12 +11,11 @@ use super::folder::{Folder, State};
 use super::job::Job;
 use super::plan::Plan;
 use super::report::report;
-use super::runner::{End, Runner};
+use super::runner::{End, Outcome, Runner};
 use super::table::{Row, table};
 use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
 use crate::map::{Grid, builtin};
 use crate::setup::{self, find_map, threads};
-use crate::signals::TerminationSignal;
 use crate::text::{counted, eprint_line, sanitized_lines};
 use crate::train::Registry;
 
@@ -109,24 +108,16 @@ impl Suite<'_> {
             return print(&self.list()).map(|()| 0);
         }
         let chosen = |job: &&Job| self.args.job.is_empty() || self.args.job.contains(&job.name);
-        let (done, open): (Vec<&Job>, Vec<&Job>) =
-            self.jobs().filter(chosen).partition(|job| self.folder.result_of(job).is_some());
-        eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
-        let termination = TerminationSignal::listen(|| {})?;
-        let runner = Runner {
-            folder: self.folder.clone(),
-            registry: self.registry.clone(),
-            termination: termination.clone(),
-            keep: self.args.keep,
-        };
-        let ends = runner.run(&open, threads(self.args.jobs));
+        let jobs = self.jobs().filter(chosen);
+        let place = (&self.folder, &self.registry);
+        let outcome = Runner::run_open(place, jobs, threads(self.args.jobs), self.args.keep)?;
         let rows = self.rows();
         let text = report(&self.groups, &rows, &self.folder);
         self.folder.write("report.md", text.as_bytes())?;
         print(&table(&rows))?;
         eprint_line(&format!("report: {}", self.folder.path("report.md").display()));
-        let failed = any_failed(&open, &ends);
-        match termination.status() {
+        let failed = any_failed(&outcome);
+        match outcome.interrupted {
             Some(status) => Ok(status),
             None if failed => Ok(EXIT_FAILURE),
             None => Ok(self.required_success(&rows)),
@@ -180,9 +171,9 @@ impl Suite<'_> {
 }
 
 /// Says which jobs failed and which run elsewhere; returns whether any failed.
-pub(super) fn any_failed(jobs: &[&Job], ends: &[End]) -> bool {
+pub(super) fn any_failed(Outcome { open, ends, .. }: &Outcome) -> bool {
     let named = |wanted: End| {
-        let names = jobs.iter().zip(ends).filter(|(_, end)| **end == wanted).map(|(job, _)| job.name.as_str());
+        let names = open.iter().zip(ends).filter(|(_, end)| **end == wanted).map(|(job, _)| job.name.as_str());
         names.collect::<Vec<_>>()
     };
     let (failed, elsewhere) = (named(End::Failed), named(End::Elsewhere));

@@ -24,11 +24,7 @@ pub fn policy_file(trainer: &Trainer) -> Result<Vec<u8>, TrainError> {
     let export = trainer.learner().export_actor(run.settings.bridge.averaged_weights)?;
     let export = export.ok_or_else(|| {
         LearnError::Other(
-            format!(
-                "the actor of the learner {} cannot be exported yet: only that of gdg can",
-                trainer.learner().kind()
-            )
-            .into(),
+            format!("the actor of the learner {} cannot be exported yet", trainer.learner().kind()).into(),
         )
     })?;
     let description = json!({

@@ -183,7 +183,7 @@ fn chart<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel) -> Resu
     Ok(())
 }
 
-/// A method's symbol: besides the colour, its shape tells it from the others.
+/// A method's marker: shapes distinguish methods without colour, too.
 struct Symbol {
     number: usize,
     colour: RGBColor,

@@ -168,7 +168,8 @@ impl BatchSampler {
         }
     }
 
-    /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to `goals`; returns the number of steps in which it was reached, infinite if unknown.
+    /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to `goals`; returns the
+    /// number of steps in which it was reached, infinite if unknown.
     pub(in crate::learn) fn push_goal(
         &self,
         replay: &Replay,

@@ -24,7 +24,7 @@ pub struct Returns {
     step_length: f32,
 }
 
-/// Least 1 + Q (1 - gamma) that is told apart from 0: beyond this, D no longer grows.
+/// Smallest 1 + Q (1 - gamma) that is not rounded to 0: D does not grow beyond it.
 pub const MIN_REMAINING: f32 = 1e-6;
 
 /// Newton steps to convert the sum of distances: enough for f32 over the whole range.
@@ -63,7 +63,7 @@ impl Returns {
     /// With sparse rewards, -Q = 1 + gamma + ... + gamma^(D-1) = (1 - gamma^D) / (1 - gamma). With distances, D is the
     /// length of a straight walk of full steps that earns Q, -Q = sum over t < D of gamma^t (D - 1 - t): the number of
     /// steps where nothing is in the way. A way round an obstacle earns as little as a straight way of another length,
-    /// so that this D only tells which of two goals is worth more.
+    /// so this D only ranks goals.
     pub fn steps(&self, q: f32) -> f32 {
         match self.reward {
             Reward::Sparse => {
