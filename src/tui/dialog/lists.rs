@@ -33,7 +33,7 @@ pub fn themes(now: ThemeName) -> Picker {
 /// Lists the methods.
 pub fn methods(now: &Method) -> Picker {
     let item = |named: &NamedMethod| Item::new(named.name, named.about, Choice::Method(named.into()));
-    let title = "continue with method (data and networks are kept)";
+    let title = "continue with method (data is kept, networks where they fit)";
     Picker::new(title, METHODS.iter().map(item).collect()).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
 
