@@ -1,5 +1,7 @@
 //! The command line.
 
+#[cfg(feature = "tui")]
+mod compare;
 mod reproduce;
 mod suite;
 
@@ -14,6 +16,8 @@ use crate::bridge::Planner;
 use crate::learn::LEARNERS;
 use crate::map::{RANDOM_SIZES, RandomMapKind};
 use crate::train::{Limits, METHODS, Method, Preset};
+#[cfg(feature = "tui")]
+pub use compare::CompareArgs;
 pub use reproduce::{BudgetArg, ReproduceArgs};
 pub use suite::SuiteArgs;
 
@@ -35,6 +39,7 @@ Examples:
   gdg-tui --resume saves/my.safetensors      resume where it stopped
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
   gdg-tui --no-ui fetch-reach --method gdg --set env_steps_per_update=1 --max-updates 5000
+  gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
   gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
   gdg-tui reproduce all                      the paper's figures, with our default beside its methods
 
@@ -70,6 +75,9 @@ pub enum Command {
     },
     /// Print the reference of all settings in Markdown
     Settings,
+    /// Watch two methods train side by side on the same map
+    #[cfg(feature = "tui")]
+    Compare(CompareArgs),
     /// Benchmark suite: train on every map, and write a table and a report with pictures
     Suite(SuiteArgs),
     /// Reproduce the paper's figures: data, drawings and a report that compares
@@ -182,7 +190,8 @@ pub struct TrainArgs {
     pub map: String,
 
     /// Train without the interface: JSON lines on standard output
-    #[arg(long)]
+    #[cfg_attr(feature = "tui", arg(long, conflicts_with_all = ["record", "ui_config"]))]
+    #[cfg_attr(not(feature = "tui"), arg(long))]
     pub no_ui: bool,
 
     /// Method and settings.
@@ -253,15 +262,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "method", "preset", "seed", "config", "set"])]
     pub resume: Option<PathBuf>,
 
-    /// Record the screen as an asciinema cast
+    /// Options of the interface.
     #[cfg(feature = "tui")]
-    #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
-    pub record: Option<PathBuf>,
-
-    /// Configuration file for theme, keys etc., instead of the default one
-    #[cfg(feature = "tui")]
-    #[arg(long, value_name = "FILE", conflicts_with = "no_ui")]
-    pub ui_config: Option<PathBuf>,
+    #[command(flatten)]
+    pub interface: InterfaceArgs,
 
     /// Print a template of the configuration file for theme, keys etc. with its default path, and exit
     #[cfg(feature = "tui")]
@@ -271,6 +275,19 @@ pub struct TrainArgs {
     /// Exit with status 3 unless the final evaluation's success rate is at least X
     #[arg(long, value_name = "X", value_parser = parse_share)]
     pub require_success: Option<f64>,
+}
+
+/// Options of the interface.
+#[cfg(feature = "tui")]
+#[derive(Debug, Args)]
+pub struct InterfaceArgs {
+    /// Record the screen as an asciinema cast
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
+
+    /// Configuration file for theme, keys etc., instead of the default one
+    #[arg(long, value_name = "FILE")]
+    pub ui_config: Option<PathBuf>,
 }
 
 /// Method and settings of a run.

@@ -29,8 +29,8 @@
 //!   [`train::Engine`], which runs a trainer on its own thread. [`train::Registry`] lists worlds and learners.
 //! * [`view`]: what the screen shows of a run, computed on its own thread: distance fields, the bridge graph, an agent that
 //!   walks to the goal; colours, contours and pictures.
-//! * [`headless`] (one run), `tui` and [`experiment`] (many runs in parallel, whose results are kept: benchmark suites, the
-//!   paper's figures): the front ends.
+//! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in parallel, whose results
+//!   are kept: benchmark suites, the paper's figures): the front ends.
 //!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
 //!   other programs; [`bench`](mod@bench) measures;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.

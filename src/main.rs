@@ -6,6 +6,8 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
+#[cfg(feature = "tui")]
+use gdg_tui::cli::CompareArgs;
 use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, LogLevel, ReproduceArgs, SuiteArgs};
 #[cfg(feature = "tui")]
 use gdg_tui::env::Scene;
@@ -31,6 +33,8 @@ fn main() -> ExitCode {
             print(&print_ascii(&random((*kind).into(), size, *seed)))
         }
         Some(Command::Settings) => print(&reference_page()),
+        #[cfg(feature = "tui")]
+        Some(Command::Compare(args)) => run_comparison(args),
         Some(Command::Suite(args)) => run_suite(args),
         Some(Command::Reproduce(args)) => run_reproduce(args),
         Some(Command::Ablate(args)) => printed(ablate::run(args), EXIT_BAD_INPUT),
@@ -61,6 +65,24 @@ fn main() -> ExitCode {
         None => train(&cli),
     };
     ExitCode::from(status)
+}
+
+#[cfg(feature = "tui")]
+fn run_comparison(args: &CompareArgs) -> u8 {
+    logging::start(args.log_level);
+    let prepared = tui::prepare_comparison(args, &Registry::builtin()).and_then(|trainers| {
+        if !std::io::stdout().is_terminal() {
+            let help = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one";
+            return Err(miette::miette!(help = help, "a comparison is something to watch: it needs a terminal"));
+        }
+        Ok((trainers, tui::prepare(&args.interface, args.overwrite)?))
+    });
+    match prepared {
+        Ok((trainers, interface)) => {
+            tui::compare(trainers, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE))
+        }
+        Err(error) => fail(error, EXIT_BAD_INPUT),
+    }
 }
 
 fn run_suite(args: &SuiteArgs) -> u8 {
@@ -102,7 +124,7 @@ fn train(cli: &Cli) -> u8 {
             let help = "train it with --no-ui";
             return fail(miette::miette!(help = help, "the interface cannot draw this world"), EXIT_BAD_INPUT);
         }
-        return match tui::prepare(args) {
+        return match tui::prepare(&args.interface, args.overwrite) {
             Ok(prepared) => tui::run(setup, prepared, args).unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
             Err(error) => fail(error, EXIT_BAD_INPUT),
         };

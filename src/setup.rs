@@ -48,6 +48,20 @@ pub fn settings(args: &RunArgs) -> Result<Settings, Report> {
     train::settings_from(args.preset(), &overrides).map_err(from_config_error)
 }
 
+/// Splits `PREFIX:NAME=VALUE`, a setting of one of several runs; the prefix is `None` if there is none.
+pub fn split_prefix(setting: &str) -> (Option<&str>, &str) {
+    match setting.split_once(':') {
+        Some((prefix, setting)) if !prefix.contains('=') => (Some(prefix), setting),
+        _ => (None, setting),
+    }
+}
+
+/// Returns the settings in `set` that apply to the run called `name`, without their prefixes.
+pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
+    let split = set.iter().map(|setting| split_prefix(setting));
+    split.filter(|(prefix, _)| prefix.is_none_or(|prefix| prefix == name)).map(|(_, own)| own.to_owned()).collect()
+}
+
 /// Returns the run given by `args` and `seed`.
 ///
 /// # Errors
@@ -104,6 +118,14 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
     if let Some(create) = kind.and_then(|kind| kind.create) {
         return Ok(create());
     }
+    open_maze(name, run, registry).map(|maze| Box::new(maze) as _)
+}
+
+/// Opens the maze on the built-in map or the map file called `name`.
+///
+/// # Errors
+/// There is no such map, it is invalid, or it lacks what the settings of `run` require.
+pub fn open_maze(name: &str, run: &Run, registry: &Registry) -> Result<PointMaze, Report> {
     let map = Arc::new(find_map(name, registry)?);
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let problem = "has no start S, which restart=start-cell requires";
@@ -113,7 +135,7 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
             "mark a start with S, or use restart=anywhere",
         )));
     }
-    Ok(Box::new(PointMaze::new(map, 0)))
+    Ok(PointMaze::new(map, 0))
 }
 
 /// Reports an option that applies only to mazes.

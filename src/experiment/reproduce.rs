@@ -23,7 +23,7 @@ use super::runner::Runner;
 use super::suite::{any_failed, print, print_raw};
 use crate::cli::{EXIT_FAILURE, ReproduceArgs};
 use crate::report::from_config_error;
-use crate::setup::{find_map, threads};
+use crate::setup::{find_map, settings_of, split_prefix, threads};
 use crate::text::{counted, eprint_line};
 use crate::train::{Overrides, Preset, Registry, Run, settings_from};
 pub use figures::{FIGURES, Figure};
@@ -101,12 +101,8 @@ fn jobs(
     registry: &Registry,
 ) -> Result<Vec<Job>, Report> {
     let map = find_map(figure.map, registry)?;
-    let of_method = |text: &String| match prefix(text) {
-        Some((method, setting)) => (method == entry.name).then(|| setting.to_owned()),
-        None => Some(text.clone()),
-    };
     let own = entry.set.iter().map(|text| (*text).to_owned());
-    let set: Vec<String> = own.chain(args.set.iter().filter_map(of_method)).collect();
+    let set: Vec<String> = own.chain(settings_of(entry.name, &args.set)).collect();
     let settings = settings_from(preset, &Overrides { config: None, set: &set }).map_err(from_config_error)?;
     let mut plan = figure.plan(args.budget, entry.name);
     let length = args.updates.map(Length::Updates).or(args.episodes.map(Length::Episodes));
@@ -119,16 +115,10 @@ fn jobs(
     (1..=seeds).map(|seed| Job::new(&map, Some(entry.name), run(seed), plan.clone())).collect()
 }
 
-/// Splits `METHOD:NAME=VALUE`; `None` if no method is named.
-fn prefix(text: &str) -> Option<(&str, &str)> {
-    let (method, setting) = text.split_once(':')?;
-    (!method.contains('=')).then_some((method, setting))
-}
-
 /// Checks the methods named by `--set`.
 fn check_prefixes(set: &[String]) -> Result<(), Report> {
     let unknown = |method: &&str| Entry::named(method).is_none();
-    let Some(method) = set.iter().filter_map(|text| prefix(text)).map(|(method, _)| method).find(unknown) else {
+    let Some(method) = set.iter().filter_map(|text| split_prefix(text).0).find(unknown) else {
         return Ok(());
     };
     let names = ENTRIES.map(|entry| entry.name).join(", ");
@@ -268,9 +258,9 @@ mod tests {
 
     #[test]
     fn settings_may_name_a_method() {
-        assert_eq!(prefix("gdg:hidden=17"), Some(("gdg", "hidden=17")));
-        assert_eq!(prefix("hidden=17"), None);
-        assert_eq!(prefix("name=a:b"), None);
+        assert_eq!(split_prefix("gdg:hidden=17"), (Some("gdg"), "hidden=17"));
+        assert_eq!(split_prefix("hidden=17"), (None, "hidden=17"));
+        assert_eq!(split_prefix("name=a:b"), (None, "name=a:b"));
         assert!(check_prefixes(&["gdg:hidden=17".to_owned()]).is_ok());
         let error = check_prefixes(&["gd:hidden=17".to_owned()]).expect_err("no such method");
         assert!(error.to_string().contains("no method called \"gd\""), "{error}");

@@ -107,6 +107,60 @@ pub enum Action {
     Suspend,
     /// Quit.
     Quit,
+    /// Show the other side of a comparison, or both, larger.
+    NextLarger,
+    /// Show this side of a comparison larger, or both equally large.
+    Larger(usize),
+    /// Draw a comparison's curves over another quantity.
+    Axis,
+}
+
+/// What the screen is used for: which bindings are active.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Mode {
+    /// Watching a run.
+    Watching,
+    /// Editing its map.
+    Editing,
+    /// Comparing two runs.
+    Comparing,
+}
+
+impl Mode {
+    /// All modes.
+    const ALL: [Self; 3] = [Self::Watching, Self::Editing, Self::Comparing];
+}
+
+impl Action {
+    /// Whether it means the same for two runs as for one.
+    fn applies_to_two(self) -> bool {
+        use Action as A;
+        matches!(
+            self,
+            A::TogglePause
+                | A::StepUpdate
+                | A::StepEpisode
+                | A::Freeze
+                | A::NewGoal
+                | A::Move(..)
+                | A::NewStart
+                | A::StartHere
+                | A::GoalHere
+                | A::OnArrival
+                | A::Field(_)
+                | A::Toggle(_)
+                | A::Inspect
+                | A::ZoomIn
+                | A::ZoomOut
+                | A::ZoomOff
+                | A::Pan(..)
+                | A::Marker
+                | A::Help
+                | A::Close
+                | A::Suspend
+                | A::Quit
+        )
+    }
 }
 
 /// When a binding's keys are active.
@@ -118,6 +172,8 @@ pub enum When {
     Editing,
     /// While the editor is closed.
     Watching,
+    /// Only in comparisons.
+    Comparing,
 }
 
 /// One entry of the table.
@@ -170,6 +226,26 @@ impl Binding {
     /// Makes the binding active only while the editor is closed.
     const fn watching(self) -> Self {
         Self { when: When::Watching, ..self }
+    }
+
+    /// Makes the binding active only in comparisons.
+    const fn comparing(self) -> Self {
+        Self { when: When::Comparing, ..self }
+    }
+
+    /// Returns whether its keys are active in `mode`.
+    pub fn is_active(&self, mode: Mode) -> bool {
+        match (mode, self.when) {
+            (Mode::Watching, when) => matches!(when, When::Always | When::Watching),
+            (Mode::Editing, when) => matches!(when, When::Always | When::Editing),
+            (Mode::Comparing, When::Comparing) => true,
+            (Mode::Comparing, when) => when != When::Editing && self.action.applies_to_two(),
+        }
+    }
+
+    /// Returns whether it and `other` cannot have the same key.
+    pub fn excludes(&self, other: &Self) -> bool {
+        Mode::ALL.into_iter().any(|mode| self.is_active(mode) && other.is_active(mode))
     }
 }
 
@@ -290,6 +366,16 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Close, "close", &["esc"], "", "close the topmost dialog or mode"),
             bind(Action::Suspend, "suspend", &["ctrl-z"], "", "suspend to the shell; fg resumes"),
             bind(Action::Quit, "quit", &["q", "ctrl-c"], "quit", "quit"),
+        ],
+    },
+    Section {
+        title: "comparison (gdg-tui compare)",
+        bindings: &[
+            bind(Action::Axis, "axis", &["g"], "axis", "curves over environment steps, updates or seconds").comparing(),
+            bind(Action::NextLarger, "next-larger", &["tab"], "size", "left or right side larger, or both equal")
+                .comparing(),
+            bind(Action::Larger(0), "left-larger", &["1"], "", "left side larger, or both equal").comparing(),
+            bind(Action::Larger(1), "right-larger", &["2"], "", "right side larger, or both equal").comparing(),
         ],
     },
 ];

@@ -13,23 +13,27 @@ use std::time::Instant;
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
+use ratatui::Frame;
 use ratatui::layout::Position;
 use tokio::sync::watch;
 
 use super::config::UiConfig;
 use super::dialog::Dialog;
+use super::event_loop::Interface;
+use super::export;
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::output::ExportKind;
 use super::raster::Viewport;
+use super::render::{self, Cache};
 use super::screen::Screen;
 use crate::env::PointMaze;
 use crate::faults::Failure;
 use crate::map::{Cell, Grid};
 use crate::train::{Command, Engine, MakeWorld, Snapshot};
-use crate::view::{Field, Request, View, Viewer};
-pub use saving::Files;
+use crate::view::{Field, OnArrival, Request, View, Viewer};
 use saving::Saving;
+pub use saving::{ClosedRun, Files};
 
 /// Forwards user input to trainer and viewer, and what they publish to the screen.
 pub struct App {
@@ -53,6 +57,10 @@ pub struct App {
     suspending: bool,
     /// The pending export.
     export: Option<ExportKind>,
+    /// The engine's snapshots and the viewer's views.
+    feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<Arc<View>>),
+    /// What the next frame can reuse.
+    cache: Cache,
 }
 
 impl App {
@@ -71,6 +79,8 @@ impl App {
             done: false,
             suspending: false,
             export: None,
+            feed: (engine.snapshots(), viewer.views()),
+            cache: Cache::default(),
             screen: Screen::new((&config, keymap), snapshot, view),
             engine,
             viewer,
@@ -121,14 +131,10 @@ impl App {
         self.suspending
     }
 
-    /// Returns whether the program is to be suspended, and clears the request.
-    pub fn take_suspend_request(&mut self) -> bool {
-        std::mem::take(&mut self.suspending)
-    }
-
-    /// Returns the pending export, if any, and clears it.
-    pub fn take_export(&mut self) -> Option<ExportKind> {
-        self.export.take()
+    /// Stops training and returns the trainer.
+    #[cfg(test)]
+    pub fn stop(self) -> Option<crate::train::Trainer> {
+        self.engine.stop()
     }
 
     /// Sends a command to the trainer. If too many are queued, shows a notice and returns `false`.
@@ -163,7 +169,7 @@ impl App {
         }
         match self.screen.dialogs.last_mut() {
             None => {
-                if let Some(action) = self.screen.keymap.action(key, self.screen.editor.is_open()) {
+                if let Some(action) = self.screen.keymap.action(key, self.screen.mode()) {
                     self.act(action);
                 }
             }
@@ -190,6 +196,17 @@ impl App {
             self.goal_requests += 1;
             self.viewer.request(Request::Goal(cell, self.goal_requests));
         }
+    }
+
+    /// Returns the number of the latest goal request.
+    pub fn goal_request(&self) -> u64 {
+        self.goal_requests
+    }
+
+    /// Changes what the walking agent does at the goal.
+    pub fn set_on_arrival(&mut self, on_arrival: OnArrival) {
+        self.screen.on_arrival = on_arrival;
+        self.viewer.request(Request::OnArrival(on_arrival));
     }
 
     /// Starts inspecting a cell, or stops with `None`.
@@ -230,6 +247,64 @@ impl App {
             // The map is hidden behind a maximised pane.
             None => layout.map = before.map,
         }
+    }
+}
+
+impl Interface for App {
+    async fn update(&mut self) {
+        tokio::select! {
+            Ok(()) = self.feed.0.changed() => {
+                let snapshot = self.feed.0.borrow_and_update().clone();
+                self.on_snapshot(snapshot);
+            }
+            Ok(()) = self.feed.1.changed() => {
+                let view = self.feed.1.borrow_and_update().clone();
+                self.on_view(view);
+            }
+            // Both threads have ended.
+            else => std::future::pending().await,
+        }
+    }
+
+    fn on_event(&mut self, event: &Event) {
+        App::on_event(self, event);
+    }
+
+    fn on_tick(&mut self) -> bool {
+        if let Some(kind) = self.export.take() {
+            let notice = export::write(kind, &self.screen);
+            self.notify(&notice);
+        }
+        App::on_tick(self)
+    }
+
+    fn suspend(&mut self) {
+        self.suspending = true;
+    }
+
+    fn take_suspend_request(&mut self) -> bool {
+        std::mem::take(&mut self.suspending)
+    }
+
+    fn is_training(&self) -> bool {
+        self.screen.snapshot.phase.is_training()
+    }
+
+    fn is_done(&self) -> bool {
+        self.done
+    }
+
+    fn draw(&mut self, frame: &mut Frame) {
+        let layout = render::draw(frame, &self.screen, &mut self.cache);
+        self.drawn(layout);
+    }
+
+    fn on_signal(&mut self) {
+        App::on_signal(self);
+    }
+
+    fn close(self) -> ClosedRun {
+        App::close(self)
     }
 }
 

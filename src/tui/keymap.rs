@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use crokey::{KeyCombination, KeyCombinationFormat, OneToThree};
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
-use super::action::{Action, Binding, When, bindings};
+use super::action::{Action, Binding, Mode, bindings};
 
 /// The keys of all bindings.
 #[derive(Clone, Debug)]
@@ -58,7 +58,7 @@ impl Keymap {
                     )
                 })?;
                 let pressed = normalised(parsed);
-                if let Some(other) = keymap.binding(pressed, binding.when) {
+                if let Some((_, other)) = keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding)) {
                     let problem = format!("{key:?} is already bound to {}", other.name);
                     return Err(fail(problem, "bind one of them to another key"));
                 }
@@ -68,16 +68,10 @@ impl Keymap {
         Ok(keymap)
     }
 
-    /// Returns the binding of `key` that can be active at the same time as `when`.
-    fn binding(&self, key: KeyCombination, when: When) -> Option<&'static Binding> {
-        let meets = |other: When| other == when || other == When::Always || when == When::Always;
-        self.keys.iter().find(|(k, b)| *k == key && meets(b.when)).map(|(_, b)| *b)
-    }
-
-    /// Returns the action of `key`, with the editor open or closed.
-    pub fn action(&self, key: KeyEvent, editing: bool) -> Option<Action> {
-        let when = if editing { When::Editing } else { When::Watching };
-        self.binding(normalised(KeyCombination::from(key)), when).map(|b| b.action)
+    /// Returns the action of `key` in `mode`.
+    pub fn action(&self, key: KeyEvent, mode: Mode) -> Option<Action> {
+        let key = normalised(KeyCombination::from(key));
+        self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action)
     }
 
     /// Returns the first key of `action` for display, or the command palette's key if it has none.
@@ -153,8 +147,8 @@ mod tests {
     fn shifted_characters_match_whether_or_not_shift_is_reported() {
         let keymap = keymap(&[]).expect("keys");
         for modifiers in [KeyModifiers::NONE, KeyModifiers::SHIFT] {
-            assert_eq!(keymap.action(press(KeyCode::Char('?'), modifiers), false), Some(Action::Help));
-            assert_eq!(keymap.action(press(KeyCode::Char('R'), modifiers), false), Some(Action::NewSeed));
+            assert_eq!(keymap.action(press(KeyCode::Char('?'), modifiers), Mode::Watching), Some(Action::Help));
+            assert_eq!(keymap.action(press(KeyCode::Char('R'), modifiers), Mode::Watching), Some(Action::NewSeed));
         }
     }
 
@@ -162,17 +156,32 @@ mod tests {
     fn the_editor_has_its_own_keys() {
         let keymap = keymap(&[]).expect("keys");
         let one = press(KeyCode::Char('1'), KeyModifiers::NONE);
-        assert_ne!(keymap.action(one, true), keymap.action(one, false));
+        assert_ne!(keymap.action(one, Mode::Editing), keymap.action(one, Mode::Watching));
+    }
+
+    #[test]
+    fn comparisons_have_their_own_keys_and_those_that_mean_the_same() {
+        let keymap = keymap(&[]).expect("keys");
+        let action = |c| keymap.action(press(KeyCode::Char(c), KeyModifiers::NONE), Mode::Comparing);
+        assert_eq!(action('1'), Some(Action::Larger(0)));
+        assert_eq!(action(' '), Some(Action::TogglePause));
+        assert_eq!(
+            (action('e'), action('s'), action('o')),
+            (None, None, None),
+            "there is nothing to edit, save or set"
+        );
     }
 
     #[test]
     fn keys_can_be_changed_and_invalid_keys_are_reported() {
         let changed = keymap(&[("pause", &["ctrl-k", "f5"])]).expect("good keys");
-        assert_eq!(changed.action(press(KeyCode::F(5), KeyModifiers::NONE), false), Some(Action::TogglePause));
-        assert_eq!(changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), false), None);
+        assert_eq!(changed.action(press(KeyCode::F(5), KeyModifiers::NONE), Mode::Watching), Some(Action::TogglePause));
+        assert_eq!(changed.action(press(KeyCode::Char(' '), KeyModifiers::NONE), Mode::Watching), None);
         let wrong = |name: &str, key: &str| keymap(&[(name, &[key])]).expect_err("a mistake");
         assert!(wrong("puase", "a").help.contains("pause"));
         assert!(wrong("pause", "superkey").problem.contains("superkey"));
         assert!(wrong("pause", "q").problem.contains("quit"));
+        assert!(wrong("pause", "1").problem.contains("training"));
+        assert!(wrong("axis", "v").problem.contains("next-field"), "both are used in comparisons");
     }
 }

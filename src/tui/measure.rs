@@ -12,16 +12,15 @@ use tokio::sync::watch;
 
 use super::app::{App, Files};
 use super::config::UiConfig;
+use super::event_loop::{FrameTimer, INPUT_FRAME_INTERVAL, Interface};
 use super::keymap::Keymap;
 use super::theme::{ColourDepth, Theme, ThemeName};
-use super::{FrameTimer, INPUT_FRAME_INTERVAL, render};
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
 use crate::view::{View, Viewer};
 
 /// A run with the interface open on an invisible screen.
 pub struct MeasuredInterface {
     app: App,
-    cache: render::Cache,
     terminal: Terminal<CrosstermBackend<Sink>>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     views: watch::Receiver<Arc<View>>,
@@ -48,8 +47,7 @@ impl MeasuredInterface {
         app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
-        let mut measured =
-            Self { snapshots: app.snapshots(), views: app.views(), app, cache: render::Cache::default(), terminal };
+        let mut measured = Self { snapshots: app.snapshots(), views: app.views(), app, terminal };
         measured.command(Command::Pause, &Phase::Paused);
         Ok(measured)
     }
@@ -75,10 +73,8 @@ impl MeasuredInterface {
             }
             if timer.is_due() {
                 let drawing = Instant::now();
-                let mut layout = None;
-                let Self { app, cache, terminal, .. } = self;
-                terminal.draw(|frame| layout = Some(render::draw(frame, &app.screen, cache)))?;
-                layout.into_iter().for_each(|layout| app.drawn(layout));
+                let Self { app, terminal, .. } = self;
+                terminal.draw(|frame| app.draw(frame))?;
                 frames_us.push(drawing.elapsed().as_secs_f64() * 1e6);
             }
         }

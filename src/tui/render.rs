@@ -13,18 +13,19 @@
 //! +----------------------------------------------------------+
 //! ```
 
-mod curves;
+pub(super) mod chart;
+pub(super) mod curves;
 mod dialog;
-mod footer;
+pub(super) mod footer;
 mod header;
-mod help;
-mod info;
+pub(super) mod help;
+pub(super) mod info;
 mod legend;
 mod log;
-mod map;
-mod minimap;
+pub(super) mod map;
+pub(super) mod minimap;
 mod side;
-mod text;
+pub(super) mod text;
 mod training;
 mod unexplored;
 mod walk;

@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use super::action::Mode;
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::editor::Editor;
@@ -102,6 +103,11 @@ impl Screen {
     /// Returns the map.
     pub fn map(&self) -> &Arc<Grid> {
         &self.map
+    }
+
+    /// Returns what the screen is used for.
+    pub fn mode(&self) -> Mode {
+        if self.editor.is_open() { Mode::Editing } else { Mode::Watching }
     }
 
     /// Returns method, preset, seed and settings.

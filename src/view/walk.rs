@@ -25,16 +25,19 @@ pub enum OnArrival {
     Visit,
     /// Stays there.
     Stay,
+    /// Waits for another start or goal, also where it gives up.
+    Wait,
 }
 
 impl OnArrival {
-    /// Returns the next choice.
+    /// Returns the next choice of the user.
     #[must_use]
     pub fn next(self) -> Self {
         match self {
             Self::Again => Self::Visit,
             Self::Visit => Self::Stay,
             Self::Stay => Self::Again,
+            Self::Wait => Self::Wait,
         }
     }
 
@@ -44,6 +47,7 @@ impl OnArrival {
             Self::Again => "restart",
             Self::Visit => "visit other goals",
             Self::Stay => "stay",
+            Self::Wait => "wait",
         }
     }
 }
@@ -63,6 +67,8 @@ pub struct Walk {
     pub waypoint: Option<[f32; 2]>,
     /// Whether it has arrived.
     pub arrived: bool,
+    /// Whether it has taken too many steps and waits.
+    pub gave_up: bool,
     /// Walks that reached the goal, and all finished walks.
     pub finished_walks: (u32, u32),
 }
@@ -105,7 +111,7 @@ impl Worker {
                 self.start_walk();
                 self.field_timer.make_due();
             }
-            OnArrival::Stay => {}
+            OnArrival::Stay | OnArrival::Wait => {}
         }
     }
 
@@ -114,6 +120,9 @@ impl Worker {
         let Some(goal) = self.view.goal.0 else { return };
         if self.view.walk.arrived {
             return self.rest_at_goal();
+        }
+        if self.view.walk.gave_up {
+            return;
         }
         self.changed = true;
         let (goal, at) = (goal.centre(), self.position());
@@ -130,7 +139,11 @@ impl Worker {
         // The same step budget as in evaluation.
         if self.view.walk.steps >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET)) {
             self.view.walk.finished_walks.1 += 1;
-            self.restart(None);
+            if self.on_arrival == OnArrival::Wait {
+                self.view.walk.gave_up = true;
+            } else {
+                self.restart(None);
+            }
             return;
         }
         let target = self.next_target(at, goal, policy);

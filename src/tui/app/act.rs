@@ -11,7 +11,7 @@ use crate::tui::editor::offset_cell;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::theme::{Theme, ThemeName};
-use crate::view::Request;
+use crate::view::{Field, Request};
 
 /// Selectable speed limits, in updates per second; beyond the last one there is no limit.
 const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600.0];
@@ -39,20 +39,14 @@ impl App {
             }
             Action::Move(dx, dy) => self.move_by(dx, dy),
             Action::GoalHere => self.set_goal(self.screen.inspecting.unwrap_or(self.screen.goal)),
-            Action::StartHere => {
-                self.viewer.request(Request::Start(Some(self.screen.inspecting.unwrap_or(self.screen.goal))));
-            }
-            Action::NewStart => self.viewer.request(Request::Start(None)),
+            Action::StartHere => self.place_walker(Some(self.screen.inspecting.unwrap_or(self.screen.goal))),
+            Action::NewStart => self.place_walker(None),
             Action::OnArrival => {
-                self.screen.on_arrival = self.screen.on_arrival.next();
-                self.viewer.request(Request::OnArrival(self.screen.on_arrival));
+                self.set_on_arrival(self.screen.on_arrival.next());
                 self.notify(&format!("at the goal @ will {}", self.screen.on_arrival.name()));
             }
             Action::Follow => self.follow_next(),
-            Action::Field(forward) => {
-                self.screen.field = self.screen.field.cycle(forward, &self.screen.run().method);
-                self.viewer.request(Request::Field(self.screen.field));
-            }
+            Action::Field(forward) => self.show_field(self.screen.field.cycle(forward, &self.screen.run().method)),
             Action::Toggle(overlay) => {
                 let shown = self.screen.overlays.toggle(overlay);
                 if overlay == Overlay::Directions {
@@ -113,7 +107,20 @@ impl App {
             Action::Close => self.close_top(),
             Action::Suspend => self.suspending = true,
             Action::Quit => self.quit(),
+            // Only a comparison has sides and an axis to choose.
+            Action::NextLarger | Action::Larger(_) | Action::Axis => {}
         }
+    }
+
+    /// Colours the map by a field.
+    pub fn show_field(&mut self, field: Field) {
+        self.screen.field = field;
+        self.viewer.request(Request::Field(field));
+    }
+
+    /// Puts the walking agent at a cell, or at a random place.
+    pub fn place_walker(&mut self, cell: Option<Cell>) {
+        self.viewer.request(Request::Start(cell));
     }
 
     fn toggle_pause(&mut self) {
@@ -233,7 +240,7 @@ impl App {
     }
 
     pub(super) fn on_key_in_help(&mut self, key: KeyEvent) {
-        let action = self.screen.keymap.action(key, self.screen.editor.is_open());
+        let action = self.screen.keymap.action(key, self.screen.mode());
         let Some(Dialog::Help(first)) = self.screen.dialogs.last_mut() else { return };
         match (key.code, action) {
             (_, Some(Action::Help | Action::Close | Action::Quit)) => {

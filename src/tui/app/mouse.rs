@@ -73,8 +73,8 @@ impl App {
                 }
             }
             MouseEventKind::Down(MouseButton::Right) => {
-                if let Some(cell) = cell {
-                    self.viewer.request(Request::Start(Some(cell)));
+                if cell.is_some() {
+                    self.place_walker(cell);
                 }
             }
             _ => self.on_wheel(kind),
@@ -138,7 +138,8 @@ impl App {
         }
     }
 
-    fn hover(&mut self, cell: Option<Cell>) {
+    /// Describes the cell under the mouse, unless a cursor is shown.
+    pub fn hover(&mut self, cell: Option<Cell>) {
         if self.screen.hovered != cell {
             self.screen.hovered = cell;
             if self.screen.inspecting.is_none() {

@@ -12,7 +12,7 @@ use crate::map::{BUILTIN, Grid};
 use crate::train::{
     CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, Settings, list_settings,
 };
-use crate::tui::action::{Action, Binding, bindings};
+use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::keymap::Keymap;
 use crate::tui::output::ExportKind;
 use crate::tui::theme::ThemeName;
@@ -21,7 +21,8 @@ use crate::tui::theme::ThemeName;
 pub fn actions(keymap: &Keymap) -> Picker {
     let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
     let item = |b: &Binding| Item::new(b.long, keymap.display_keys(b).join(" "), Choice::Act(b.action));
-    Picker::new("find an action", bindings().filter(named).map(item).collect())
+    let here = |b: &&Binding| b.is_active(Mode::Watching) || b.is_active(Mode::Editing);
+    Picker::new("find an action", bindings().filter(here).filter(named).map(item).collect())
 }
 
 /// Lists the themes.

@@ -5,10 +5,9 @@ use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition, Paragraph};
+use ratatui::widgets::Paragraph;
 
-use super::text::short;
-use super::{BOLD, DIM};
+use super::{BOLD, DIM, chart};
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
@@ -16,9 +15,6 @@ use crate::tui::theme::ColourDepth;
 /// Minimum height of a chart, and minimum width for two side by side.
 const MIN_CHART_HEIGHT: u16 = 7;
 const MIN_TWO_CHART_WIDTH: u16 = 64;
-
-/// Maximum lines for a chart's title and the names of its curves.
-const MAX_NAME_LINES: usize = 2;
 
 /// Share of all updates that is shown at once when scrolled back.
 const PAGE_SHARE: f64 = 0.25;
@@ -105,15 +101,9 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
         .map(|s| s.points.iter().filter(|p| (from..=to).contains(&p.0)).map(|p| (p.0, value(p.1))).collect())
         .collect();
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let mut lines = vec![Line::from(Span::styled(title, BOLD))];
-    for (i, series) in plot.series.iter().enumerate().filter(|(_, s)| plot.series.len() > 1 && !s.points.is_empty()) {
-        let name = Span::styled(format!("  {} {}", symbol(i), series.name), colour(screen, i));
-        if lines.last().is_none_or(|line| line.width() + name.width() > usize::from(area.width)) {
-            lines.push(Line::default());
-        }
-        lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
-    }
-    lines.truncate(MAX_NAME_LINES);
+    let named = plot.series.iter().enumerate().filter(|(_, s)| plot.series.len() > 1 && !s.points.is_empty());
+    let names = named.map(|(i, s)| Span::styled(format!("  {} {}", symbol(i), s.name), colour(screen, i)));
+    let lines = chart::heading(Span::styled(title, BOLD), names, area.width);
     let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(lines), head);
     let values = || shown.iter().flatten().map(|p| p.1);
@@ -124,10 +114,6 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     }
     let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
     let high = plot.max.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
-    let sets = shown.iter().enumerate().map(|(i, points)| {
-        let style = colour(screen, i);
-        Dataset::default().marker(Marker::Braille).graph_type(GraphType::Line).style(style).data(points)
-    });
     let label = |y: f64| {
         let y = if log { 10f64.powf(y) } else { y };
         if y >= 100.0 {
@@ -138,10 +124,9 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
             format!("{y:.2}")
         }
     };
-    let y = Axis::default().bounds([low, high]).labels([label(low), label(high)]).style(DIM);
-    let x = Axis::default().bounds([from, to]).labels([short(from), short(to)]).style(DIM);
-    let chart = Chart::new(sets.collect()).x_axis(x).y_axis(y).legend_position(None::<LegendPosition>);
-    frame.render_widget(chart, body);
+    let lines = shown.iter().enumerate();
+    let lines = lines.map(|(i, points)| chart::Line { style: colour(screen, i), marker: Marker::Braille, points });
+    chart::draw(frame, body, ([from, to], [low, high]), [label(low), label(high)], lines);
 }
 
 /// Returns the range of updates shown: all, or an earlier part when scrolled back.
@@ -158,11 +143,12 @@ fn window(screen: &Screen) -> [f64; 2] {
 }
 
 /// Returns the symbol that distinguishes a line without colours.
-fn symbol(i: usize) -> char {
+pub fn symbol(i: usize) -> char {
     ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
 }
 
-fn colour(screen: &Screen, i: usize) -> Style {
+/// Returns the style of line `i`.
+pub fn colour(screen: &Screen, i: usize) -> Style {
     if screen.theme.depth == ColourDepth::Mono {
         return [Style::new(), Style::new().add_modifier(Modifier::BOLD), DIM][i % 3];
     }

@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Clear;
 
 use super::{BOLD, DIM, REVERSED};
-use crate::tui::action::{Action, bindings};
+use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::editor::Tool;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
@@ -24,13 +24,14 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         frame.render_widget(Clear, above);
         frame.render_widget(notice, above);
     }
-    let bar = if screen.editor.is_open() { editing(screen, area.width) } else { watching(screen) };
+    let bar = if screen.editor.is_open() { editing(screen, area.width) } else { keys(screen, Mode::Watching) };
     bar.draw(frame, area, layout);
 }
 
-fn watching(screen: &Screen) -> ClickableLine {
+/// Returns the actions of `mode` that have a short name.
+pub fn keys(screen: &Screen, mode: Mode) -> ClickableLine {
     let mut bar = ClickableLine::default();
-    for binding in bindings().filter(|b| !b.short.is_empty()) {
+    for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(mode)) {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         let short = if idle { "resume" } else { binding.short };
         key(&mut bar, screen, binding.action, &format!(" {short} "), Style::new());

@@ -6,7 +6,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::{BOLD, DIM, legend, middle};
-use crate::tui::action::{SECTIONS, When};
+use crate::tui::action::{Binding, Mode, SECTIONS, When};
 use crate::tui::screen::Screen;
 
 /// Columns of the help, if no line needs more.
@@ -14,7 +14,16 @@ const HELP_WIDTH: u16 = 76;
 
 /// Draws the help in the middle of `area`, from line `first` or early enough to fill it; returns the first line shown.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
-    let lines = lines(screen);
+    let intro = [
+        " Colours show the learned distance D to the goal G: light near, dark far.",
+        " The agents see no walls and get no reward. @ walks to G with what it has",
+        " learned so far; click on the map to set another goal.",
+    ];
+    draw_lines(frame, area, lines(screen, &intro, &[Mode::Watching, Mode::Editing]), first)
+}
+
+/// Draws a help of these lines like [`draw`].
+fn draw_lines(frame: &mut Frame, area: Rect, lines: Vec<Line<'static>>, first: usize) -> usize {
     let widest = lines.iter().map(Line::width).max().unwrap_or(0) as u16;
     let dialog_area = middle(area, HELP_WIDTH.max(widest + 2), (lines.len() as u16 + 2).min(area.height));
     let height = usize::from(dialog_area.height.saturating_sub(2));
@@ -32,16 +41,29 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usi
     first
 }
 
-fn lines(screen: &Screen) -> Vec<Line<'static>> {
-    let mut lines = vec![
-        Line::raw(" Colours show the learned distance D to the goal G: light near, dark far."),
-        Line::raw(" The agents see no walls and get no reward. @ walks to G with what it has"),
-        Line::raw(" learned so far; click on the map to set another goal."),
+/// Draws the help of comparisons like [`draw`].
+pub fn draw_for_comparisons(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
+    let intro = [
+        " Two methods train on the same map with the same seed, A and B. Colours show",
+        " the distance D that each has learned; @ walks to G with what it has learned",
+        " so far, in both from the same start. Click on either map to set the goal of",
+        " both. Nothing is saved.",
     ];
+    draw_lines(frame, area, lines(screen, &intro, &[Mode::Comparing]), first)
+}
+
+/// Returns the introduction, the bindings active in any of `modes`, and the legend.
+fn lines(screen: &Screen, intro: &[&'static str], modes: &[Mode]) -> Vec<Line<'static>> {
+    let mut lines: Vec<Line> = intro.iter().copied().map(Line::raw).collect();
     for section in SECTIONS {
+        let active = |b: &&Binding| !b.long.is_empty() && modes.iter().any(|mode| b.is_active(*mode));
+        let mut bindings = section.bindings.iter().filter(active).peekable();
+        if bindings.peek().is_none() {
+            continue;
+        }
         lines.push(Line::default());
         lines.push(Line::styled(format!(" {}", section.title), BOLD));
-        for binding in section.bindings.iter().filter(|b| !b.long.is_empty()) {
+        for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
             let when = if binding.when == When::Editing { " (in the editor)" } else { "" };

@@ -40,7 +40,7 @@ fn coverage(at: f64) -> f64 {
     0.8 * at.sqrt()
 }
 
-fn evaluation(at: f64) -> Evaluation {
+pub(super) fn evaluation(at: f64) -> Evaluation {
     Evaluation {
         greedy: score(0.6 * at),
         planned: Some(score(at)),
@@ -140,6 +140,7 @@ fn staged_app(width: u16, height: u16) -> App {
             distances: (15.2, 2.1),
             waypoint: Some([6.5, 1.5]),
             arrived: false,
+            gave_up: false,
             finished_walks: (3, 4),
         },
         inspected: None,
@@ -183,7 +184,12 @@ fn picture(terminal: &Terminal<TestBackend>) -> String {
 }
 
 fn check(name: &str, app: &mut App, width: u16, height: u16) {
-    let shown = picture(&draw(app, width, height));
+    check_drawn(name, &draw(app, width, height));
+}
+
+/// Compares a screen with its snapshot.
+pub(super) fn check_drawn(name: &str, terminal: &Terminal<TestBackend>) {
+    let shown = picture(terminal);
     insta::with_settings!({ omit_expression => true, prepend_module_to_snapshot => false, snapshot_path => "screens" }, {
         insta::assert_snapshot!(name, shown);
     });

@@ -1,0 +1,59 @@
+//! Options of `gdg-tui compare`.
+
+use clap::Args;
+
+use super::{InterfaceArgs, LogLevel, MethodParser};
+use crate::train::Method;
+
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui compare gdg-bridge gdg             with bridge points and without, on the four rooms
+  gdg-tui compare gdg-bridge her city --seed 3
+  gdg-tui compare gdg gdg trap --set B:hidden=64    one method with two sizes of network
+
+Click on either map to set the goal of both. Each side trains exactly as gdg-tui MAP --method METHOD with the same seed
+and settings does, on its own threads. Nothing is saved: gdg-tui reproduce and gdg-tui suite compare methods over several
+seeds, without a terminal, and keep their results.
+
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM.";
+
+/// Options of `gdg-tui compare`.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct CompareArgs {
+    /// Method on the left: a name as in --method, or LEARNER+PLANNER
+    #[arg(value_name = "A", value_parser = MethodParser)]
+    pub a: Method,
+
+    /// Method on the right
+    #[arg(value_name = "B", value_parser = MethodParser, hide_possible_values = true)]
+    pub b: Method,
+
+    /// Built-in map or map file
+    #[arg(default_value = "fourrooms", value_name = "MAP")]
+    pub map: String,
+
+    /// Random seed of both: same seed, same runs
+    #[arg(long, default_value_t = 0)]
+    pub seed: u64,
+
+    /// Change one setting of both methods, or of one side (repeatable)
+    #[arg(long, value_name = "[A:|B:]NAME=VALUE")]
+    pub set: Vec<String>,
+
+    /// Threads per side; results do not depend on their number [default: half of this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub threads: Option<u16>,
+
+    /// Options of the interface.
+    #[command(flatten)]
+    pub interface: InterfaceArgs,
+
+    /// Replace the recording if it exists
+    #[arg(long, requires = "record")]
+    pub overwrite: bool,
+
+    /// Minimum severity written to the log file; the help screen (?) shows its path
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
+    pub log_level: LogLevel,
+}

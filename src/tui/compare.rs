@@ -1,0 +1,286 @@
+//! Two methods side by side: each side is a run with its own trainer, viewer and [`App`], which share nothing.
+//!
+//! The comparison forwards to both what means the same for both, keeps goal, start and visible part of the map equal,
+//! and starts the two walking agents at the same time.
+//!
+//! * `prepare`: the two trainers.
+//! * `act`, `mouse`: user input.
+//! * `race`: the walks of the two agents.
+//! * `pace`, `curves`: success over environment steps, updates or seconds.
+//! * `draw`, `facts`: the screen.
+
+mod act;
+mod curves;
+mod draw;
+mod facts;
+mod mouse;
+mod pace;
+mod prepare;
+mod race;
+
+use crossterm::event::Event;
+use miette::{IntoDiagnostic, Report};
+use ratatui::Frame;
+
+use super::PreparedInterface;
+use super::action::Mode;
+use super::app::{App, ClosedRun, Files};
+use super::config::UiConfig;
+use super::dialog::Dialog;
+use super::event_loop::{self, Interface};
+use super::keymap::Keymap;
+use super::layout::ScreenLayout;
+use super::log::Log;
+use super::render::Cache;
+use crate::map::Cell;
+use crate::signals::TerminationSignal;
+use crate::train::{Engine, Limits, Snapshot};
+use crate::view::{OnArrival, View, Viewer};
+use curves::Axis;
+use pace::Pace;
+pub use prepare::{Contestant, prepare};
+use race::Race;
+
+/// The names of the sides.
+pub const LETTERS: [char; 2] = ['A', 'B'];
+
+/// A run of a comparison.
+struct Side {
+    app: App,
+    /// Letter, method, preset, and settings of this side alone.
+    title: String,
+    pace: Pace,
+    /// What the next frame can reuse.
+    cache: Cache,
+}
+
+/// Two runs on one screen.
+pub struct Comparison {
+    sides: [Side; 2],
+    race: Race,
+    axis: Axis,
+    /// The side that is shown larger.
+    larger: Option<usize>,
+    /// The side with the mouse.
+    mouse_on: usize,
+    log: Log,
+    /// Where things were last drawn, except for the maps.
+    layout: ScreenLayout,
+    /// Whether there was an internal error.
+    failed: bool,
+    done: bool,
+    suspending: bool,
+}
+
+/// Shows a comparison and returns the exit status.
+///
+/// # Errors
+/// Errors of the terminal or of training.
+pub fn run(
+    contestants: [Contestant; 2],
+    PreparedInterface { config, recorder }: PreparedInterface,
+) -> Result<u8, Report> {
+    let termination = TerminationSignal::listen(super::terminal::restore)?;
+    let comparison = Comparison::start(contestants, &config, Limits::default())?;
+    event_loop::show(comparison, recorder, &termination)
+}
+
+impl Side {
+    fn start(
+        Contestant { trainer, title }: Contestant,
+        config: (UiConfig, Keymap),
+        limits: Limits,
+    ) -> Result<Self, Report> {
+        let engine = Engine::start(trainer, limits).into_diagnostic()?;
+        let viewer = Viewer::start(&engine).into_diagnostic()?;
+        let mut app = App::new(engine, viewer, config, Files::default());
+        // The race decides where both go next.
+        app.set_on_arrival(OnArrival::Wait);
+        Ok(Self { app, title, pace: Pace::default(), cache: Cache::default() })
+    }
+
+    /// Takes note of what trainer and viewer have published, even if the screen is frozen.
+    fn follow(&mut self, own: usize, race: &mut Race, snapshot: &Snapshot, view: &View) {
+        self.pace.add(snapshot);
+        race.observe(own, view);
+        // Nothing of a comparison is saved, so a run that fails has nothing to ask: its title says what happened.
+        self.app.screen.dialogs.retain(|dialog| matches!(dialog, Dialog::Help(_)));
+    }
+}
+
+impl Comparison {
+    /// Starts both runs.
+    ///
+    /// # Errors
+    /// A learner fails, or a thread cannot be started.
+    pub fn start(contestants: [Contestant; 2], config: &(UiConfig, Keymap), limits: Limits) -> Result<Self, Report> {
+        let [a, b] = contestants.map(|contestant| Side::start(contestant, config.clone(), limits));
+        Ok(Self::new([a?, b?]))
+    }
+
+    /// Opens the screen; both agents walk to the map's own goal, or to a random one.
+    fn new(sides: [Side; 2]) -> Self {
+        let screen = &sides[0].app.screen;
+        let (goal, race) = (screen.goal, Race::new(screen.map().clone(), screen.run().seed));
+        let mut comparison = Self {
+            race,
+            axis: Axis::default(),
+            larger: None,
+            mouse_on: 0,
+            log: Log::default(),
+            layout: ScreenLayout::default(),
+            failed: false,
+            done: false,
+            suspending: false,
+            sides,
+        };
+        let start = comparison.race.random_start(goal);
+        comparison.start_race(start, goal);
+        comparison
+    }
+
+    /// Puts both agents at `start` and lets them walk to `goal`.
+    fn start_race(&mut self, start: Cell, goal: Cell) {
+        for side in &mut self.sides {
+            // The goal comes last, as its number tells when both have been set.
+            side.app.place_walker(Some(start));
+            side.app.set_goal(goal);
+        }
+        self.race.begin(start, goal, self.sides.each_ref().map(|side| side.app.goal_request()));
+    }
+
+    /// Shows a notice.
+    fn notify(&mut self, text: &str) {
+        self.log.add(text, 0);
+    }
+
+    /// Returns the current notice and whether it is fading: of the comparison, or of its runs.
+    fn notice(&self) -> Option<(String, bool)> {
+        let own = self.log.notice().map(|(text, fades)| (text.to_owned(), fades));
+        let of = |i: usize| self.sides[i].app.screen.log.notice();
+        own.or_else(|| match (of(0), of(1)) {
+            (Some((a, fades)), Some((b, _))) if a == b => Some((a.to_owned(), fades)),
+            (Some((text, fades)), _) => Some((format!("{}: {text}", LETTERS[0]), fades)),
+            (None, Some((text, fades))) => Some((format!("{}: {text}", LETTERS[1]), fades)),
+            (None, None) => None,
+        })
+    }
+
+    fn on_failures(&mut self) {
+        for failure in crate::faults::take_failures() {
+            self.notify(&format!("internal error in thread {}: {}", failure.thread, failure.message));
+            self.failed = true;
+        }
+    }
+}
+
+impl Interface for Comparison {
+    async fn update(&mut self) {
+        let [a, b] = &mut self.sides;
+        let own = tokio::select! {
+            () = a.app.update() => 0,
+            () = b.app.update() => 1,
+        };
+        let app = &self.sides[own].app;
+        let (snapshot, view) = (app.snapshots().borrow().clone(), app.views().borrow().clone());
+        self.sides[own].follow(own, &mut self.race, &snapshot, &view);
+    }
+
+    fn on_event(&mut self, event: &Event) {
+        // The help belongs to the first side.
+        if !self.sides[0].app.screen.dialogs.is_empty() {
+            return self.sides[0].app.on_event(event);
+        }
+        match event {
+            Event::Key(key) if !key.is_release() => {
+                if let Some(action) = self.sides[0].app.screen.keymap.action(*key, Mode::Comparing) {
+                    self.act(action);
+                }
+            }
+            Event::Mouse(mouse) => self.on_mouse(*mouse),
+            _ => {}
+        }
+    }
+
+    fn on_tick(&mut self) -> bool {
+        self.on_failures();
+        if let Some((start, goal)) = self.race.next_round() {
+            self.start_race(start, goal);
+        }
+        let mut changed = self.log.on_tick();
+        self.sides.iter_mut().for_each(|side| changed |= side.app.screen.log.on_tick());
+        changed
+    }
+
+    fn suspend(&mut self) {
+        self.suspending = true;
+    }
+
+    fn take_suspend_request(&mut self) -> bool {
+        std::mem::take(&mut self.suspending)
+    }
+
+    fn is_training(&self) -> bool {
+        self.sides.iter().any(|side| side.app.is_training())
+    }
+
+    fn is_done(&self) -> bool {
+        self.done || self.sides[0].app.is_done()
+    }
+
+    fn draw(&mut self, frame: &mut Frame) {
+        self.layout = draw::draw(frame, self);
+    }
+
+    fn on_signal(&mut self) {
+        // Nothing is saved.
+    }
+
+    fn close(self) -> ClosedRun {
+        let mut closed = ClosedRun { summary: String::new(), saved: Ok(()), failed: self.failed };
+        for (side, letter) in self.sides.into_iter().zip(LETTERS) {
+            let own = side.app.close();
+            let gap = if closed.summary.is_empty() { "" } else { "\n" };
+            closed.summary += &format!("{gap}{letter}: {}", own.summary);
+            closed.saved = closed.saved.and(own.saved);
+            closed.failed |= own.failed;
+        }
+        closed
+    }
+}
+
+#[cfg(test)]
+impl Comparison {
+    /// Returns both sides.
+    pub fn apps(&mut self) -> [&mut App; 2] {
+        self.sides.each_mut().map(|side| &mut side.app)
+    }
+
+    /// Shows a snapshot on a side.
+    pub fn on_snapshot(&mut self, side: usize, snapshot: &std::sync::Arc<Snapshot>) {
+        let Self { sides, race, .. } = self;
+        sides[side].app.on_snapshot(snapshot.clone());
+        sides[side].follow(side, race, snapshot, &View::default());
+    }
+
+    /// Shows a view on a side.
+    pub fn on_view(&mut self, side: usize, view: &std::sync::Arc<View>) {
+        self.sides[side].app.on_view(view.clone());
+        self.race.observe(side, view);
+    }
+
+    /// Shows the latest snapshots and views.
+    pub fn refresh(&mut self) {
+        for side in 0..2 {
+            let app = &self.sides[side].app;
+            let (snapshot, view) = (app.snapshots().borrow().clone(), app.views().borrow().clone());
+            self.on_snapshot(side, &snapshot);
+            self.on_view(side, &view);
+        }
+    }
+
+    /// Stops both runs and returns their trainers.
+    pub fn stop(self) -> [Option<crate::train::Trainer>; 2] {
+        self.sides.map(|side| side.app.stop())
+    }
+}

@@ -1,0 +1,120 @@
+//! Both success curves in one chart.
+
+use ratatui::Frame;
+use ratatui::layout::{Constraint, Layout, Rect};
+use ratatui::style::{Modifier, Style};
+use ratatui::symbols::Marker;
+use ratatui::text::Span;
+use ratatui::widgets::Paragraph;
+
+use super::pace::Moment;
+use super::{Comparison, LETTERS, Side};
+use crate::train::Evaluation;
+use crate::tui::action::Action;
+use crate::tui::layout::{Click, ScreenLayout};
+use crate::tui::render::{BOLD, DIM, chart, curves};
+use crate::tui::theme::ColourDepth;
+
+/// What the curves are drawn over.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Axis {
+    /// Steps of the agents in the world: what a method is allowed to experience.
+    #[default]
+    EnvSteps,
+    /// Updates of the networks.
+    Updates,
+    /// Training time on this machine.
+    Seconds,
+}
+
+impl Axis {
+    /// Returns the next choice.
+    #[must_use]
+    pub fn next(self) -> Self {
+        match self {
+            Self::EnvSteps => Self::Updates,
+            Self::Updates => Self::Seconds,
+            Self::Seconds => Self::EnvSteps,
+        }
+    }
+
+    /// Returns its name on the screen.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::EnvSteps => "environment steps",
+            Self::Updates => "updates",
+            Self::Seconds => "seconds",
+        }
+    }
+
+    fn of(self, moment: Moment) -> f64 {
+        match self {
+            Self::EnvSteps => moment.env_steps,
+            Self::Updates => moment.updates,
+            Self::Seconds => moment.seconds,
+        }
+    }
+}
+
+/// A curve of a side.
+struct Curve {
+    name: String,
+    /// The side's style; faint for the actor alone.
+    style: Style,
+    marker: Marker,
+    points: Vec<(f64, f64)>,
+}
+
+/// Returns the curves of a side: its success, and that of the actor alone if the method plans.
+fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
+    let Side { app, pace, .. } = &comparison.sides[own];
+    let (run, mono) = (app.screen.run(), app.screen.theme.depth == ColourDepth::Mono);
+    let points = |value: &dyn Fn(&Evaluation) -> Option<f64>| {
+        let evaluations = app.screen.snapshot.evaluations.iter();
+        let point = |(updates, e): &(u64, Evaluation)| Some((comparison.axis.of(pace.at(*updates as f64)), value(e)?));
+        evaluations.filter_map(point).collect()
+    };
+    // Without colours, other characters tell the sides apart.
+    let marker = if mono && own == 1 { Marker::Dot } else { Marker::Braille };
+    let style = if mono { Style::new() } else { curves::colour(&app.screen, own) };
+    let name = format!("{} {}", LETTERS[own], run.method.name());
+    let faint = style.add_modifier(Modifier::DIM);
+    let actor = Curve { name: "actor alone".to_owned(), style: faint, marker, points: points(&|e| e.greedy.success) };
+    if run.method.plans() {
+        let planned = points(&|e| e.planned.as_ref()?.success);
+        vec![Curve { name, style: style.patch(BOLD), marker, points: planned }, actor]
+    } else {
+        vec![Curve { name, style: style.patch(BOLD), ..actor }]
+    }
+}
+
+/// Draws the chart; a click on its title changes the axis.
+pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
+    let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
+    let sign = |curve: &Curve| match curve.marker {
+        Marker::Dot => '\u{2022}',
+        _ if curve.style.add_modifier.contains(Modifier::DIM) => '\u{2504}',
+        _ => '\u{2500}',
+    };
+    let names = all.iter().map(|curve| Span::styled(format!("  {} {}", sign(curve), curve.name), curve.style));
+    let title = Span::styled(format!(" success over {}", comparison.axis.name()), BOLD);
+    let lines = chart::heading(title, names, area.width);
+    let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
+    layout.add(head, Click::Act(Action::Axis));
+    frame.render_widget(Paragraph::new(lines), head);
+    if all.iter().all(|curve| curve.points.is_empty()) {
+        frame.render_widget(Paragraph::new(" not evaluated yet").style(DIM), body);
+        return;
+    }
+    let now = |side: &Side| comparison.axis.of(side.app.screen.snapshot.as_ref().into());
+    let last = comparison.sides.iter().map(now).fold(1.0, f64::max);
+    // The faint curves first, so that they do not hide the others.
+    let (faint, strong): (Vec<&Curve>, Vec<&Curve>) =
+        all.iter().partition(|curve| curve.style.add_modifier.contains(Modifier::DIM));
+    let lines = faint.into_iter().chain(strong).map(|curve| chart::Line {
+        style: curve.style,
+        marker: curve.marker,
+        points: &curve.points,
+    });
+    chart::draw(frame, body, ([0.0, last], [0.0, 1.0]), ["0.0".to_owned(), "1.0".to_owned()], lines);
+}

@@ -1,0 +1,100 @@
+//! What is known about a side, as a column beside its map or as text below it.
+
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::Side;
+use crate::tui::render::text::short;
+use crate::tui::render::{BOLD, DIM};
+
+/// Columns of the names in a column of facts.
+const NAME_WIDTH: usize = 12;
+
+/// A name and a value.
+pub struct Fact {
+    name: &'static str,
+    value: String,
+    style: Style,
+    place: Place,
+}
+
+/// How a fact follows the others in text.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Place {
+    /// On its own.
+    Own,
+    /// In brackets, as it explains the fact before it.
+    Aside,
+    /// The same without its name.
+    NamelessAside,
+}
+
+impl Fact {
+    fn new(name: &'static str, value: String) -> Self {
+        Self { name, value, style: Style::new(), place: Place::Own }
+    }
+}
+
+/// Returns the facts about a side, the most important first; `races` are those that its agent finished at the goal, and
+/// all that are over.
+pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
+    let (snapshot, walk) = (&side.app.screen.snapshot, &side.app.screen.view.walk);
+    let mut facts = vec![
+        Fact::new("steps", short(snapshot.counters.env_steps as f64)),
+        Fact::new("updates", short(snapshot.counters.updates as f64)),
+        Fact { place: Place::NamelessAside, ..Fact::new("rate", format!("{}/s", short(snapshot.rates.0))) },
+    ];
+    let success = side.app.screen.success();
+    let rate = |rate: f64| format!("{rate:.2}");
+    let value = success.map_or("-".to_owned(), |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
+    facts.push(Fact { style: BOLD, ..Fact::new("success", value) });
+    if let Some((Some(_), Some(greedy))) = success.map(|s| (s.planned, s.greedy)) {
+        facts.push(Fact { place: Place::Aside, ..Fact::new("actor alone", rate(greedy)) });
+    }
+    let evaluation = snapshot.evaluations.last().map(|(_, evaluation)| evaluation);
+    let error = evaluation.and_then(|e| e.distance_error);
+    facts.extend(error.map(|error| Fact::new("D error", format!("{:.0} %", 100.0 * error.mape))));
+    facts.push(Fact::new("races", format!("{arrived}/{races}")));
+    let state = match walk {
+        walk if walk.arrived => "arrived in",
+        walk if walk.gave_up => "gave up at",
+        _ => "walking",
+    };
+    facts.push(Fact::new(state, walk.steps.to_string()));
+    facts.extend(walk.shortest.map(|steps| Fact { place: Place::Aside, ..Fact::new("shortest", steps.to_string()) }));
+    facts
+}
+
+/// Returns the facts below each other.
+pub fn column(facts: &[Fact]) -> Vec<Line<'static>> {
+    let line = |fact: &Fact| {
+        let name = format!(" {:<NAME_WIDTH$}", fact.name);
+        Line::from(vec![Span::styled(name, DIM), Span::styled(fact.value.clone(), fact.style)])
+    };
+    facts.iter().map(line).collect()
+}
+
+/// Returns the facts one after the other, in lines of at most `width` columns.
+pub fn text(facts: &[Fact], width: u16) -> Vec<Line<'static>> {
+    let mut lines: Vec<Line> = vec![Line::default()];
+    // A fact and what explains it stay together.
+    for group in facts.chunk_by(|_, next| next.place != Place::Own) {
+        let mut parts = Line::default();
+        for fact in group {
+            let (name, value) = match fact.place {
+                Place::Own => (format!(" {} ", fact.name), fact.value.clone()),
+                Place::Aside => (format!(" ({} ", fact.name), format!("{})", fact.value)),
+                Place::NamelessAside => (" ".to_owned(), format!("({})", fact.value)),
+            };
+            parts.push_span(Span::styled(name, DIM));
+            parts.push_span(Span::styled(value, fact.style));
+        }
+        match lines.last_mut().filter(|line| line.width() + 1 + parts.width() <= usize::from(width)) {
+            Some(line) if line.spans.is_empty() => *line = parts,
+            // A wider gap between facts than within one.
+            Some(line) => line.spans.extend(std::iter::once(Span::raw(" ")).chain(parts.spans)),
+            None => lines.push(parts),
+        }
+    }
+    lines
+}

@@ -1,0 +1,46 @@
+//! The mouse: what it does on one map happens on both.
+
+use crossterm::event::{Event, MouseButton, MouseEvent, MouseEventKind};
+use ratatui::layout::Position;
+
+use super::Comparison;
+use crate::tui::layout::Click;
+
+impl Comparison {
+    pub(super) fn on_mouse(&mut self, mouse: MouseEvent) {
+        let at = Position::new(mouse.column, mouse.row);
+        if mouse.kind == MouseEventKind::Down(MouseButton::Left)
+            && let Some(Click::Act(action)) = self.layout.click(at)
+        {
+            return self.act(action);
+        }
+        // A drag belongs to the side on which it began.
+        if !matches!(mouse.kind, MouseEventKind::Drag(_) | MouseEventKind::Up(_)) {
+            let on = |side: &super::Side| side.app.screen.layout.map_pane.contains(at);
+            let Some(own) = self.sides.iter().position(on) else { return };
+            self.mouse_on = own;
+        }
+        let own = self.mouse_on;
+        let cell = self.sides[own].app.screen.layout.map.as_ref();
+        let cell = cell.and_then(|frame| frame.cell_at(at, self.sides[own].app.screen.map()));
+        if mouse.kind == MouseEventKind::Down(MouseButton::Right) {
+            let start = cell.and_then(|cell| self.sides[own].app.screen.map().nearest_free(cell));
+            if let Some(start) = start {
+                self.start_race(start, self.race.goal());
+            }
+            return;
+        }
+        self.sides[own].app.on_event(&Event::Mouse(mouse));
+        self.goal_from(own);
+        self.mirror(own);
+    }
+
+    /// Shows the same part of the map, and describes the same cell, on the other side.
+    pub(super) fn mirror(&mut self, own: usize) {
+        let screen = &self.sides[own].app.screen;
+        let (viewport, hovered) = (screen.viewport, screen.hovered);
+        let other = &mut self.sides[1 - own].app;
+        other.screen.viewport = viewport;
+        other.hover(hovered);
+    }
+}

@@ -1,0 +1,82 @@
+//! How far training had come at each update, in environment steps and seconds.
+
+use crate::train::Snapshot;
+
+/// Maximum number of moments kept; beyond it, every other one is dropped.
+const MAX_MOMENTS: usize = 4096;
+
+/// Progress at one moment.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Moment {
+    /// Updates done.
+    pub updates: f64,
+    /// Environment steps taken.
+    pub env_steps: f64,
+    /// Training time, in seconds.
+    pub seconds: f64,
+}
+
+impl From<&Snapshot> for Moment {
+    fn from(snapshot: &Snapshot) -> Self {
+        let counters = snapshot.counters;
+        Self { updates: counters.updates as f64, env_steps: counters.env_steps as f64, seconds: snapshot.seconds }
+    }
+}
+
+/// The moments of a run, from its start.
+#[derive(Default)]
+pub struct Pace(Vec<Moment>);
+
+impl Pace {
+    /// Adds the moment of a snapshot.
+    pub fn add(&mut self, snapshot: &Snapshot) {
+        self.add_moment(snapshot.into());
+    }
+
+    fn add_moment(&mut self, moment: Moment) {
+        if self.0.last().is_some_and(|last| last.updates >= moment.updates) {
+            return;
+        }
+        self.0.push(moment);
+        if self.0.len() > MAX_MOMENTS {
+            let mut i = 0;
+            self.0.retain(|_| {
+                i += 1;
+                i % 2 == 0
+            });
+        }
+    }
+
+    /// Returns the moment of an update, between the known ones.
+    pub fn at(&self, updates: f64) -> Moment {
+        let next = self.0.partition_point(|moment| moment.updates < updates);
+        let before = next.checked_sub(1).map_or(Moment::default(), |i| self.0[i]);
+        let Some(after) = self.0.get(next) else { return Moment { updates, ..before } };
+        let share = (updates - before.updates) / (after.updates - before.updates).max(1.0);
+        let between = |from: f64, to: f64| from + share * (to - from);
+        Moment {
+            updates,
+            env_steps: between(before.env_steps, after.env_steps),
+            seconds: between(before.seconds, after.seconds),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn moments_are_interpolated_and_thinned() {
+        let mut pace = Pace::default();
+        assert_eq!(pace.at(100.0).env_steps, 0.0, "nothing is known yet");
+        let moment = |updates: f64| Moment { updates, env_steps: 16.0 * updates, seconds: updates / 500.0 };
+        (1..=3 * MAX_MOMENTS).for_each(|i| pace.add_moment(moment(10.0 * i as f64)));
+        assert!(pace.0.len() <= MAX_MOMENTS, "{}", pace.0.len());
+        for updates in [0.0, 5.0, 1_001.0, 30_000.0] {
+            let at = pace.at(updates);
+            assert!((at.env_steps - 16.0 * updates).abs() < 1e-6 && at.updates == updates, "{at:?}");
+            assert!((at.seconds - updates / 500.0).abs() < 1e-9, "{at:?}");
+        }
+    }
+}

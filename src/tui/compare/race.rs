@@ -1,0 +1,157 @@
+//! The walks of the two agents: from the same start to the same goal, at the same time.
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use crate::view::{OnArrival, View};
+
+/// How long both rest once a race is over.
+const REST: Duration = Duration::from_millis(1500);
+
+/// Steps after which a race is lost, as a multiple of the shortest path, and at least.
+const MAX_DETOUR: u32 = 4;
+const MIN_STEPS: u32 = 60;
+
+/// The current race and the results so far.
+pub struct Race {
+    map: Arc<Grid>,
+    start: Cell,
+    goal: Cell,
+    /// What follows once both have arrived or lost.
+    pub on_arrival: OnArrival,
+    /// The goal request of each side that began the race: what was published before it is of an earlier race.
+    requests: [u64; 2],
+    /// Whether each side has arrived, once that is decided.
+    arrived: [Option<bool>; 2],
+    /// Since when the race is over.
+    over: Option<Instant>,
+    /// Races that each side has finished at the goal, and all that are over.
+    results: ([u32; 2], u32),
+    /// Of its own: training must not depend on who watches.
+    rng: ChaCha8Rng,
+}
+
+impl Race {
+    /// Creates a race that has not begun.
+    pub fn new(map: Arc<Grid>, seed: u64) -> Self {
+        Self {
+            map,
+            start: Cell::new(0, 0),
+            goal: Cell::new(0, 0),
+            on_arrival: OnArrival::default(),
+            requests: [0; 2],
+            arrived: [None; 2],
+            over: None,
+            results: ([0; 2], 0),
+            rng: ChaCha8Rng::seed_from_u64(seed),
+        }
+    }
+
+    /// Returns the start of the current race.
+    pub fn start(&self) -> Cell {
+        self.start
+    }
+
+    /// Returns the goal of the current race.
+    pub fn goal(&self) -> Cell {
+        self.goal
+    }
+
+    /// Returns how many races a side has finished at the goal, and how many are over.
+    pub fn results(&self, side: usize) -> (u32, u32) {
+        (self.results.0[side], self.results.1)
+    }
+
+    /// Begins a race with the given goal requests.
+    pub fn begin(&mut self, start: Cell, goal: Cell, requests: [u64; 2]) {
+        (self.start, self.goal, self.requests) = (start, goal, requests);
+        (self.arrived, self.over) = ([None; 2], None);
+    }
+
+    /// Takes note of how a side's agent is doing.
+    pub fn observe(&mut self, side: usize, view: &View) {
+        let walk = &view.walk;
+        if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {
+            return;
+        }
+        let most = walk.shortest.map_or(u32::MAX, |shortest| MAX_DETOUR * shortest).max(MIN_STEPS);
+        if walk.arrived || walk.gave_up || walk.steps >= most {
+            self.arrived[side] = Some(walk.arrived);
+        }
+        if let [Some(a), Some(b)] = self.arrived {
+            self.results.0[0] += u32::from(a);
+            self.results.0[1] += u32::from(b);
+            self.results.1 += 1;
+            self.over = Some(Instant::now());
+        }
+    }
+
+    /// Returns start and goal of the next race if it is time for one.
+    pub fn next_round(&mut self) -> Option<(Cell, Cell)> {
+        self.over.filter(|over| over.elapsed() >= REST)?;
+        match self.on_arrival {
+            OnArrival::Again => Some((self.random_start(self.goal), self.goal)),
+            OnArrival::Visit => Some((self.goal, self.connected_cell(self.goal))),
+            OnArrival::Stay | OnArrival::Wait => None,
+        }
+    }
+
+    /// Returns one of the map's own starts, or else a random cell, from which a path leads to `goal`.
+    pub fn random_start(&mut self, goal: Cell) -> Cell {
+        let mut search = StepSearch::new(&self.map);
+        let steps = search.steps_from(goal);
+        let starts: Vec<Cell> =
+            self.map.starts().iter().copied().filter(|cell| steps[self.map.index(*cell)] != UNREACHABLE).collect();
+        if starts.is_empty() { self.connected_cell(goal) } else { starts[self.rng.random_range(0..starts.len())] }
+    }
+
+    /// Returns a random cell connected to `cell`.
+    fn connected_cell(&mut self, cell: Cell) -> Cell {
+        let mut search = StepSearch::new(&self.map);
+        let steps = search.steps_from(cell);
+        let cells: Vec<Cell> =
+            self.map.free_cells().filter(|cell| steps[self.map.index(*cell)] != UNREACHABLE).collect();
+        if cells.is_empty() { cell } else { cells[self.rng.random_range(0..cells.len())] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::parse_map;
+    use crate::view::Walk;
+
+    fn view(number: u64, walk: Walk) -> View {
+        View { goal: (None, number), walk, ..View::default() }
+    }
+
+    #[test]
+    fn a_race_is_over_once_both_have_arrived_or_lost() {
+        let map = Arc::new(parse_map("two", b"....#..\n....#..\n").expect("a map"));
+        let mut race = Race::new(map.clone(), 1);
+        let goal = Cell::new(3, 1);
+        let start = race.random_start(goal);
+        assert!(start.x < 4, "a path leads to the goal");
+        race.begin(start, goal, [7, 8]);
+        let arrived = Walk { arrived: true, shortest: Some(3), ..Walk::default() };
+        race.observe(0, &view(6, arrived));
+        assert_eq!(race.arrived, [None; 2], "an earlier race");
+        race.observe(0, &view(7, arrived));
+        assert_eq!((race.results(0), race.over), ((0, 0), None), "the other one still walks");
+        race.observe(1, &view(8, Walk { steps: MIN_STEPS, shortest: Some(3), ..Walk::default() }));
+        assert_eq!((race.results(0), race.results(1)), ((1, 1), (0, 1)));
+        assert!(race.next_round().is_none(), "they rest");
+        race.over = race.over.and_then(|at| at.checked_sub(REST));
+        let (start, same) = race.next_round().expect("the next race");
+        assert!(start.x < 4 && same == goal);
+        race.on_arrival = OnArrival::Visit;
+        let (start, other) = race.next_round().expect("the next race");
+        assert!(start == goal && other.x < 4);
+        race.on_arrival = OnArrival::Stay;
+        assert!(race.next_round().is_none());
+    }
+}

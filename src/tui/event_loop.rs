@@ -1,0 +1,188 @@
+//! The event loop: forwards events, draws frames, and restores the terminal at the end.
+
+use std::io::Write;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::time::{Duration, Instant};
+
+use crossterm::event::{Event, EventStream};
+use futures_util::StreamExt;
+use miette::{IntoDiagnostic, Report};
+use ratatui::Frame;
+
+use super::app::ClosedRun;
+use super::record::Recorder;
+use super::terminal::Terminal;
+use crate::signals::TerminationSignal;
+use crate::text::sanitized_lines;
+
+/// Minimum time between frames: after user input (`INPUT_FRAME_INTERVAL`), and after any other change
+/// (`FRAME_INTERVAL`).
+pub const INPUT_FRAME_INTERVAL: Duration = Duration::from_millis(16);
+const FRAME_INTERVAL: Duration = Duration::from_millis(66);
+
+/// Polling interval for signals and expiring notices.
+const POLL_INTERVAL: Duration = Duration::from_millis(100);
+
+/// `FRAME_INTERVAL` while training is not running and only the walking agent moves: an idle program should use little
+/// CPU.
+const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
+
+/// What fills the screen: the trainer, or a comparison.
+pub trait Interface {
+    /// Waits for the next snapshot or view, and shows it. Nothing is lost if the future is dropped.
+    async fn update(&mut self);
+
+    /// Handles a terminal event.
+    fn on_event(&mut self, event: &Event);
+
+    /// Handles the passing of time; returns whether the screen changes.
+    fn on_tick(&mut self) -> bool;
+
+    /// Asks to be suspended, as another process requested it.
+    fn suspend(&mut self);
+
+    /// Returns whether the program is to be suspended, and clears the request.
+    fn take_suspend_request(&mut self) -> bool;
+
+    /// Whether training runs, so that the screen changes all the time.
+    fn is_training(&self) -> bool;
+
+    /// Whether the program is to quit.
+    fn is_done(&self) -> bool;
+
+    /// Draws a frame.
+    fn draw(&mut self, frame: &mut Frame);
+
+    /// Handles a signal, or an internal error, that ends the program.
+    fn on_signal(&mut self);
+
+    /// Ends training.
+    fn close(self) -> ClosedRun;
+}
+
+/// Shows `interface` until the user or a signal ends it, restores the terminal, and returns the exit status.
+///
+/// # Errors
+/// Errors of the terminal, of training or of saving.
+pub fn show(
+    mut interface: impl Interface,
+    recorder: Option<Recorder>,
+    termination: &TerminationSignal,
+) -> Result<u8, Report> {
+    let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
+    let mut terminal = Terminal::enter(recorder).into_diagnostic()?;
+    let draw = || runtime.block_on(event_loop(&mut interface, &mut terminal, termination));
+    let shown = catch_unwind(AssertUnwindSafe(draw));
+    if termination.number().is_some() || !matches!(shown, Ok(Ok(()))) {
+        interface.on_signal();
+    }
+    // First, since writing to a terminal that is gone may block.
+    let closed = interface.close();
+    drop(terminal);
+    let _ = writeln!(std::io::stdout(), "{}", sanitized_lines(&closed.summary));
+    closed.saved?;
+    if let Some(status) = termination.status() {
+        return Ok(status);
+    }
+    match shown {
+        Err(_) => Err(miette::miette!(help = crate::logging::hint(), "an internal error ended the interface")),
+        Ok(shown) => shown.into_diagnostic().map(|()| u8::from(closed.failed)),
+    }
+}
+
+/// Handles events and draws frames until the user or a signal ends the loop.
+async fn event_loop(
+    app: &mut impl Interface,
+    terminal: &mut Terminal,
+    termination: &TerminationSignal,
+) -> std::io::Result<()> {
+    let mut events = EventStream::new();
+    let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
+    let mut suspend_signals = SuspendSignals::listen()?;
+    while !app.is_done() && termination.number().is_none() {
+        tokio::select! {
+            event = events.next() => match event {
+                Some(event) => {
+                    app.on_event(&event?);
+                    timer.immediate = true;
+                }
+                // End of input: the terminal is gone.
+                None => break,
+            },
+            () = app.update() => timer.changed = true,
+            () = suspend_signals.next() => app.suspend(),
+            () = tokio::time::sleep(timer.until_due()) => {}
+        }
+        if app.take_suspend_request() {
+            terminal.suspend()?;
+            timer.immediate = true;
+        }
+        timer.changed |= app.on_tick();
+        timer.idle = !app.is_training();
+        if timer.is_due() {
+            crate::faults::point("interface");
+            terminal.draw(|frame| app.draw(frame))?;
+        }
+    }
+    Ok(())
+}
+
+/// Requests by other processes to suspend (SIGTSTP).
+struct SuspendSignals {
+    #[cfg(unix)]
+    signals: tokio::signal::unix::Signal,
+}
+
+impl SuspendSignals {
+    fn listen() -> std::io::Result<Self> {
+        Ok(Self {
+            #[cfg(unix)]
+            signals: tokio::signal::unix::signal(tokio::signal::unix::SignalKind::from_raw(
+                signal_hook::consts::SIGTSTP,
+            ))?,
+        })
+    }
+
+    /// Waits for the next request.
+    async fn next(&mut self) {
+        #[cfg(unix)]
+        if self.signals.recv().await.is_some() {
+            return;
+        }
+        std::future::pending::<()>().await;
+    }
+}
+
+/// Decides when to draw: at once after user input, less often for other changes.
+#[derive(Default)]
+pub struct FrameTimer {
+    /// A frame is needed at once, as after user input.
+    immediate: bool,
+    /// What is shown has changed.
+    pub changed: bool,
+    /// Training is not running.
+    idle: bool,
+    last_drawn: Option<Instant>,
+}
+
+impl FrameTimer {
+    /// Returns the time until the next frame or poll.
+    fn until_due(&self) -> Duration {
+        let interval = match self {
+            Self { immediate: true, .. } => INPUT_FRAME_INTERVAL,
+            Self { changed: true, idle: false, .. } => FRAME_INTERVAL,
+            Self { changed: true, idle: true, .. } => IDLE_FRAME_INTERVAL,
+            _ => return POLL_INTERVAL,
+        };
+        self.last_drawn.map_or(Duration::ZERO, |at| interval.saturating_sub(at.elapsed()))
+    }
+
+    /// Returns whether a frame is due; if so, counts it as drawn.
+    pub fn is_due(&mut self) -> bool {
+        let due = (self.immediate || self.changed) && self.until_due().is_zero();
+        if due {
+            *self = Self { last_drawn: Some(Instant::now()), ..Self::default() };
+        }
+        due
+    }
+}

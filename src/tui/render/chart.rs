@@ -1,0 +1,55 @@
+//! Charts: lines over an axis, below their names.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::style::Style;
+use ratatui::symbols::Marker;
+use ratatui::text::{Line as TextLine, Span};
+use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition};
+
+use super::DIM;
+use super::text::short;
+
+/// Maximum lines for a chart's title and the names of its curves.
+const MAX_NAME_LINES: usize = 2;
+
+/// A line of a chart.
+pub struct Line<'a> {
+    /// Its colour.
+    pub style: Style,
+    /// The characters it is drawn with.
+    pub marker: Marker,
+    /// Its points, from left to right.
+    pub points: &'a [(f64, f64)],
+}
+
+/// Returns a chart's title, followed by the names of its curves, in lines of at most `width` columns.
+pub fn heading(title: Span<'static>, names: impl Iterator<Item = Span<'static>>, width: u16) -> Vec<TextLine<'static>> {
+    let mut lines = vec![TextLine::from(title)];
+    for name in names {
+        if lines.last().is_none_or(|line| line.width() + name.width() > usize::from(width)) {
+            lines.push(TextLine::default());
+        }
+        lines.last_mut().into_iter().for_each(|line| line.push_span(name.clone()));
+    }
+    lines.truncate(MAX_NAME_LINES);
+    lines
+}
+
+/// Draws lines within the bounds `x` and `y`, the latter labelled with `y_labels`.
+pub fn draw<'a>(
+    frame: &mut Frame,
+    area: Rect,
+    (x, y): ([f64; 2], [f64; 2]),
+    y_labels: [String; 2],
+    lines: impl Iterator<Item = Line<'a>>,
+) {
+    let set = |line: Line<'a>| {
+        let set = Dataset::default().marker(line.marker).graph_type(GraphType::Line);
+        set.style(line.style).data(line.points)
+    };
+    let x_axis = Axis::default().bounds(x).labels(x.map(short)).style(DIM);
+    let y_axis = Axis::default().bounds(y).labels(y_labels).style(DIM);
+    let chart = Chart::new(lines.map(set).collect()).x_axis(x_axis).y_axis(y_axis);
+    frame.render_widget(chart.legend_position(None::<LegendPosition>), area);
+}

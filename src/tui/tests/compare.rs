@@ -1,0 +1,255 @@
+//! Comparisons: two runs on one screen.
+
+use super::screens::{check_drawn, evaluation};
+use super::*;
+use crate::train::{Counters, Evaluation};
+use crate::tui::compare::{Comparison, Contestant};
+use crate::view::View;
+
+fn trainer(method: &str, seed: u64) -> Trainer {
+    let method: Method = method.parse().expect("a method");
+    let preset = Preset::of_method(&method);
+    let mut settings = preset.settings();
+    settings.learn.hidden = 16;
+    settings.learn.buffer_size = 20_000;
+    settings.bridge.candidates = 40;
+    let run = Run { method, preset, seed, settings };
+    Trainer::new(run, &PointMaze::new(Arc::new(rooms()), 0), &Registry::builtin(), 1).expect("a trainer")
+}
+
+fn comparison_with(methods: [&str; 2], limits: Limits) -> Comparison {
+    let [a, b] = methods.map(|method| (trainer(method, 1), method));
+    let contestants = [(a, 'A'), (b, 'B')].map(|((trainer, method), letter)| Contestant {
+        title: format!("{letter} {method} {}", trainer.run().preset.name()),
+        trainer,
+    });
+    let config = (UiConfig::default(), Keymap::new(&BTreeMap::new()).expect("the table's keys"));
+    let mut comparison = Comparison::start(contestants, &config, limits).expect("a comparison");
+    comparison.apps().into_iter().for_each(|app| app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True));
+    comparison
+}
+
+fn comparison() -> Comparison {
+    comparison_with(["gdg-bridge", "gdg"], Limits::default())
+}
+
+fn draw(comparison: &mut Comparison, (width, height): (u16, u16)) -> Terminal<TestBackend> {
+    let mut terminal = Terminal::new(TestBackend::new(width, height)).expect("a buffer");
+    terminal.draw(|frame| comparison.draw(frame)).expect("a frame");
+    terminal
+}
+
+fn press(comparison: &mut Comparison, code: KeyCode) {
+    comparison.on_event(&Event::Key(KeyEvent::new(code, KeyModifiers::NONE)));
+}
+
+fn mouse(comparison: &mut Comparison, kind: MouseEventKind, at: Position) {
+    comparison.on_event(&Event::Mouse(MouseEvent { kind, column: at.x, row: at.y, modifiers: KeyModifiers::NONE }));
+}
+
+/// Returns the character that shows the centre of `cell` on a side.
+fn character_of(comparison: &mut Comparison, side: usize, cell: Cell) -> Position {
+    let frame = comparison.apps()[side].screen.layout.map.clone().expect("the map is drawn");
+    frame.character_of(cell.centre()).expect("the cell is shown")
+}
+
+/// Applies what engines and viewers publish until `is` holds.
+fn wait_until(comparison: &mut Comparison, is: impl Fn([&mut App; 2]) -> bool) {
+    let began = Instant::now();
+    while !is(comparison.apps()) {
+        assert!(began.elapsed() < Duration::from_mins(1), "timed out");
+        std::thread::sleep(Duration::from_millis(5));
+        comparison.refresh();
+        comparison.on_tick();
+    }
+}
+
+/// Stages both sides in the middle of runs with fixed numbers.
+fn stage(comparison: &mut Comparison) {
+    let actor_alone = |at: f64| Evaluation { planned: None, ..evaluation(at) };
+    for (side, evaluation) in [evaluation, actor_alone].into_iter().enumerate() {
+        for i in 1..=4 {
+            let [a, b] = comparison.apps();
+            let app = if side == 0 { a } else { b };
+            let mut counters = Counters::default();
+            let updates = 2_500 * i;
+            (counters.updates, counters.env_steps) = (updates, (16 - 4 * side as u64) * updates);
+            let mut evaluations = app.screen.snapshot.evaluations.to_vec();
+            evaluations.push((updates, evaluation(0.25 * i as f64)));
+            let snapshot = Snapshot {
+                phase: Phase::Running,
+                counters,
+                seconds: i as f64 * 3.0,
+                rates: (812.0, 13_000.0),
+                agents: Arc::new(vec![4.5, 3.5, 7.5, 1.5, 14.5, 2.5]),
+                evaluations: Arc::new(evaluations),
+                ..(*app.screen.snapshot).clone()
+            };
+            comparison.on_snapshot(side, &Arc::new(snapshot));
+        }
+        let [a, b] = comparison.apps();
+        let app = if side == 0 { a } else { b };
+        let frame = app.screen.layout.map.clone().expect("the map is drawn");
+        let map = app.screen.map().clone();
+        let (columns, rows) = frame.raster.pixels;
+        let [_, _, width, height] = frame.raster.window;
+        let field = |i: usize| {
+            let x = ((i % columns) as f32 + 0.5) / columns as f32 * width;
+            let y = ((i / columns) as f32 + 0.5) / rows as f32 * height;
+            if map.is_free_at(x, y) { (1.5 + side as f32) * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
+        };
+        let values: Vec<f32> = (0..columns * rows).map(field).collect();
+        let view = View {
+            goal: (Some(app.screen.goal), app.goal_request()),
+            kind: Field::Learned,
+            farthest: 30.0,
+            field: Arc::new(values),
+            raster: Some(frame.raster),
+            exploration: Arc::new(crate::view::Exploration::new(&map, &vec![1; map.free().len()])),
+            path: if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] },
+            trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
+            walk: crate::view::Walk {
+                start: [0.5, 2.5],
+                steps: 4,
+                shortest: Some(19),
+                arrived: side == 0,
+                ..crate::view::Walk::default()
+            },
+            ..View::default()
+        };
+        comparison.on_view(side, &Arc::new(view));
+    }
+}
+
+#[test]
+fn comparisons_match_their_snapshots() {
+    for (width, height) in [(80, 24), (120, 40), (200, 60)] {
+        let mut comparison = comparison_with(["gdg-bridge", "gdg"], Limits { updates: Some(0), ..Limits::default() });
+        draw(&mut comparison, (width, height));
+        stage(&mut comparison);
+        check_drawn(&format!("comparison-{width}x{height}"), &draw(&mut comparison, (width, height)));
+        if width == 80 {
+            press(&mut comparison, KeyCode::Char('1'));
+            draw(&mut comparison, (width, height));
+            stage(&mut comparison);
+            check_drawn("comparison-larger-80x24", &draw(&mut comparison, (width, height)));
+            press(&mut comparison, KeyCode::Char('1'));
+            comparison
+                .apps()
+                .into_iter()
+                .for_each(|app| app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono));
+            press(&mut comparison, KeyCode::Char('g'));
+            check_drawn("comparison-mono-80x24", &draw(&mut comparison, (width, height)));
+            press(&mut comparison, KeyCode::Char('?'));
+            check_drawn("comparison-help-80x24", &draw(&mut comparison, (width, height)));
+        }
+    }
+}
+
+#[test]
+fn every_screen_size_can_be_drawn_and_small_ones_say_what_is_needed() {
+    let mut comparison = comparison();
+    for size in [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (59, 40), (60, 18), (200, 60), (400, 120)] {
+        for key in ['1', '2'] {
+            press(&mut comparison, KeyCode::Char(key));
+            let shown = text(&draw(&mut comparison, size));
+            assert_eq!(shown.contains("gdg-tui compare"), size.0 >= 60 && size.1 >= 18, "{size:?}: {shown}");
+        }
+        press(&mut comparison, KeyCode::Char('?'));
+        draw(&mut comparison, size);
+        press(&mut comparison, KeyCode::Esc);
+    }
+    assert!(text(&draw(&mut comparison, (40, 10))).contains("needs 60 x 18 characters"));
+}
+
+#[test]
+fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
+    let mut comparison = comparison();
+    draw(&mut comparison, (80, 24));
+    for (side, goal, start) in [(0, Cell::new(2, 1), Cell::new(17, 3)), (1, Cell::new(15, 4), Cell::new(4, 0))] {
+        let at = character_of(&mut comparison, side, goal);
+        mouse(&mut comparison, MouseEventKind::Down(MouseButton::Left), at);
+        assert_eq!(comparison.apps().map(|app| app.screen.goal), [goal; 2]);
+        let at = character_of(&mut comparison, side, start);
+        mouse(&mut comparison, MouseEventKind::Down(MouseButton::Right), at);
+        wait_until(&mut comparison, |apps| {
+            apps.iter().all(|app| app.screen.view.walk.start == start.centre() && app.screen.view.goal.0 == Some(goal))
+        });
+    }
+    press(&mut comparison, KeyCode::Left);
+    assert_eq!(comparison.apps().map(|app| app.screen.goal), [Cell::new(14, 4); 2]);
+    press(&mut comparison, KeyCode::Char('n'));
+    let [a, b] = comparison.apps().map(|app| app.screen.goal);
+    assert_eq!(a, b);
+}
+
+#[test]
+fn what_is_shown_changes_on_both_sides() {
+    let mut comparison = comparison();
+    draw(&mut comparison, (80, 24));
+    for key in "xavvvi+".chars() {
+        press(&mut comparison, KeyCode::Char(key));
+        draw(&mut comparison, (80, 24));
+        let [a, b] = comparison.apps().map(|app| {
+            let screen = &app.screen;
+            (screen.field, screen.overlays, screen.viewport, screen.inspecting, screen.frozen)
+        });
+        assert_eq!(a, b, "after {key}");
+    }
+    assert!(comparison.apps()[0].screen.viewport.zoom > 1.0);
+    // The wheel zooms both at the place under the mouse, also on the other side.
+    let at = character_of(&mut comparison, 1, Cell::new(17, 4));
+    mouse(&mut comparison, MouseEventKind::ScrollUp, at);
+    let [a, b] = comparison.apps().map(|app| app.screen.viewport);
+    assert!(a == b && a.zoom > 1.5, "{a:?} and {b:?}");
+}
+
+#[test]
+fn pause_and_resume_apply_to_both() {
+    let mut comparison = comparison();
+    press(&mut comparison, KeyCode::Char(' '));
+    wait_until(&mut comparison, |apps| apps.iter().all(|app| app.screen.snapshot.phase == Phase::Paused));
+    assert!(text(&draw(&mut comparison, (80, 24))).contains("paused") && !comparison.is_training());
+    let before = comparison.apps().map(|app| app.screen.snapshot.counters.updates);
+    press(&mut comparison, KeyCode::Char(' '));
+    wait_until(&mut comparison, |apps| {
+        apps.iter().zip(before).all(|(app, before)| app.screen.snapshot.counters.updates > before)
+    });
+}
+
+#[test]
+fn each_side_is_the_run_that_its_method_would_be_alone() {
+    let limits = Limits { updates: Some(300), ..Limits::default() };
+    let mut comparison = comparison_with(["gdg-bridge", "her"], limits);
+    draw(&mut comparison, (80, 24));
+    wait_until(&mut comparison, |apps| apps.iter().all(|app| app.screen.snapshot.phase == Phase::Done));
+    press(&mut comparison, KeyCode::Char('n'));
+    for (method, trained) in ["gdg-bridge", "her"].into_iter().zip(comparison.stop()) {
+        let trained = trained.expect("a trainer");
+        assert_eq!(trained.run().method.name(), method);
+        let mut alone = trainer(method, 1);
+        while alone.limit_reached(&limits).is_none() {
+            alone.tick().expect("a tick");
+        }
+        assert_eq!((alone.counters(), alone.losses()), (trained.counters(), trained.losses()));
+        let policies = [&alone, &trained].map(|trainer| trainer.policy().expect("a policy"));
+        let distances = policies
+            .map(|policy| policy.distance(&[1.5, 1.5], &[17.5, 4.5], &mut crate::learn::Scratch::default()).to_bits());
+        assert_eq!(distances[0], distances[1], "{method}");
+        assert_eq!(alone.world().states(), trained.world().states());
+    }
+}
+
+#[test]
+fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
+    let mut comparison = comparison();
+    press(&mut comparison, KeyCode::Char('?'));
+    assert!(text(&draw(&mut comparison, (80, 24))).contains("Nothing is saved"));
+    press(&mut comparison, KeyCode::Char('q'));
+    assert!(!comparison.is_done(), "it closes the help");
+    press(&mut comparison, KeyCode::Char('q'));
+    assert!(comparison.is_done());
+    let closed = comparison.close();
+    assert!(closed.saved.is_ok() && !closed.failed);
+    assert!(closed.summary.contains("A: gdg-bridge on rooms") && closed.summary.contains("B: gdg on rooms"));
+}
