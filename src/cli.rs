@@ -15,6 +15,7 @@ use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 use crate::bridge::Planner;
 use crate::learn::LEARNERS;
 use crate::map::{RANDOM_SIZES, RandomMapKind};
+use crate::runs::SAVES;
 use crate::train::{Limits, METHODS, Method, Preset};
 #[cfg(feature = "tui")]
 pub use compare::CompareArgs;
@@ -30,13 +31,17 @@ pub const EXIT_BAD_INPUT: u8 = 2;
 /// Exit status when `--require-success` is not reached.
 pub const EXIT_NOT_REACHED: u8 = 3;
 
+/// The map to train on unless another is given.
+const DEFAULT_MAP: &str = "fourrooms";
+
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui                                    watch an agent learn the four rooms
   gdg-tui city --seed 3                      the city with another seed
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
-  gdg-tui --resume saves/my.safetensors      resume where it stopped
+  gdg-tui --resume                           resume the run that was saved last; gdg-tui runs lists all
+  gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
   gdg-tui --no-ui fetch-reach --method gdg --set env_steps_per_update=1 --max-updates 5000
   gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
@@ -72,6 +77,12 @@ pub enum Command {
         /// Seed of the random map: same seed, same map
         #[arg(long, default_value_t = 0, requires = "random")]
         seed: u64,
+    },
+    /// List the saved runs of a folder, the newest first
+    Runs {
+        /// Folder of the checkpoints
+        #[arg(default_value = SAVES, value_name = "FOLDER")]
+        folder: PathBuf,
     },
     /// Print the reference of all settings in Markdown
     Settings,
@@ -185,9 +196,9 @@ pub struct FramesArgs {
 /// Options of a training run.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall (with --no-ui)
-    #[arg(default_value = "fourrooms", value_name = "MAP")]
-    pub map: String,
+    /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall (with --no-ui) [default: fourrooms]
+    #[arg(value_name = "MAP")]
+    pub map: Option<String>,
 
     /// Train without the interface: JSON lines on standard output
     #[cfg_attr(feature = "tui", arg(long, conflicts_with_all = ["record", "ui_config"]))]
@@ -258,9 +269,10 @@ pub struct TrainArgs {
     #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
     pub log_level: LogLevel,
 
-    /// Resume from a checkpoint, which contains its map and settings
-    #[arg(long, value_name = "FILE", conflicts_with_all = ["map", "method", "preset", "seed", "config", "set"])]
-    pub resume: Option<PathBuf>,
+    /// Resume from a checkpoint, which contains its map and settings: from FILE; else from the newest in saves/, of the map
+    /// if one is named, before or after (city --resume, --resume city)
+    #[arg(long, value_name = "FILE|MAP", num_args = 0..=1, conflicts_with_all = ["method", "preset", "seed", "config", "set"])]
+    pub resume: Option<Option<PathBuf>>,
 
     /// Options of the interface.
     #[cfg(feature = "tui")]
@@ -333,6 +345,11 @@ fn parse_edit_at(text: &str) -> Result<EditAt, String> {
 }
 
 impl TrainArgs {
+    /// Returns the map or world to train on.
+    pub fn map(&self) -> &str {
+        self.map.as_deref().unwrap_or(DEFAULT_MAP)
+    }
+
     /// Returns the limits of the run.
     pub fn limits(&self) -> Limits {
         Limits { updates: self.max_updates, seconds: self.max_seconds, episodes: self.max_episodes }

@@ -31,7 +31,7 @@
 //!   walks to the goal; colours, contours and pictures.
 //! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in parallel, whose results
 //!   are kept: benchmark suites, the paper's figures): the front ends.
-//!   [`cli`], [`setup`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
+//!   [`cli`], [`setup`], [`runs`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
 //!   other programs; [`bench`](mod@bench) measures;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
@@ -98,6 +98,8 @@ pub mod logging;
 pub mod map;
 #[forbid(unsafe_code)]
 pub mod report;
+#[forbid(unsafe_code)]
+pub mod runs;
 #[forbid(unsafe_code)]
 pub mod setup;
 #[forbid(unsafe_code)]

@@ -15,7 +15,7 @@ use gdg_tui::experiment::{ablate, reproduce, suite};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
-use gdg_tui::{bench, export_policy, facts, faults, headless, logging, report, setup};
+use gdg_tui::{bench, export_policy, facts, faults, headless, logging, report, runs, setup};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
 use miette::Report;
@@ -32,6 +32,7 @@ fn main() -> ExitCode {
             let size = size.map(usize::from);
             print(&print_ascii(&random((*kind).into(), size, *seed)))
         }
+        Some(Command::Runs { folder }) => printed(runs::list(folder), EXIT_BAD_INPUT),
         Some(Command::Settings) => print(&reference_page()),
         #[cfg(feature = "tui")]
         Some(Command::Compare(args)) => run_comparison(args),

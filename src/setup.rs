@@ -13,6 +13,7 @@ use crate::env::{Environment, PointMaze, Restart};
 use crate::files;
 use crate::map::{self, Grid, MapError};
 use crate::report::{from_checkpoint_error, from_config_error, from_map_error};
+use crate::runs::{self, SAVES};
 use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 /// A scheduled change of the world.
@@ -77,7 +78,8 @@ pub fn run(args: &RunArgs, seed: u64) -> Result<Run, Report> {
 pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Report> {
     let threads = threads(args.threads);
     // Checked before training: otherwise, what was learned might be impossible to save.
-    let save = args.save.as_deref().map(|path| save_to(path, args)).transpose()?;
+    let resumed = resumed_file(args, registry)?;
+    let save = args.save.as_deref().map(|path| save_to(path, resumed.as_deref(), args.overwrite)).transpose()?;
     if let Some(path) = &args.csv {
         refuse_existing(path, args.overwrite)?;
         files::check_writable(path).map_err(|error| {
@@ -85,11 +87,11 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
         })?;
     }
-    let Loaded { mut trainer, warning } = if let Some(path) = &args.resume {
+    let Loaded { mut trainer, warning } = if let Some(path) = &resumed {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
     } else {
         let run = self::run(&args.run, args.seed)?;
-        let world = open_world(&args.map, &run, registry)?;
+        let world = open_world(args.map(), &run, registry)?;
         Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
     };
     if let Some(path) = &args.scen {
@@ -97,7 +99,44 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
         maze.set_scenario(map::load_scenario(path, maze.map()).map_err(from_map_error)?);
     }
     let edits = load_edits(args, &trainer)?;
-    Ok(Setup { trainer, edits, threads, save, resumed: args.resume.clone(), warning })
+    Ok(Setup { trainer, edits, threads, save, resumed, warning })
+}
+
+/// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one is named.
+fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>, Report> {
+    let Some(given) = &args.resume else { return Ok(None) };
+    let name = match (given, &args.map) {
+        (Some(_), Some(map)) => {
+            let help = format!("give --resume FILE alone, or {map} --resume for the newest checkpoint of {map}");
+            return Err(miette!(help = help, "a map and --resume FILE: a checkpoint contains its map"));
+        }
+        (Some(file), None) => {
+            let name = file.to_string_lossy().into_owned();
+            let is_name = map::builtin(&name).is_some() || registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name);
+            let is_map = || file.extension().is_some_and(|e| e == "map" || e == "txt");
+            if train::is_checkpoint(file) || !is_name && !is_map() {
+                return Ok(Some(file.clone()));
+            }
+            Some(name)
+        }
+        (None, map) => map.clone(),
+    };
+    let title = name.map(|name| title_of(&name, registry)).transpose()?;
+    let newest = runs::newest(Path::new(SAVES), title.as_deref());
+    newest.map(|found| Some(found.file)).ok_or_else(|| {
+        let of = title.map_or(String::new(), |title| format!(" of {title}"));
+        let help = "gdg-tui runs FOLDER lists a folder's checkpoints; give one with --resume FILE";
+        miette!(help = help, "--resume: there is no checkpoint{of} in {SAVES}/")
+    })
+}
+
+/// Returns the title of the world called `name`, as in its checkpoints.
+fn title_of(name: &str, registry: &Registry) -> Result<String, Report> {
+    let kind = registry.worlds().iter().find(|kind| kind.name == name);
+    match kind.and_then(|kind| kind.create) {
+        Some(create) => Ok(create().title().to_owned()),
+        None => Ok(find_map(name, registry)?.name().to_owned()),
+    }
 }
 
 /// Begins `run` in `world`, if it fits into memory.
@@ -144,19 +183,19 @@ fn not_a_maze(option: &str) -> Report {
 }
 
 /// Returns how to save to the path of `--save`: neither another run's file nor one that is not a checkpoint is replaced.
-fn save_to(path: &Path, args: &TrainArgs) -> Result<SaveTo, Report> {
+fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveTo, Report> {
     files::check_writable(path).map_err(|error| {
         let help = "give --save a file in a writable folder";
         miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
     })?;
     let same =
-        |other: &PathBuf| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
-    let own = args.resume.as_ref().is_some_and(same);
-    if args.overwrite && !own && path.exists() && !train::is_checkpoint(path) {
+        |other: &Path| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
+    let own = resumed.is_some_and(same);
+    if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
         return Err(miette!(help = help, "{}: is not a checkpoint of gdg-tui and is not replaced", path.display()));
     }
-    Ok(if own || args.overwrite { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
+    Ok(if own || overwrite { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
 }
 
 /// Returns the requested number of threads, else the number of cores.
@@ -259,6 +298,6 @@ fn already_exists(path: &Path) -> Report {
 pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
     let state = ProjectDirs::from("", "", "gdg-tui");
     let state = state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
-    let mut folders = [Some(PathBuf::from("saves")), state].into_iter().flatten();
+    let mut folders = [Some(PathBuf::from(SAVES)), state].into_iter().flatten();
     folders.find_map(|folder| train::save(trainer, &SaveTo::CreateNew(folder.join(path.file_name()?))).ok())
 }

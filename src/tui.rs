@@ -83,9 +83,13 @@ pub fn run(
 ) -> Result<u8, Report> {
     let termination = TerminationSignal::listen(terminal::restore)?;
     let Setup { trainer, save, resumed, warning, .. } = setup;
-    let engine = Engine::start(trainer, args.limits()).into_diagnostic()?;
+    // A resumed run is what the user wants.
+    let search = resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
+    // What is to be saved elsewhere is not saved yet.
+    let engine = Engine::resume(trainer, args.limits(), resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
-    let mut app = App::new(engine, viewer, config, Files { save, resumed });
+    let mut app = App::new(engine, viewer, config, Files { save });
+    app.search = search;
     if let Some(warning) = warning {
         app.notify(&warning);
     }

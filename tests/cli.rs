@@ -3,7 +3,7 @@
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
 use std::path::Path;
-use std::process::{Command, Stdio};
+use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use assert_cmd::Command as Assert;
@@ -244,6 +244,61 @@ fn limits_of_a_resumed_run_count_from_the_start_of_training() {
     assert_eq!(evaluation(&straight), evaluation(&resumed));
     let conflict = gdg().args(["--resume", half, "--seed", "3"]).output().unwrap();
     assert_eq!(conflict.status.code(), Some(2));
+}
+
+#[test]
+fn saved_runs_are_listed_and_the_newest_is_resumed() {
+    let folder = tempfile::tempdir().unwrap();
+    let in_folder = |args: &[&str]| gdg().current_dir(&folder).args(args).output().unwrap();
+    let err = |output: &Output| {
+        let text = String::from_utf8_lossy(&output.stderr).into_owned();
+        text.split_whitespace().filter(|part| *part != "│").collect::<Vec<_>>().join(" ")
+    };
+    let none = in_folder(&["--no-ui", "--resume"]);
+    assert_eq!(none.status.code(), Some(2));
+    assert!(err(&none).contains("there is no checkpoint in saves/"), "{}", err(&none));
+    let no_folder = in_folder(&["runs"]);
+    assert_eq!((no_folder.status.code(), err(&no_folder).contains("saves: cannot be read")), (Some(2), true));
+    for (map, seed, updates) in [("trap", "4", "20"), ("fourrooms", "5", "30")] {
+        let file = format!("saves/{map}.safetensors");
+        let args = ["--no-ui", map, "--seed", seed, "--max-updates", updates, "--eval-tasks", "1", "--save", &file];
+        assert!(in_folder(&args).status.success());
+    }
+    let whole = std::fs::read(folder.path().join("saves/trap.safetensors")).unwrap();
+    std::fs::write(folder.path().join("saves/cut.safetensors"), &whole[..whole.len() - 9]).unwrap();
+    std::fs::write(folder.path().join("saves/none.safetensors"), "no checkpoint").unwrap();
+    let table = in_folder(&["runs"]);
+    assert!(table.status.success(), "{}", err(&table));
+    let table = String::from_utf8_lossy(&table.stdout).into_owned();
+    let lines: Vec<&str> = table.lines().collect();
+    assert_eq!(lines.len(), 5, "{table}");
+    assert!(lines[0].starts_with("file  ") && lines[1].starts_with("fourrooms.safetensors"), "newest first: {table}");
+    for part in ["trap", "gdg-bridge", " 4 ", " 20 ", "planned 0", "greedy "] {
+        assert!(lines[2].contains(part), "{part:?} is not in {}", lines[2]);
+    }
+    assert!(lines[3].contains("cut.safetensors  cannot be loaded: is damaged"), "{table}");
+    assert!(lines[4].contains("none.safetensors  cannot be loaded: "), "{table}");
+    for (args, map, updates) in [
+        (&["--resume"][..], "fourrooms", 30),
+        (&["trap", "--resume"], "trap", 20),
+        (&["--resume", "trap"], "trap", 20),
+        (&["--resume", "saves/trap.safetensors"], "trap", 20),
+    ] {
+        let output = in_folder(&[&["--no-ui", "--max-updates", "0", "--eval-tasks", "1"], args].concat());
+        assert!(output.status.success(), "{args:?}: {}", err(&output));
+        let start = &records(&output.stdout)[0];
+        assert_eq!((start["map"].as_str(), start["updates"].as_u64()), (Some(map), Some(updates)), "{args:?}: {start}");
+    }
+    for (args, part) in [
+        (&["city", "--resume"][..], "there is no checkpoint of city in saves/"),
+        (&["trap", "--resume", "saves/trap.safetensors"], "a checkpoint contains its map"),
+        (&["--resume", "nosuch"], "nosuch: cannot be read"),
+        (&["--resume", "--seed", "3"], "cannot be used with"),
+    ] {
+        let output = in_folder(&[&["--no-ui", "--max-updates", "0"], args].concat());
+        assert_eq!(output.status.code(), Some(2), "{args:?}");
+        assert!(err(&output).contains(part), "{args:?}: {part:?} is not in {}", err(&output));
+    }
 }
 
 #[test]

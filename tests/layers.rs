@@ -25,6 +25,7 @@ const LAYERS: [&[&str]; 8] = [
         "logging",
         "main",
         "report",
+        "runs",
         "setup",
         "signals",
         "tui",

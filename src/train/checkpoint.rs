@@ -74,6 +74,10 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     let (header, facts) = read_header(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let describe = || {
         let store = texts_from_header(&header)?;
+        // Tells a file that was cut off from a whole one, without reading its numbers.
+        if content::file_size(&header).is_some_and(|whole| whole != facts.len()) {
+            return Err(ContentError::Size);
+        }
         Ok::<_, ContentError>(Description {
             file: path.to_owned(),
             // Older formats only had maps.

@@ -59,8 +59,17 @@ impl Engine {
     /// # Errors
     /// The learner fails, or the thread cannot be started.
     pub fn start(trainer: Trainer, limits: Limits) -> Result<Self, TrainError> {
+        Self::resume(trainer, limits, None)
+    }
+
+    /// Like [`Self::start`], for a run loaded from `file`.
+    ///
+    /// # Errors
+    /// See [`Self::start`].
+    pub fn resume(trainer: Trainer, limits: Limits, file: Option<PathBuf>) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
-        let first = Snapshot { limits, ..Snapshot::capture(&trainer)? };
+        let saved = file.map(|file| (trainer.counters().updates, Arc::new(file)));
+        let first = Snapshot { limits, saved, ..Snapshot::capture(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = Worker {
             trainer,

@@ -93,6 +93,8 @@ pub enum Action {
     SaveAs,
     /// Load a checkpoint.
     Load,
+    /// Resume the saved run that is offered.
+    Resume,
     /// Set the interval of automatic checkpoints.
     Autosave,
     /// Export the map, the curves or the screen to a file.
@@ -122,13 +124,15 @@ pub enum Mode {
     Watching,
     /// Editing its map.
     Editing,
+    /// Watching a run while a saved one is offered: only the keys that are not those of [`Self::Watching`].
+    Offered,
     /// Comparing two runs.
     Comparing,
 }
 
 impl Mode {
     /// All modes.
-    const ALL: [Self; 3] = [Self::Watching, Self::Editing, Self::Comparing];
+    const ALL: [Self; 4] = [Self::Watching, Self::Editing, Self::Offered, Self::Comparing];
 }
 
 impl Action {
@@ -174,6 +178,8 @@ pub enum When {
     Watching,
     /// Only in comparisons.
     Comparing,
+    /// While a saved run is offered: these keys go before those of [`Self::Watching`].
+    Offered,
 }
 
 /// One entry of the table.
@@ -223,6 +229,11 @@ impl Binding {
         Self { when: When::Editing, ..self }
     }
 
+    /// Makes the binding active only while a saved run is offered.
+    const fn offered(self) -> Self {
+        Self { when: When::Offered, ..self }
+    }
+
     /// Makes the binding active only while the editor is closed.
     const fn watching(self) -> Self {
         Self { when: When::Watching, ..self }
@@ -238,6 +249,7 @@ impl Binding {
         match (mode, self.when) {
             (Mode::Watching, when) => matches!(when, When::Always | When::Watching),
             (Mode::Editing, when) => matches!(when, When::Always | When::Editing),
+            (Mode::Offered, when) => matches!(when, When::Always | When::Offered),
             (Mode::Comparing, When::Comparing) => true,
             (Mode::Comparing, when) => when != When::Editing && self.action.applies_to_two(),
         }
@@ -354,6 +366,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Save, "save", &["s"], "save", "save a checkpoint"),
             bind(Action::SaveAs, "save-as", &[], "", "save a checkpoint under a name"),
             bind(Action::Load, "load", &["shift-l"], "", "load a checkpoint").watching(),
+            bind(Action::Resume, "resume", &["r"], "", "resume the saved run").offered(),
             bind(Action::Autosave, "autosave", &[], "", "set the autosave interval"),
             bind(Action::Export, "export", &["shift-e"], "", "export map, curves or screen").watching(),
         ],

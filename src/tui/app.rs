@@ -4,6 +4,7 @@ mod act;
 mod answer;
 mod files;
 mod mouse;
+mod offer;
 mod saving;
 mod updates;
 
@@ -32,6 +33,7 @@ use crate::faults::Failure;
 use crate::map::{Cell, Grid};
 use crate::train::{Command, Engine, MakeWorld, Snapshot};
 use crate::view::{Field, OnArrival, Request, View, Viewer};
+pub use offer::{Offer, Search, search};
 use saving::Saving;
 pub use saving::{ClosedRun, Files};
 
@@ -49,6 +51,8 @@ pub struct App {
     pub autosave_minutes: f64,
     autosaved: Instant,
     saving: Saving,
+    /// Looks for a saved run to offer.
+    pub search: Option<Search>,
     /// Internal errors so far.
     failures: Vec<Failure>,
     rng: ChaCha8Rng,
@@ -74,6 +78,7 @@ impl App {
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
             saving: Saving::new(files),
+            search: None,
             failures: Vec::new(),
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             done: false,
@@ -98,6 +103,7 @@ impl App {
         self.screen.log.start_run(&self.screen.snapshot.log);
         self.screen.editor.clear_history();
         (self.screen.viewport, self.screen.following) = (Viewport::default(), None);
+        self.screen.offer = None;
         self.inspect(None);
         if self.screen.field == Field::Composed && !run.method.plans() {
             self.screen.field = Field::default();

@@ -71,7 +71,9 @@ impl Keymap {
     /// Returns the action of `key` in `mode`.
     pub fn action(&self, key: KeyEvent, mode: Mode) -> Option<Action> {
         let key = normalised(KeyCombination::from(key));
-        self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action)
+        let of = |mode| self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action);
+        // The offer's own keys go first, the others stay.
+        of(mode).or_else(|| (mode == Mode::Offered).then(|| of(Mode::Watching)).flatten())
     }
 
     /// Returns the first key of `action` for display, or the command palette's key if it has none.

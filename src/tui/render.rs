@@ -19,6 +19,7 @@ mod dialog;
 pub(super) mod footer;
 mod header;
 pub(super) mod help;
+mod hint;
 pub(super) mod info;
 mod legend;
 mod log;
@@ -93,6 +94,7 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
         let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(left);
         map::draw(frame, map, screen, &mut layout, cache);
         minimap::draw(frame, map, screen, &mut layout);
+        hint::draw(frame, map, screen, &mut layout);
         info::draw(frame, info, screen);
         if side > 0 {
             side::draw(frame, right, screen, &mut layout);

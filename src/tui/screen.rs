@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::action::Mode;
+use super::app::Offer;
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::editor::Editor;
@@ -65,6 +66,8 @@ pub struct Screen {
     pub frozen: bool,
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
+    /// The saved run that is offered.
+    pub offer: Option<Offer>,
     /// Where things were last drawn.
     pub layout: ScreenLayout,
 }
@@ -96,6 +99,7 @@ impl Screen {
             pausing: false,
             frozen: false,
             following: None,
+            offer: None,
             layout: ScreenLayout::default(),
         }
     }
@@ -107,7 +111,11 @@ impl Screen {
 
     /// Returns what the screen is used for.
     pub fn mode(&self) -> Mode {
-        if self.editor.is_open() { Mode::Editing } else { Mode::Watching }
+        match self.offer {
+            _ if self.editor.is_open() => Mode::Editing,
+            Some(_) => Mode::Offered,
+            None => Mode::Watching,
+        }
     }
 
     /// Returns method, preset, seed and settings.

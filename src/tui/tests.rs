@@ -2,11 +2,12 @@
 
 mod actions;
 mod compare;
+mod found;
 mod mouse;
 mod screens;
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -27,7 +28,7 @@ use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use crate::env::PointMaze;
 use crate::map::{Cell, Grid, parse_map};
-use crate::train::{Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer};
+use crate::train::{self, Description, Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer};
 use crate::view::{Field, Viewer};
 
 const ROOMS: &str = "\
@@ -43,7 +44,7 @@ fn app_with(map: Grid, method: Method, limits: Limits) -> App {
 }
 
 fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
-    let files = Files { save: save.map(SaveTo::CreateNew), resumed: None };
+    let files = Files { save: save.map(SaveTo::CreateNew) };
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;
@@ -57,6 +58,15 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
     let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), files);
     app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
     app
+}
+
+/// Saves what `app` trains to a file in `folder` and describes it.
+fn saved_run(folder: &Path, app: &App) -> Description {
+    let run = Run { method: gdg(), ..app.screen.run().clone() };
+    let world = PointMaze::new(app.screen.map().clone(), 0);
+    let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
+    let path = train::save(&trainer, &SaveTo::CreateNew(folder.join("saved.safetensors"))).expect("a file");
+    train::describe(&path).expect("a checkpoint")
 }
 
 /// Returns the method that uses the actor alone.

@@ -36,6 +36,9 @@ pub enum ContentError {
         /// The version of this program that wrote it.
         version: String,
     },
+    /// The file is shorter or longer than its header says.
+    #[error("is damaged: its size differs from what its header says")]
+    Size,
     /// The contents do not match the checksum.
     #[error("is damaged: its checksum does not match its contents")]
     Damaged,
@@ -183,6 +186,19 @@ fn metadata(header: &[u8]) -> Result<Option<HashMap<String, String>>, ContentErr
     }
     // The safetensors library needs the whole file to read the header.
     serde_json::from_slice::<Header>(header).map(|header| header.metadata).map_err(|_| ContentError::Header)
+}
+
+/// Returns the size in bytes of the whole file with this header: the header's length, the header, the tensors.
+pub fn file_size(header: &[u8]) -> Option<u64> {
+    #[derive(Deserialize)]
+    struct Tensor {
+        data_offsets: (u64, u64),
+    }
+    let entries: HashMap<String, serde_json::Value> = serde_json::from_slice(header).ok()?;
+    let tensors = entries.into_iter().filter(|(name, _)| name != "__metadata__");
+    let ends = tensors.map(|(_, entry)| Tensor::deserialize(entry).map(|tensor| tensor.data_offsets.1));
+    let end = ends.collect::<Result<Vec<_>, _>>().ok()?.into_iter().max().unwrap_or(0);
+    (8 + header.len() as u64).checked_add(end)
 }
 
 fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String, String>, ContentError> {

@@ -61,6 +61,16 @@ enum CommandError {
     NotLoaded(CheckpointError),
 }
 
+/// Returns a file's stem without what an autosave added: a run resumed from `rooms-auto-5000` autosaves to
+/// `rooms-auto-9000`.
+fn without_autosave_suffix(stem: &str) -> &str {
+    let is_number = |text: &str| !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit());
+    match stem.rsplit_once("-auto-") {
+        Some((own, updates)) if updates.split('-').all(is_number) => own,
+        _ => stem,
+    }
+}
+
 impl Worker {
     /// Continues in an edited world and returns a notice for the user.
     fn change_world(&mut self, world: &dyn Environment) -> Result<String, CommandError> {
@@ -129,6 +139,7 @@ impl Worker {
     /// Saves a checkpoint in addition to those requested by the user.
     fn autosave(&mut self, named_after: &Path, log: Vec<LogEntry>) -> Result<String, CommandError> {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = without_autosave_suffix(&stem);
         let updates = self.trainer.counters().updates;
         let requested = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
         let path = self.write(&SaveTo::CreateNew(requested), log)?;

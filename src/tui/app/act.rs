@@ -97,6 +97,7 @@ impl App {
             }
             Action::SaveAs => self.ask_save_as(),
             Action::Load => self.pick_checkpoint(),
+            Action::Resume => self.resume_offered(),
             Action::Autosave => {
                 let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
                 self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
@@ -215,6 +216,8 @@ impl App {
             self.inspect(None);
         } else if self.screen.maximised {
             self.screen.maximised = false;
+        } else if self.screen.offer.take().is_some() {
+            // Hidden.
         } else if self.screen.viewport.zoom > 1.0 {
             self.zoom(0.0, None);
         }

@@ -68,7 +68,7 @@ impl App {
         }
     }
 
-    fn choose(&mut self, choice: Choice) {
+    pub(super) fn choose(&mut self, choice: Choice) {
         match choice {
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => self.ask_setting(name),

@@ -7,9 +7,9 @@ use jiff::tz::TimeZone;
 
 use super::App;
 use super::answer::AnswerError;
-use super::saving::SAVES;
 use crate::files::{read_text, write_atomically};
 use crate::map::{load_map, print_ascii, print_movingai};
+use crate::runs::{self, SAVES};
 use crate::train::describe;
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
@@ -30,11 +30,10 @@ impl App {
 
     pub(super) fn pick_checkpoint(&mut self) {
         let own = self.saving.path().parent().map_or(PathBuf::from(SAVES), Path::to_owned);
-        let mut files = files_in(&own);
+        let mut files = runs::files_in(&own).unwrap_or_default();
         if own != Path::new(SAVES) {
-            files.extend(files_in(Path::new(SAVES)));
+            files.extend(runs::files_in(Path::new(SAVES)).unwrap_or_default());
         }
-        files.retain(|path| path.extension().is_some_and(|e| e == "safetensors"));
         if files.is_empty() {
             let key = self.screen.keymap.key_of(Action::Save);
             self.notify(&format!("no checkpoints in {}: {key} saves one", own.display()));

@@ -8,6 +8,7 @@ use super::App;
 use crate::files::unused_path;
 use crate::logging;
 use crate::report::from_checkpoint_error;
+use crate::runs::{self, SAVES};
 use crate::setup::save_elsewhere;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
@@ -15,16 +16,11 @@ use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
 /// Unsaved training that may be discarded without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
 
-/// Default folder for checkpoints.
-pub const SAVES: &str = "saves";
-
 /// Files named on the command line.
 #[derive(Default)]
 pub struct Files {
     /// Where to save.
     pub save: Option<SaveTo>,
-    /// The checkpoint that the run resumes from.
-    pub resumed: Option<PathBuf>,
 }
 
 /// Where the next checkpoint goes, and whether the program quits once it is written.
@@ -59,13 +55,11 @@ impl Saving {
     pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
         let name = format!("{title}-{}-seed{}.safetensors", run.method.name(), run.seed);
-        let resumed = self.files.resumed.take();
-        self.to = match (self.files.save.take(), saved, resumed, &self.named) {
+        self.to = match (self.files.save.take(), saved, &self.named) {
             (Some(to), ..) => to,
-            (None, Some((_, path)), ..) => SaveTo::Replace(path.to_path_buf()),
-            (None, None, Some(path), _) => SaveTo::Replace(path),
-            (None, None, None, Some(path)) => SaveTo::CreateNew(path.clone()),
-            (None, None, None, None) => SaveTo::CreateNew(Path::new(SAVES).join(name)),
+            (None, Some((_, path)), _) => SaveTo::Replace(path.to_path_buf()),
+            (None, None, Some(path)) => SaveTo::CreateNew(path.clone()),
+            (None, None, None) => SaveTo::CreateNew(Path::new(SAVES).join(name)),
         };
     }
 
@@ -232,14 +226,14 @@ impl App {
         let trainer = engine.stop();
         let snapshot = snapshots.borrow().clone();
         let wanted = saving.named.is_some();
-        let mut saved = Ok(());
+        let (mut saved, mut saved_to) = (Ok(()), None);
         match trainer {
             Some(mut trainer) if wanted => {
                 let up_to_date = snapshot.saved.as_ref().is_some_and(|(at, _)| *at == trainer.counters().updates);
                 let _ = trainer.ensure_finite();
                 trainer.set_log(log);
                 if !up_to_date {
-                    saved = save_somewhere(&trainer, &saving.to, &mut summary);
+                    (saved_to, saved) = save_somewhere(&trainer, &saving.to, &mut summary);
                 }
             }
             None if wanted || worth_saving => {
@@ -260,6 +254,9 @@ impl App {
                 summary += &format!("\nautosaved {}", path.display());
             }
         }
+        if let Some(file) = saved_to.or_else(|| newest_file(&saving.to, &snapshot)) {
+            summary += &format!("\nresume with: {}", runs::resume_command(&file));
+        }
         if failed {
             summary += &format!("\nthere were errors; {}", logging::hint());
         }
@@ -267,17 +264,26 @@ impl App {
     }
 }
 
-/// Saves to the requested file; if that fails, tries another one and returns the error.
-fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> Result<(), Report> {
+/// Saves to the requested file; if that fails, tries another one and returns the error. Returns the file written.
+fn save_somewhere(trainer: &Trainer, to: &SaveTo, summary: &mut String) -> (Option<PathBuf>, Result<(), Report>) {
     let first = match train::save(trainer, to) {
         Ok(path) => {
             *summary += &format!("\nsaved {}", path.display());
-            return Ok(());
+            return (Some(path), Ok(()));
         }
         Err(error) => error,
     };
-    if let Some(path) = save_elsewhere(trainer, to.path()) {
+    let elsewhere = save_elsewhere(trainer, to.path());
+    if let Some(path) = &elsewhere {
         *summary += &format!("\nsaved {} instead", path.display());
     }
-    Err(from_checkpoint_error(first))
+    (elsewhere, Err(from_checkpoint_error(first)))
+}
+
+/// Returns the run's latest file: its own or an autosaved one.
+fn newest_file(to: &SaveTo, snapshot: &Snapshot) -> Option<PathBuf> {
+    let own = matches!(to, SaveTo::Replace(_)).then(|| to.path().to_owned());
+    let written = |path: PathBuf| Some((std::fs::metadata(&path).ok()?.modified().ok()?, path));
+    let files = own.into_iter().chain(snapshot.autosaves.iter().cloned()).filter_map(written);
+    files.max().map(|(_, path)| path)
 }

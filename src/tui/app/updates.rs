@@ -80,6 +80,7 @@ impl App {
                 self.autosave();
             }
         }
-        self.screen.log.on_tick()
+        let offer_changed = self.on_offer_tick();
+        self.screen.log.on_tick() || offer_changed
     }
 }

@@ -21,7 +21,7 @@ use crate::tui::theme::ThemeName;
 pub fn actions(keymap: &Keymap) -> Picker {
     let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
     let item = |b: &Binding| Item::new(b.long, keymap.display_keys(b).join(" "), Choice::Act(b.action));
-    let here = |b: &&Binding| b.is_active(Mode::Watching) || b.is_active(Mode::Editing);
+    let here = |b: &&Binding| [Mode::Watching, Mode::Editing, Mode::Offered].into_iter().any(|mode| b.is_active(mode));
     Picker::new("find an action", bindings().filter(here).filter(named).map(item).collect())
 }
 

@@ -19,7 +19,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usi
         " The agents see no walls and get no reward. @ walks to G with what it has",
         " learned so far; click on the map to set another goal.",
     ];
-    draw_lines(frame, area, lines(screen, &intro, &[Mode::Watching, Mode::Editing]), first)
+    draw_lines(frame, area, lines(screen, &intro, &[Mode::Watching, Mode::Editing, Mode::Offered]), first)
 }
 
 /// Draws a help of these lines like [`draw`].
@@ -66,7 +66,11 @@ fn lines(screen: &Screen, intro: &[&'static str], modes: &[Mode]) -> Vec<Line<'s
         for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
-            let when = if binding.when == When::Editing { " (in the editor)" } else { "" };
+            let when = match binding.when {
+                When::Editing => " (in the editor)",
+                When::Offered => " (while it is offered)",
+                When::Always | When::Watching | When::Comparing => "",
+            };
             lines.push(Line::from(vec![
                 Span::styled(format!(" {keys:>15}  "), BOLD),
                 Span::raw(binding.long),

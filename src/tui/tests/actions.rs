@@ -5,7 +5,7 @@ use crate::tui::action::{Action, Binding, Mode, When};
 
 /// Returns whether the trainer has a binding, not only comparisons.
 fn is_of_trainer(binding: &Binding) -> bool {
-    [Mode::Watching, Mode::Editing].into_iter().any(|mode| binding.is_active(mode))
+    [Mode::Watching, Mode::Editing, Mode::Offered].into_iter().any(|mode| binding.is_active(mode))
 }
 
 /// Returns the whole help, page by page.
@@ -28,7 +28,11 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
     let mut app = app();
     let help = help(&mut app);
     for binding in bindings().filter(|b| is_of_trainer(b)) {
-        let when = if binding.when == When::Editing && !binding.long.is_empty() { " (in the editor)" } else { "" };
+        let when = match binding.when {
+            When::Editing if !binding.long.is_empty() => " (in the editor)",
+            When::Offered => " (while it is offered)",
+            _ => "",
+        };
         assert!(help.contains(&format!("{}{when}", binding.long)), "{} is missing", binding.name);
         assert!(
             app.screen
@@ -95,6 +99,9 @@ fn every_key_triggers_its_action() {
             wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
             if binding.when == When::Editing {
                 press(&mut app, KeyCode::Char('e'));
+            }
+            if binding.when == When::Offered {
+                app.offer(saved_run(folder.path(), &app));
             }
             let before = state(&app);
             let combination = crokey::parse(key).expect("a key");

@@ -1,0 +1,164 @@
+//! Saved runs: a folder's checkpoints as a table, the newest of them, and the command that continues one.
+
+use std::io::Write as _;
+use std::path::{Path, PathBuf};
+use std::time::SystemTime;
+
+use indicatif::HumanCount;
+use jiff::tz::TimeZone;
+use jiff::{Timestamp, Zoned};
+use miette::{IntoDiagnostic, Report, WrapErr, miette};
+use tabwriter::TabWriter;
+
+use crate::text::{safe_file_name, sanitized};
+use crate::train::{CheckpointError, Description, Success, describe};
+
+/// Default folder for checkpoints.
+pub const SAVES: &str = "saves";
+
+/// Ends of the names of files that have a checkpoint's extension, and of exported policies, which are none.
+const EXTENSION: &str = ".safetensors";
+const POLICY_EXTENSION: &str = ".policy.safetensors";
+
+/// Returns the files in `folder` that are named like checkpoints, sorted by name.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
+    let mut files = Vec::new();
+    for entry in std::fs::read_dir(folder)? {
+        let path = entry?.path();
+        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
+        if name.ends_with(EXTENSION) && !name.ends_with(POLICY_EXTENSION) && !path.is_dir() {
+            files.push(path);
+        }
+    }
+    files.sort();
+    Ok(files)
+}
+
+/// Returns the checkpoint in `folder` that was written last, of the world with this title if one is given. Damaged files
+/// are passed over; a folder that cannot be read has none.
+pub fn newest(folder: &Path, title: Option<&str>) -> Option<Description> {
+    let title = title.map(safe_file_name);
+    let written = |path: PathBuf| Some((std::fs::metadata(&path).ok()?.modified().ok()?, path));
+    let mut files: Vec<_> = files_in(folder).unwrap_or_default().into_iter().filter_map(written).collect();
+    files.sort();
+    let found = files.iter().rev().filter_map(|(_, path)| describe(path).ok());
+    found.into_iter().find(|found| title.as_ref().is_none_or(|title| *title == found.title))
+}
+
+/// Returns the table of the checkpoints in `folder`, the newest first, and at the end those that cannot be loaded.
+///
+/// # Errors
+/// The folder cannot be read.
+pub fn list(folder: &Path) -> Result<String, Report> {
+    let files = files_in(folder).map_err(|error| {
+        let help = "give the folder of the checkpoints, or train with --save FILE first";
+        miette!(help = help, "{}: cannot be read: {error}", folder.display())
+    })?;
+    if files.is_empty() {
+        return Ok(format!("no checkpoints in {}\n", sanitized(&folder.to_string_lossy())));
+    }
+    let mut found: Vec<_> = files.iter().map(|path| describe(path)).collect();
+    found.sort_by_key(|found| std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written)));
+    let mut table = TabWriter::new(Vec::new()).padding(2);
+    writeln!(table, "file\tmap\tmethod\tseed\tupdates\tsuccess\twritten\tMB").into_diagnostic()?;
+    for found in &found {
+        writeln!(table, "{}", line(found)).into_diagnostic()?;
+    }
+    let bytes = table.into_inner().map_err(|error| miette!("{error}")).wrap_err("the table")?;
+    Ok(String::from_utf8_lossy(&bytes).into_owned())
+}
+
+/// Returns a line of the table, with tabs between the columns.
+fn line(found: &Result<Description, CheckpointError>) -> String {
+    match found {
+        Ok(found) => [
+            name(&found.file),
+            found.title.clone(),
+            found.run.method.name(),
+            found.run.seed.to_string(),
+            HumanCount(found.updates).to_string(),
+            found.success.as_ref().map_or("not evaluated".to_owned(), Success::to_string),
+            found.written.and_then(local).map_or(String::new(), |at| at.strftime("%F %R").to_string()),
+            format!("{:.1}", found.bytes as f64 / 1e6),
+        ]
+        .join("\t"),
+        // Without tabs, as a long reason would widen a column.
+        Err(error) => format!("{}  cannot be loaded: {}", name(&error.file), sanitized(&error.problem)),
+    }
+}
+
+/// Returns a file's name, safe to show.
+fn name(file: &Path) -> String {
+    sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
+}
+
+/// Describes a saved run in a few words: `57,000 updates from yesterday`.
+pub fn summary(found: &Description) -> String {
+    let age = found.written.and_then(local).map_or(String::new(), |at| format!(" from {}", age(&at, &Zoned::now())));
+    format!("{} updates{age}", HumanCount(found.updates))
+}
+
+/// Returns the command that continues the run saved in `file`, quoted for a shell.
+pub fn resume_command(file: &Path) -> String {
+    let file = file.to_string_lossy();
+    format!("gdg-tui --resume {}", shlex::try_quote(&file).unwrap_or_else(|_| file.clone()))
+}
+
+fn local(at: SystemTime) -> Option<Zoned> {
+    Timestamp::try_from(at).ok().map(|at| at.to_zoned(TimeZone::system()))
+}
+
+/// Describes how long before `now` something happened.
+fn age(at: &Zoned, now: &Zoned) -> String {
+    let minutes = (now.timestamp().as_second() - at.timestamp().as_second()) / 60;
+    let days = (now.date() - at.date()).get_days();
+    match (minutes, days) {
+        (..=0, _) => "just now".to_owned(),
+        (1, _) => "a minute ago".to_owned(),
+        (2..=59, _) => format!("{minutes} minutes ago"),
+        (_, ..=0) => format!("today, {}", at.strftime("%R")),
+        (_, 1) => "yesterday".to_owned(),
+        (_, 2..=6) => format!("{days} days ago"),
+        _ => at.strftime("%F").to_string(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ages_are_given_as_people_say_them() {
+        let now: Zoned = "2026-03-10T09:30:00[UTC]".parse().expect("a time");
+        let age = |at: &str| age(&format!("2026-{at}[UTC]").parse().expect("a time"), &now);
+        assert_eq!(age("03-10T09:29:50"), "just now");
+        assert_eq!(age("03-10T10:29:50"), "just now", "another machine's clock may be ahead");
+        assert_eq!(age("03-10T09:28:50"), "a minute ago");
+        assert_eq!(age("03-09T23:50:00"), "yesterday");
+        assert_eq!(age("03-10T00:05:00"), "today, 00:05");
+        assert_eq!(age("03-10T09:05:00"), "25 minutes ago");
+        assert_eq!(age("03-07T23:50:00"), "3 days ago");
+        assert_eq!(age("01-02T03:04:05"), "2026-01-02");
+    }
+
+    #[test]
+    fn the_command_survives_a_shell() {
+        assert_eq!(resume_command(Path::new("saves/rooms.safetensors")), "gdg-tui --resume saves/rooms.safetensors");
+        let odd = resume_command(Path::new("my runs/it's.safetensors"));
+        assert_eq!(shlex::split(&odd).expect("words")[2], "my runs/it's.safetensors", "{odd}");
+    }
+
+    #[test]
+    fn a_folder_without_checkpoints_has_no_newest() {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("a.policy.safetensors"), "no checkpoint").expect("a file");
+        std::fs::write(folder.path().join("b.safetensors"), "damaged").expect("a file");
+        assert!(newest(folder.path(), None).is_none());
+        assert!(newest(&folder.path().join("none"), None).is_none());
+        let table = list(folder.path()).expect("a table");
+        assert!(table.contains("b.safetensors  cannot be loaded:") && !table.contains("policy"), "{table}");
+    }
+}

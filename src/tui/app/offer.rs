@@ -1,0 +1,62 @@
+//! The line over the map: the newest saved run of the map, or, the first time, what there is to see.
+
+use std::thread::JoinHandle;
+use std::time::{Duration, Instant};
+
+use super::App;
+use crate::runs;
+use crate::train::Description;
+use crate::tui::action::Action;
+use crate::tui::dialog::Choice;
+
+/// How long a saved run is offered.
+const OFFER_DURATION: Duration = Duration::from_secs(30);
+
+/// A saved run that may be resumed instead of the new one.
+#[derive(Debug)]
+pub struct Offer {
+    /// The saved run.
+    pub found: Description,
+    since: Instant,
+}
+
+/// The search for a saved run, on its own thread: a folder with many large checkpoints takes a while.
+pub type Search = JoinHandle<Option<Description>>;
+
+/// Starts looking for the newest saved run of the world with this title.
+///
+/// # Errors
+/// The thread cannot be started.
+pub fn search(title: String) -> std::io::Result<Search> {
+    let find = move || runs::newest(std::path::Path::new(runs::SAVES), Some(&title));
+    std::thread::Builder::new().name("saved runs".to_owned()).spawn(find)
+}
+
+impl App {
+    /// Offers a saved run, and logs it for later.
+    pub fn offer(&mut self, found: Description) {
+        let text = format!("{} are saved in {}", runs::summary(&found), found.file.display());
+        self.screen.log.record(&text, self.screen.snapshot.counters.updates);
+        self.screen.offer = Some(Offer { found, since: Instant::now() });
+    }
+
+    /// Resumes the offered run; without an offer, lists the saved runs.
+    pub(super) fn resume_offered(&mut self) {
+        match self.screen.offer.take() {
+            Some(Offer { found, .. }) => self.choose(Choice::Load(found.file)),
+            None => self.act(Action::Load),
+        }
+    }
+
+    /// Collects what the search has found and withdraws an old offer; returns whether the screen changes.
+    pub(super) fn on_offer_tick(&mut self) -> bool {
+        if let Some(search) = self.search.take_if(|search| search.is_finished()) {
+            // A search that failed has nothing to offer.
+            let found = search.join().ok().flatten();
+            let shown = found.is_some();
+            found.into_iter().for_each(|found| self.offer(found));
+            return shown;
+        }
+        self.screen.offer.take_if(|offer| offer.since.elapsed() > OFFER_DURATION).is_some()
+    }
+}

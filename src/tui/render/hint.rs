@@ -1,0 +1,54 @@
+//! The line over the map: a saved run to resume, or what there is to see.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::text::Span;
+use ratatui::widgets::Clear;
+
+use super::{BOLD, REVERSED};
+use crate::runs;
+use crate::tui::action::Action;
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::screen::Screen;
+
+/// Draws the line at the top of the map's `area`, if there is anything to say.
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+    let Some(line) = offer(screen, usize::from(area.width)) else { return };
+    let width = (line.width() as u16).min(area.width);
+    let area = Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
+    frame.render_widget(Clear, area);
+    line.draw(frame, area, layout);
+}
+
+/// Offers the saved run, in at most `width` columns if possible.
+fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
+    let found = &screen.offer.as_ref()?.found;
+    let method = found.run.method.name();
+    let method = if found.run.method == screen.run().method { String::new() } else { format!("{method}: ") };
+    let text = format!("{method}{}", runs::summary(found));
+    let success = found.success.and_then(|s| s.planned.or(s.greedy)).map(|success| format!(", success {success:.2}"));
+    let variants = [(success.unwrap_or_default(), true), (String::new(), true), (String::new(), false)];
+    let lines = variants.map(|(success, hides)| {
+        let mut line = ClickableLine::default();
+        line.push(Span::styled(format!(" {text}{success}:"), REVERSED), Click::Act(Action::Resume));
+        push_key(&mut line, screen, Action::Resume, "resumes");
+        if hides {
+            push_key(&mut line, screen, Action::Close, "hides");
+        }
+        line
+    });
+    fitting(lines, width)
+}
+
+/// Adds an action's key and what it does, both clickable.
+fn push_key(line: &mut ClickableLine, screen: &Screen, action: Action, what: &str) {
+    let key = format!(" {} ", screen.keymap.key_of(action));
+    line.push(Span::styled(key, BOLD.patch(REVERSED)), Click::Act(action));
+    line.push(Span::styled(format!("{what} "), REVERSED), Click::Act(action));
+}
+
+/// Returns the first of `lines` with at most `width` columns, or else the last one.
+fn fitting<const N: usize>(lines: [ClickableLine; N], width: usize) -> Option<ClickableLine> {
+    let fits = lines.iter().position(|line| line.width() <= width).unwrap_or(N - 1);
+    lines.into_iter().nth(fits)
+}
