@@ -115,12 +115,23 @@ fn train(cli: &Cli) -> u8 {
         return print(&tui::config_template());
     }
     logging::start(args.log_level);
+    #[cfg(feature = "tui")]
+    let with_ui = !args.no_ui && std::io::stdout().is_terminal();
+    #[cfg(feature = "tui")]
+    if !args.no_ui && !with_ui {
+        if args.record.is_some() {
+            let help = "run it in a terminal, or without --record";
+            let error = miette::miette!(help = help, "--record: there is no screen, as the output is no terminal");
+            return fail(error, EXIT_BAD_INPUT);
+        }
+        eprint_line("trains without the interface, as the output is no terminal (--no-ui says that this is meant)");
+    }
     let setup = match setup::prepare(args, &Registry::builtin()) {
         Ok(setup) => setup,
         Err(error) => return fail(error, EXIT_BAD_INPUT),
     };
     #[cfg(feature = "tui")]
-    if !args.no_ui && std::io::stdout().is_terminal() {
+    if with_ui {
         if matches!(setup.trainer.world().scene(), Scene::Nothing) {
             let help = "train it with --no-ui";
             return fail(miette::miette!(help = help, "the interface cannot draw this world"), EXIT_BAD_INPUT);

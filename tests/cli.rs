@@ -287,7 +287,7 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
         let output = in_folder(&[&["--no-ui", "--max-updates", "0", "--eval-tasks", "1"], args].concat());
         assert!(output.status.success(), "{args:?}: {}", err(&output));
         let start = &records(&output.stdout)[0];
-        assert_eq!((start["map"].as_str(), start["updates"].as_u64()), (Some(map), Some(updates)), "{args:?}: {start}");
+        assert_eq!((start["map"]["name"].as_str(), start["updates"].as_u64()), (Some(map), Some(updates)), "{args:?}: {start}");
     }
     for (args, part) in [
         (&["city", "--resume"][..], "there is no checkpoint of city in saves/"),
@@ -299,6 +299,23 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
         assert_eq!(output.status.code(), Some(2), "{args:?}");
         assert!(err(&output).contains(part), "{args:?}: {part:?} is not in {}", err(&output));
     }
+}
+
+#[test]
+fn without_a_terminal_it_says_that_it_trains_without_the_interface() {
+    let folder = tempfile::tempdir().unwrap();
+    let args = ["trap", "--max-updates", "3", "--eval-tasks", "1"];
+    let error = |args: &[&str]| {
+        let output = gdg().current_dir(&folder).args(args).output().unwrap();
+        (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
+    };
+    let (status, said) = error(&args);
+    let line = "trains without the interface, as the output is no terminal (--no-ui says that this is meant)\n";
+    assert_eq!((status, said.as_str()), (Some(0), line));
+    assert_eq!(error(&[&args[..], &["--no-ui"]].concat()), (Some(0), String::new()), "it was asked for");
+    let (status, said) = error(&[&args[..], &["--record", "run.cast"]].concat());
+    assert_eq!(status, Some(2));
+    assert!(said.contains("--record: there is no screen") && !folder.path().join("run.cast").exists(), "{said}");
 }
 
 #[test]
