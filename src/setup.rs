@@ -112,7 +112,8 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
         }
         (Some(file), None) => {
             let name = file.to_string_lossy().into_owned();
-            let is_name = map::builtin(&name).is_some() || registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name);
+            let is_name = map::builtin(&name).is_some()
+                || registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name);
             let is_map = || file.extension().is_some_and(|e| e == "map" || e == "txt");
             if train::is_checkpoint(file) || !is_name && !is_map() {
                 return Ok(Some(file.clone()));
@@ -188,8 +189,7 @@ fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveT
         let help = "give --save a file in a writable folder";
         miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
     })?;
-    let same =
-        |other: &Path| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
+    let same = |other: &Path| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
     let own = resumed.is_some_and(same);
     if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";

@@ -90,6 +90,7 @@ pub fn run(
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
+    app.screen.first_run = config::used_path().is_some_and(|path| !path.exists());
     if let Some(warning) = warning {
         app.notify(&warning);
     }

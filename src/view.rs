@@ -235,7 +235,7 @@ impl Worker {
             shown: first.networks.clone(),
             networks: first.networks.clone(),
         };
-        worker.restart(None);
+        worker.restart_at_start();
         worker
     }
 
@@ -350,7 +350,7 @@ impl Worker {
             self.start_walk();
         } else {
             self.view.walk.finished_walks = (0, 0);
-            self.restart(None);
+            self.restart_at_start();
         }
         self.graph_timer.make_due();
         self.field_timer.make_due();

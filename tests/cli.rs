@@ -287,7 +287,11 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
         let output = in_folder(&[&["--no-ui", "--max-updates", "0", "--eval-tasks", "1"], args].concat());
         assert!(output.status.success(), "{args:?}: {}", err(&output));
         let start = &records(&output.stdout)[0];
-        assert_eq!((start["map"]["name"].as_str(), start["updates"].as_u64()), (Some(map), Some(updates)), "{args:?}: {start}");
+        assert_eq!(
+            (start["map"]["name"].as_str(), start["updates"].as_u64()),
+            (Some(map), Some(updates)),
+            "{args:?}: {start}"
+        );
     }
     for (args, part) in [
         (&["city", "--resume"][..], "there is no checkpoint of city in saves/"),

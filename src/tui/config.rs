@@ -63,11 +63,20 @@ pub fn default_path() -> Option<PathBuf> {
 
 /// Returns the path of the list of recently opened maps.
 pub fn recent_path() -> Option<PathBuf> {
+    state_path("recent.json")
+}
+
+/// Returns the path of the file that exists once the interface has been used.
+pub fn used_path() -> Option<PathBuf> {
+    state_path("used")
+}
+
+fn state_path(name: &str) -> Option<PathBuf> {
     // Tests must not touch the files of the user who runs them.
     if cfg!(test) {
         return None;
     }
-    folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recent.json"))
+    folders().map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join(name))
 }
 
 /// Reads the configuration from `file`, or from the default path if that exists.

@@ -68,6 +68,8 @@ pub struct Screen {
     pub following: Option<usize>,
     /// The saved run that is offered.
     pub offer: Option<Offer>,
+    /// Whether the interface has not been used yet: a line says what there is to see.
+    pub first_run: bool,
     /// Where things were last drawn.
     pub layout: ScreenLayout,
 }
@@ -100,6 +102,7 @@ impl Screen {
             frozen: false,
             following: None,
             offer: None,
+            first_run: false,
             layout: ScreenLayout::default(),
         }
     }

@@ -28,7 +28,9 @@ use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use crate::env::PointMaze;
 use crate::map::{Cell, Grid, parse_map};
-use crate::train::{self, Description, Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer};
+use crate::train::{
+    self, Description, Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer,
+};
 use crate::view::{Field, Viewer};
 
 const ROOMS: &str = "\

@@ -84,6 +84,11 @@ impl Worker {
         self.start_walk();
     }
 
+    /// Restarts the walking agent at the map's own start, or at a random position if it has none.
+    pub(super) fn restart_at_start(&mut self) {
+        self.restart(self.world.map().starts().first().copied());
+    }
+
     /// Starts a walk from the agent's position to the goal.
     pub(super) fn start_walk(&mut self) {
         let at = self.position();

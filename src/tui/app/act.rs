@@ -22,6 +22,9 @@ const PAGE: usize = 10;
 impl App {
     /// Performs an action.
     pub fn act(&mut self, action: Action) {
+        if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
+            self.on_first_use();
+        }
         match action {
             Action::TogglePause => self.toggle_pause(),
             Action::StepUpdate => self.step(Step::Update),
@@ -218,6 +221,8 @@ impl App {
             self.screen.maximised = false;
         } else if self.screen.offer.take().is_some() {
             // Hidden.
+        } else if self.screen.first_run {
+            self.on_first_use();
         } else if self.screen.viewport.zoom > 1.0 {
             self.zoom(0.0, None);
         }

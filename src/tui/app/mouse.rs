@@ -67,6 +67,7 @@ impl App {
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
                 if let Some(cell) = cell {
                     self.screen.hovered = None;
+                    self.on_first_use();
                     if self.screen.goal != cell {
                         self.set_goal(cell);
                     }

@@ -4,9 +4,11 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::App;
+use crate::files::write_atomically;
 use crate::runs;
 use crate::train::Description;
 use crate::tui::action::Action;
+use crate::tui::config::used_path;
 use crate::tui::dialog::Choice;
 
 /// How long a saved run is offered.
@@ -38,6 +40,16 @@ impl App {
         let text = format!("{} are saved in {}", runs::summary(&found), found.file.display());
         self.screen.log.record(&text, self.screen.snapshot.counters.updates);
         self.screen.offer = Some(Offer { found, since: Instant::now() });
+    }
+
+    /// Stops saying what there is to see, now and in later runs: the user has found out.
+    pub(super) fn on_first_use(&mut self) {
+        if std::mem::take(&mut self.screen.first_run)
+            && let Some(path) = used_path()
+        {
+            // Ignored: it would only be said again.
+            let _ = write_atomically(&path, b"");
+        }
     }
 
     /// Resumes the offered run; without an offer, lists the saved runs.

@@ -10,10 +10,12 @@ use crate::runs;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
+use crate::tui::theme::ColourDepth;
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    let Some(line) = offer(screen, usize::from(area.width)) else { return };
+    let width = usize::from(area.width);
+    let Some(line) = offer(screen, width).or_else(|| what_to_see(screen, width)) else { return };
     let width = (line.width() as u16).min(area.width);
     let area = Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
     frame.render_widget(Clear, area);
@@ -35,6 +37,24 @@ fn offer(screen: &Screen, width: usize) -> Option<ClickableLine> {
         if hides {
             push_key(&mut line, screen, Action::Close, "hides");
         }
+        line
+    });
+    fitting(lines, width)
+}
+
+/// Says what the colours mean and what a click does, until the interface has been used.
+fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
+    if !screen.first_run {
+        return None;
+    }
+    let mono = screen.theme.depth == ColourDepth::Mono;
+    let long = if mono { "@ walks to G as far as it has learned" } else { "light = few steps to G" };
+    let short = if mono { "@ walks to G" } else { "light = near G" };
+    let texts = [(long, "click anywhere: a new goal"), (short, "click: a new goal"), (short, "click: goal")];
+    let lines = texts.map(|(colours, click)| {
+        let mut line = ClickableLine::default();
+        line.push(Span::styled(format!(" {colours} \u{b7} {click} \u{b7}"), REVERSED), None);
+        push_key(&mut line, screen, Action::Help, "help");
         line
     });
     fitting(lines, width)

@@ -1,4 +1,4 @@
-//! Saved runs are offered at the start.
+//! What is found at the start: a saved run, or what there is to see and do.
 
 use super::*;
 
@@ -39,4 +39,38 @@ fn an_offer_is_hidden_by_esc_and_its_key_means_directions_again() {
     press(&mut app, KeyCode::Char('r'));
     assert!(app.screen.overlays.has(crate::tui::layers::Overlay::Directions));
     assert_eq!(app.screen.run().method, method, "nothing is loaded");
+}
+
+#[test]
+fn the_first_run_says_what_there_is_to_see_until_it_is_used() {
+    let start = |by: &dyn Fn(&mut App)| {
+        let mut app = app();
+        app.screen.first_run = true;
+        let shown = text(&draw(&mut app, 80, 24));
+        assert!(shown.contains(" light = near G \u{b7} click: a new goal \u{b7} ? help "), "{shown}");
+        by(&mut app);
+        (app.screen.first_run, app)
+    };
+    let click = |app: &mut App| {
+        let at = character_of(app, Cell::new(3, 3));
+        mouse(app, MouseEventKind::Down(MouseButton::Left), at);
+    };
+    assert!(!start(&click).0, "a click");
+    assert!(!start(&|app| press(app, KeyCode::Char('n'))).0, "a key for goals");
+    assert!(!start(&|app| press(app, KeyCode::Esc)).0, "Esc");
+    let (shown, mut app) = start(&|app| press(app, KeyCode::Char(' ')));
+    assert!(shown, "pausing is no use of goals");
+    let wide = text(&draw(&mut app, 200, 60));
+    assert!(wide.contains(" light = few steps to G \u{b7} click anywhere: a new goal \u{b7} ? help "), "{wide}");
+    app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+    assert!(text(&draw(&mut app, 80, 24)).contains(" @ walks to G \u{b7}"));
+    draw(&mut app, 5, 3);
+}
+
+#[test]
+fn the_first_walk_starts_at_the_maps_own_start() {
+    let map = parse_map("start", b"..........\n.......S..\n..........\nG.........\n").expect("a map");
+    let mut app = app_on(map, gdg());
+    wait_until(&mut app, |app| app.screen.view.walk.steps > 0);
+    assert_eq!(app.screen.view.walk.start, Cell::new(7, 1).centre());
 }
