@@ -217,7 +217,8 @@ pub struct TrainArgs {
     #[arg(long)]
     pub print_config: bool,
 
-    /// Stop after N updates, counted from the start of training
+    /// Stop after N updates, counted from the start of training; with the method random, which makes none, after the steps
+    /// of N updates (env_steps_per_update each)
     #[arg(long, value_name = "N")]
     pub max_updates: Option<u64>,
 

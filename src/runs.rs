@@ -4,13 +4,12 @@ use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use indicatif::HumanCount;
 use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use tabwriter::TabWriter;
 
-use crate::text::{safe_file_name, sanitized};
+use crate::text::{grouped, safe_file_name, sanitized};
 use crate::train::{CheckpointError, Description, Success, describe};
 
 /// Default folder for checkpoints.
@@ -79,7 +78,7 @@ fn line(found: &Result<Description, CheckpointError>) -> String {
             found.title.clone(),
             found.run.method.name(),
             found.run.seed.to_string(),
-            HumanCount(found.updates).to_string(),
+            grouped(found.updates),
             found.success.as_ref().map_or("not evaluated".to_owned(), Success::to_string),
             found.written.and_then(local).map_or(String::new(), |at| at.strftime("%F %R").to_string()),
             format!("{:.1}", found.bytes as f64 / 1e6),
@@ -98,7 +97,7 @@ fn name(file: &Path) -> String {
 /// Describes a saved run in a few words: `57,000 updates from yesterday`.
 pub fn summary(found: &Description) -> String {
     let age = found.written.and_then(local).map_or(String::new(), |at| format!(" from {}", age(&at, &Zoned::now())));
-    format!("{} updates{age}", HumanCount(found.updates))
+    format!("{} updates{age}", grouped(found.updates))
 }
 
 /// Returns the command that continues the run saved in `file`, quoted for a shell.

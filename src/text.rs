@@ -44,6 +44,11 @@ pub fn counted(n: u64, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
+/// Returns a number in groups of three digits: `57,000`.
+pub fn grouped(n: u64) -> String {
+    indicatif::HumanCount(n).to_string()
+}
+
 /// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
 pub fn eprint_line(line: &str) {
     use std::io::Write as _;

@@ -30,7 +30,7 @@ pub use error::TrainError;
 pub use evaluate::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
 };
-pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES};
+pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Stretch};
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use policy_file::policy_file;
 pub use registry::Registry;

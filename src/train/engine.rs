@@ -18,6 +18,7 @@ use super::evaluate::Evaluation;
 use super::run::{Counters, Limits, Tick};
 use super::trainer::Trainer;
 use crate::learn::{Policy, Scratch};
+use crate::text::grouped;
 pub use command::{Command, MakeWorld};
 pub use snapshot::{FollowedAgent, Networks, Phase, Snapshot, Step};
 
@@ -33,6 +34,10 @@ const MIN_NETWORKS_INTERVAL: Duration = Duration::from_millis(300);
 const EVALUATE_EVERY_UPDATES: u64 = 1_000;
 const EVALUATION_TASKS: usize = 10;
 const EVALUATION_PAUSE_FACTOR: u32 = 15;
+
+/// Maximum pace of a learner that does not learn, in updates counted per second, unless the user chooses another: at full
+/// speed, random steps would fill the replay buffer and be too fast to watch.
+const IDLE_UPDATES_PER_SECOND: f64 = 200.0;
 
 /// See [`MIN_NETWORKS_INTERVAL`].
 const NETWORKS_PAUSE_FACTOR: u32 = 60;
@@ -207,7 +212,7 @@ impl Worker {
             let tick = self.trainer.tick()?;
             self.report_recovery();
             if tick == Tick::Update {
-                if let Some(speed) = self.current.speed {
+                if let Some(speed) = self.pace() {
                     self.next_update_at = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
                 }
                 if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
@@ -220,6 +225,7 @@ impl Worker {
                 _ => false,
             };
             if stepped {
+                self.report_step();
                 self.current.phase = Phase::Paused;
                 self.refresh_snapshot(true)?;
             } else if timer.published.elapsed() >= SNAPSHOT_INTERVAL {
@@ -227,6 +233,11 @@ impl Worker {
             }
         }
         Ok(())
+    }
+
+    /// Returns the maximum updates per second, if limited.
+    fn pace(&self) -> Option<f64> {
+        self.current.speed.or((!self.trainer.learns()).then_some(IDLE_UPDATES_PER_SECOND))
     }
 
     /// Runs queued commands; blocks while training is paused or the speed limit holds it back. Returns `false` once the
@@ -253,6 +264,20 @@ impl Worker {
                 }
             }
         }
+    }
+
+    /// Reports what a step has done.
+    fn report_step(&mut self) {
+        let counters = self.trainer.counters();
+        let updates = self.trainer.history().methods().learned(counters.updates, self.trainer.learns());
+        let text = match &self.current.phase {
+            Phase::Stepping(Step::Update) if self.trainer.learns() => format!("update {} done", grouped(updates)),
+            Phase::Stepping(Step::Update) => {
+                format!("no update, as this method does not learn; {} steps so far", grouped(counters.env_steps))
+            }
+            _ => format!("episode {} ended", grouped(counters.episodes)),
+        };
+        self.notify(text);
     }
 
     fn report_progress(&mut self, timer: &mut PublishTimer) -> Result<(), TrainError> {
@@ -320,6 +345,10 @@ impl Worker {
         current.losses = trainer.losses();
         current.curve = trainer.history().points().clone();
         current.replay.0 = trainer.replay().len();
+        if !current.phase.is_training() {
+            // Nothing moves.
+            current.rates = (0.0, 0.0);
+        }
         current.agents = Arc::new(trainer.rollout().env().states().to_vec());
         let trail = |agent| trainer.replay().latest_states(agent, TRAIL_STATES).flatten().copied().collect();
         current.trails = Arc::new((0..trainer.rollout().agents().len()).map(trail).collect());

@@ -1,6 +1,8 @@
 //! A run's history: curves of losses and coverage, evaluations and event log. Checkpoints contain it; training does not
 //! depend on it.
 
+mod methods;
+
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -8,6 +10,7 @@ use serde::{Deserialize, Serialize};
 use super::evaluate::Evaluation;
 use super::score::Success;
 use crate::store::StoreError;
+pub use methods::{Methods, Stretch};
 
 /// Initial number of updates between two points of the curves.
 const POINT_EVERY_UPDATES: u64 = 50;
@@ -54,13 +57,16 @@ pub struct History {
     points: Arc<Vec<CurvePoint>>,
     #[serde(with = "shared")]
     evaluations: Arc<Vec<(u64, Evaluation)>>,
+    /// The methods used; only in runs whose method has changed.
+    #[serde(default, skip_serializing_if = "is_default")]
+    pub(super) methods: Methods,
     /// Events, oldest first.
     pub log: Vec<LogEntry>,
 }
 
 impl Default for History {
     fn default() -> Self {
-        Self { every: POINT_EVERY_UPDATES, points: Arc::default(), evaluations: Arc::default(), log: Vec::new() }
+        Self { every: POINT_EVERY_UPDATES, points: Arc::default(), evaluations: Arc::default(), methods: Methods::default(), log: Vec::new() }
     }
 }
 
@@ -104,9 +110,15 @@ impl History {
         &self.evaluations
     }
 
-    /// Returns the summary of the latest evaluation.
+    /// Returns the methods used.
+    pub fn methods(&self) -> &Methods {
+        &self.methods
+    }
+
+    /// Returns the summary of the latest evaluation, if it was of the current method.
     pub fn success(&self) -> Option<Success> {
-        self.evaluations.last().map(|(updates, evaluation)| evaluation.success(*updates))
+        let own = self.evaluations.last().filter(|(updates, _)| self.methods.is_current(*updates));
+        own.map(|(updates, evaluation)| evaluation.success(*updates))
     }
 
     /// Checks a history read from a file.
@@ -122,6 +134,7 @@ impl History {
             && self.points.is_sorted_by_key(|point| point.updates)
             && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
+            && self.methods.is_sound()
             && self.log.len() <= MAX_LOG_ENTRIES
             && self.log.iter().all(short);
         if sound { Ok(()) } else { Err(StoreError::inconsistent("its history is out of range")) }
@@ -133,6 +146,10 @@ impl LogEntry {
     pub fn new(seconds: f64, updates: u64, text: &str) -> Self {
         Self { seconds, updates, text: crate::text::truncated(text, MAX_CHARACTERS) }
     }
+}
+
+fn is_default(methods: &Methods) -> bool {
+    *methods == Methods::default()
 }
 
 /// Serialises shared lists as plain ones.

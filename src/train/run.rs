@@ -48,7 +48,8 @@ impl Run {
 /// Progress of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Counters {
-    /// Network updates (for the learner `random`: updates that would have been due).
+    /// Network updates. The learner `random` counts those that would have been due, as the time it takes (see
+    /// [`super::Methods`]).
     pub updates: u64,
     /// Environment steps, summed over all agents.
     pub env_steps: u64,
@@ -75,6 +76,11 @@ pub struct Counters {
 }
 
 impl Counters {
+    /// Returns the number of updates left during which changed distances are relearned, if any.
+    pub fn relearning(&self) -> Option<u64> {
+        self.relearns_until.checked_sub(self.updates).filter(|left| *left > 0)
+    }
+
     /// Exclusive upper bound of plausible counts.
     const MAX_COUNT: u64 = 1 << 53;
 
@@ -102,7 +108,7 @@ pub enum Tick {
 /// Limits of a run, counted from the start of training, resumed or not.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
-    /// Maximum number of updates.
+    /// Maximum number of updates, done or (learner `random`) only counted.
     pub updates: Option<u64>,
     /// Maximum training time in seconds.
     pub seconds: Option<f64>,

@@ -199,6 +199,11 @@ impl Trainer {
         &*self.learner
     }
 
+    /// Returns whether the learner learns: if not, updates are counted as they fall due, but not done.
+    pub fn learns(&self) -> bool {
+        self.learner.acting() != Acting::AtRandom
+    }
+
     /// Returns the replay buffer.
     pub fn replay(&self) -> &Replay {
         &self.replay
@@ -297,7 +302,7 @@ impl Trainer {
     fn update(&mut self) -> Result<Tick> {
         self.counters.owed_steps -= self.run.settings.train.env_steps_per_update;
         self.counters.updates += 1;
-        if self.learner.acting() == Acting::AtRandom {
+        if !self.learns() {
             return Ok(Tick::Update);
         }
         let began = Instant::now();

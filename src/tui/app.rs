@@ -110,7 +110,7 @@ impl App {
             self.viewer.request(Request::Field(self.screen.field));
         }
         let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
-        self.screen.log.record(&text, self.screen.snapshot.counters.updates);
+        self.screen.log.record(&text, self.screen.snapshot.updates());
         let first = self.screen.map.goals().first().copied();
         let goal = first.unwrap_or_else(|| self.random_cell());
         self.set_goal(goal);
@@ -235,7 +235,7 @@ impl App {
 
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
-        self.screen.log.add(text, self.screen.snapshot.counters.updates);
+        self.screen.log.add(text, self.screen.snapshot.updates());
     }
 
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute the field for the map's pixels.

@@ -15,6 +15,7 @@ use super::panes::Pane;
 use super::raster::{Marker, Viewport};
 use super::theme::{ColourDepth, Theme};
 use crate::map::{Cell, Grid};
+use crate::text::grouped;
 use crate::train::{Phase, Run, Snapshot, Success};
 use crate::view::{Field, OnArrival, View};
 
@@ -128,13 +129,13 @@ impl Screen {
 
     /// Returns the number of updates not saved in any checkpoint.
     pub fn unsaved_updates(&self) -> u64 {
-        let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
-        self.snapshot.counters.updates.saturating_sub(saved)
+        let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| self.snapshot.learned(*updates));
+        self.snapshot.updates().saturating_sub(saved)
     }
 
-    /// Returns a summary of the latest evaluation.
+    /// Returns a summary of the latest evaluation of the current method.
     pub fn success(&self) -> Option<Success> {
-        self.snapshot.evaluations.last().map(|(updates, e)| e.success(*updates))
+        self.snapshot.evaluation().map(|(updates, e)| e.success(self.snapshot.learned(*updates)))
     }
 
     /// Describes the phase in a word or two.
@@ -142,7 +143,11 @@ impl Screen {
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
-            Phase::Running => "training".to_owned(),
+            Phase::Running if !self.snapshot.learns => "random steps, nothing learned".to_owned(),
+            Phase::Running => match self.snapshot.counters.relearning() {
+                Some(left) => format!("relearning, {} updates left", grouped(left)),
+                None => "training".to_owned(),
+            },
             Phase::Stepping(_) => "stepping".to_owned(),
             Phase::Paused => "paused".to_owned(),
             Phase::Done => "done".to_owned(),
@@ -154,11 +159,12 @@ impl Screen {
     pub fn summary(&self) -> String {
         let counters = self.snapshot.counters;
         let text = format!(
-            "{} on {}, seed {}: {} updates in {:.0} s, {} episodes",
+            "{} on {}, seed {}: {} updates and {} steps in {:.0} s, {} episodes",
             self.run().method.name(),
             self.map().name(),
             self.run().seed,
-            counters.updates,
+            self.snapshot.updates(),
+            counters.env_steps,
             self.snapshot.seconds,
             counters.episodes
         );

@@ -88,9 +88,12 @@ impl Worker {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let kept = self.trainer.change_run(run)?;
         self.current.run = Arc::new(self.trainer.run().clone());
+        (self.current.methods, self.current.learns) =
+            (self.trainer.history().methods().clone(), self.trainer.learns());
         (self.evaluation, self.next_evaluation_at) = (None, None);
         self.refresh_snapshot(true)?;
         Ok(match (kept.networks, kept.agents) {
+            _ if !self.current.learns => "changed; agents step at random, nothing is learned".to_owned(),
             (true, true) => "changed; training continues".to_owned(),
             (true, false) => "changed; agents restarted, networks and replay kept".to_owned(),
             (false, _) => "changed; networks reset, replay kept".to_owned(),
@@ -194,6 +197,10 @@ impl Worker {
             Command::Step(step) if self.current.phase == Phase::Paused => {
                 self.current.phase = Phase::Stepping(step);
                 Ok(None)
+            }
+            Command::Step(_) if self.current.phase == Phase::Done => Ok(Some("no step: the limit is reached".to_owned())),
+            Command::Step(_) if !self.current.phase.is_training() => {
+                Ok(Some("no step: training has stopped".to_owned()))
             }
             Command::Pause | Command::Resume | Command::Step(_) => Ok(None),
             Command::LimitSpeed(speed) => {

@@ -8,7 +8,7 @@ use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::error::TrainError;
 use crate::train::evaluate::Evaluation;
-use crate::train::history::{CurvePoint, LogEntry};
+use crate::train::history::{CurvePoint, LogEntry, Methods};
 use crate::train::rollout::Rollout;
 use crate::train::run::{Counters, Limits, Run};
 use crate::train::trainer::Trainer;
@@ -89,6 +89,10 @@ pub struct Snapshot {
     pub curve: Arc<Vec<CurvePoint>>,
     /// Evaluations so far: updates and result.
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
+    /// Methods used so far, if there was more than one.
+    pub methods: Methods,
+    /// Whether the current method's learner learns.
+    pub learns: bool,
     /// Event log of the checkpoint that the run was loaded from.
     pub log: Arc<Vec<LogEntry>>,
     /// Update of the latest save, and its file.
@@ -171,12 +175,29 @@ impl Snapshot {
             search: trainer.last_search().cloned(),
             curve: trainer.history().points().clone(),
             evaluations: trainer.history().evaluations().clone(),
+            methods: trainer.history().methods().clone(),
+            learns: trainer.learns(),
             log: Arc::new(trainer.history().log.clone()),
             saved: None,
             save_failed: (0, String::new()),
             autosaves: Arc::default(),
             notice: (0, String::new()),
         })
+    }
+
+    /// Returns how many of the first `updates` were done by a learner.
+    pub fn learned(&self, updates: u64) -> u64 {
+        self.methods.learned(updates, self.learns)
+    }
+
+    /// Returns the updates done by a learner so far.
+    pub fn updates(&self) -> u64 {
+        self.learned(self.counters.updates)
+    }
+
+    /// Returns the latest evaluation, if it was of the current method, and the updates counted then.
+    pub fn evaluation(&self) -> Option<&(u64, Evaluation)> {
+        self.evaluations.last().filter(|(updates, _)| self.methods.is_current(*updates))
     }
 
     /// Returns the fraction of the world explored over time: updates and coverage, from the curve's points and the

@@ -91,8 +91,12 @@ impl Trainer {
             }
         }
         let last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*learner)?;
-        let before = std::mem::replace(&mut self.run, run);
+        let (before, learned) = (std::mem::replace(&mut self.run, run), self.learns());
         (self.learner, self.last_good) = (learner, last_good);
+        if self.run.method != before.method {
+            let now = (self.run.method.name(), self.learns());
+            self.history.methods.change(self.counters.updates, (before.method.name(), learned), now);
+        }
         self.graphs = Graphs::default();
         self.rollout.discard_plans();
         // The change may have fixed the cause of earlier divergence.

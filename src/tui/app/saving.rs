@@ -111,7 +111,7 @@ impl App {
 
     /// Returns whether enough training is unsaved to be worth asking about.
     pub(super) fn is_worth_saving(&self) -> bool {
-        let updates = self.screen.snapshot.counters.updates.max(1);
+        let updates = self.screen.snapshot.updates().max(1);
         let seconds = self.screen.snapshot.seconds * self.screen.unsaved_updates() as f64 / updates as f64;
         seconds > MAX_DISCARDED_SECS
     }

@@ -40,7 +40,9 @@ impl App {
     }
 
     fn log_evaluation(&mut self) {
-        let Some((updates, e)) = self.screen.snapshot.evaluations.last() else { return };
+        let snapshot = &self.screen.snapshot;
+        let Some((updates, e)) = snapshot.evaluations.last() else { return };
+        let updates = &snapshot.learned(*updates);
         let error = e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
         let text = format!("evaluated: {}{error}", e.success(*updates));
         self.screen.log.record(&text, *updates);

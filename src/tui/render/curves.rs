@@ -16,13 +16,22 @@ use crate::tui::theme::ColourDepth;
 const MIN_CHART_HEIGHT: u16 = 7;
 const MIN_TWO_CHART_WIDTH: u16 = 64;
 
+/// Stands for the line at a change of the method.
+const MARK: char = '\u{2506}';
+
 /// Share of all updates that is shown at once when scrolled back.
 const PAGE_SHARE: f64 = 0.25;
 
-/// A line of a chart.
+/// A line of a chart, in parts that are not joined.
 struct Series {
     name: String,
-    points: Vec<(f64, f64)>,
+    parts: Vec<Vec<(f64, f64)>>,
+}
+
+impl Series {
+    fn joined(name: &str, points: impl Iterator<Item = (f64, f64)>) -> Self {
+        Self { name: name.to_owned(), parts: vec![points.collect()] }
+    }
 }
 
 /// A chart's data.
@@ -52,27 +61,29 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
 }
 
 fn plots(screen: &Screen) -> Vec<Plot> {
-    let of = |name: &str, value: &dyn Fn(&Evaluation) -> Option<f64>| Series {
-        name: name.to_owned(),
-        points: screen.snapshot.evaluations.iter().filter_map(|(at, e)| Some((*at as f64, value(e)?))).collect(),
+    let snapshot = &screen.snapshot;
+    // One part for each method.
+    let of = |name: &str, value: &dyn Fn(&Evaluation) -> Option<f64>| {
+        let mut parts = vec![Vec::new(); snapshot.methods.stretches().len().max(1)];
+        for (at, e) in snapshot.evaluations.iter() {
+            parts[snapshot.methods.index(*at)].extend(value(e).map(|value| (along(screen, *at), value)));
+        }
+        Series { name: name.to_owned(), parts }
     };
     let loss = |i: usize| {
-        let name = ["D", "f", "mu"][i].to_owned();
-        Series {
-            name,
-            points: screen.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[i]))).collect(),
-        }
+        let points = snapshot.curve.iter().map(|p| (along(screen, p.updates), f64::from(p.losses[i])));
+        Series::joined(["D", "f", "mu"][i], points)
     };
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
     let each = distances.iter().enumerate().map(|(i, d)| {
         let name = d.distance_steps.map_or("all".to_owned(), |steps| format!("{steps:.0}"));
         of(&name, &|e| by_distance(e).get(i)?.success)
     });
-    let coverage = screen.snapshot.coverage().into_iter().map(|(at, share)| (at as f64, share));
+    let coverage = screen.snapshot.coverage().into_iter().map(|(at, share)| (along(screen, at), share));
     let success = vec![
         of("planned", &|e| e.planned.as_ref()?.success),
         of("greedy", &|e| e.greedy.success),
-        Series { name: "coverage".to_owned(), points: coverage.collect() },
+        Series::joined("coverage", coverage),
     ];
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
@@ -95,18 +106,27 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     let log = plot.log && screen.log_scale;
     let [from, to] = window(screen);
     let value = |y: f64| if log { y.max(1e-9).log10() } else { y };
-    let shown: Vec<Vec<(f64, f64)>> = plot
-        .series
-        .iter()
-        .map(|s| s.points.iter().filter(|p| (from..=to).contains(&p.0)).map(|p| (p.0, value(p.1))).collect())
+    let in_window = |part: &Vec<(f64, f64)>| -> Vec<(f64, f64)> {
+        part.iter().filter(|p| (from..=to).contains(&p.0)).map(|p| (p.0, value(p.1))).collect()
+    };
+    let shown: Vec<(usize, Vec<(f64, f64)>)> = (plot.series.iter().enumerate())
+        .flat_map(|(i, series)| series.parts.iter().map(move |part| (i, part)))
+        .map(|(i, part)| (i, in_window(part)))
         .collect();
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
-    let named = plot.series.iter().enumerate().filter(|(_, s)| plot.series.len() > 1 && !s.points.is_empty());
+    let is_shown = |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
+    let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
     let names = named.map(|(i, s)| Span::styled(format!("  {} {}", symbol(i), s.name), colour(screen, i)));
-    let lines = chart::heading(Span::styled(title, BOLD), names, area.width);
+    let mut lines = chart::heading(Span::styled(title, BOLD), names, area.width);
+    let marks = marks(screen, [from, to]);
+    if plot.max.is_some()
+        && let Some((at, method)) = marks.last()
+    {
+        lines.push(Line::styled(format!("  {MARK} {method} from {} on", short(*at)), DIM));
+    }
     let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(lines), head);
-    let values = || shown.iter().flatten().map(|p| p.1);
+    let values = || shown.iter().flat_map(|(_, points)| points).map(|p| p.1);
     if values().next().is_none() {
         let text = if plot.log && plot.series.len() == 1 { " no data yet" } else { " not evaluated yet" };
         frame.render_widget(Paragraph::new(Line::styled(text, DIM)), body);
@@ -114,6 +134,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     }
     let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
     let high = plot.max.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
+    let uprights: Vec<[(f64, f64); 2]> = marks.iter().map(|(at, _)| [(*at, low), (*at, high)]).collect();
     let label = |y: f64| {
         let y = if log { 10f64.powf(y) } else { y };
         if y >= 100.0 {
@@ -124,14 +145,32 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
             format!("{y:.2}")
         }
     };
-    let lines = shown.iter().enumerate();
-    let lines = lines.map(|(i, points)| chart::Line { style: colour(screen, i), marker: Marker::Braille, points });
+    let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
+    let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
+    let lines = changes.chain(shown.iter().map(|(i, points)| line(colour(screen, *i), &points[..])));
     chart::draw(frame, body, ([from, to], [low, high]), [label(low), label(high)], lines);
+}
+
+/// Returns the place along the curves of a number of updates counted: the updates done by a learner or, in a run
+/// without any, the steps.
+fn along(screen: &Screen, updates: u64) -> f64 {
+    let snapshot = &screen.snapshot;
+    if snapshot.updates() > 0 || snapshot.learns {
+        return snapshot.learned(updates) as f64;
+    }
+    (updates * screen.run().settings.train.env_steps_per_update) as f64
+}
+
+/// Returns where the method changed within the window, and to which.
+fn marks(screen: &Screen, [from, to]: [f64; 2]) -> Vec<(f64, String)> {
+    let changes = screen.snapshot.methods.stretches().iter().skip(1);
+    let marks = changes.map(|stretch| (along(screen, stretch.from), stretch.method.clone()));
+    marks.filter(|(at, _)| (from..=to).contains(at)).collect()
 }
 
 /// Returns the range of updates shown: all, or an earlier part when scrolled back.
 fn window(screen: &Screen) -> [f64; 2] {
-    let last = (screen.snapshot.counters.updates as f64).max(1.0);
+    let last = along(screen, screen.snapshot.counters.updates).max(1.0);
     let page = PAGE_SHARE * last;
     match screen.scrolled {
         0 => [0.0, last],

@@ -4,6 +4,7 @@ use ratatui::text::Line;
 
 use super::text::{clock, fact, heading, short};
 use crate::learn;
+use crate::text::grouped;
 use crate::train::{DistanceScore, Score};
 use crate::tui::screen::Screen;
 
@@ -11,12 +12,17 @@ use crate::tui::screen::Screen;
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     let (updates, steps) = snapshot.rates;
+    let updates = match (snapshot.learns, snapshot.updates()) {
+        (true, now) => format!("{} {}/s", count(screen, now), short(updates)),
+        (false, 0) => "none: random steps".to_owned(),
+        (false, before) => format!("{}, now none", count(screen, before)),
+    };
     let (used, room) = snapshot.replay;
     let mut lines = vec![
         fact("elapsed", clock(snapshot.seconds)),
-        fact("updates", format!("{} {}/s", short(snapshot.counters.updates as f64), short(updates))),
-        fact("steps", format!("{} {}/s", short(snapshot.counters.env_steps as f64), short(steps))),
-        fact("episodes", short(snapshot.counters.episodes as f64)),
+        fact("updates", updates),
+        fact("steps", format!("{} {}/s", count(screen, snapshot.counters.env_steps), short(steps))),
+        fact("episodes", count(screen, snapshot.counters.episodes)),
         fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
         fact("D loss", format!("{:.4}", snapshot.losses.critic)),
         fact("f loss", format!("{:.4}", snapshot.losses.model)),
@@ -28,6 +34,11 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     lines.extend(bridges(screen));
     lines.extend(time(screen));
     lines
+}
+
+/// Formats a count: exactly if it stands still.
+fn count(screen: &Screen, n: u64) -> String {
+    if screen.snapshot.phase.is_training() { short(n as f64) } else { grouped(n) }
 }
 
 /// Returns the seconds until the run ends, if known.
@@ -45,7 +56,7 @@ fn seconds_left(screen: &Screen) -> Option<f64> {
 }
 
 fn success(screen: &Screen) -> Vec<Line<'static>> {
-    let Some((updates, evaluation)) = screen.snapshot.evaluations.last() else {
+    let Some((updates, evaluation)) = screen.snapshot.evaluation() else {
         return vec![fact("evaluated", "not yet")];
     };
     let mut lines = Vec::new();
@@ -60,7 +71,7 @@ fn success(screen: &Screen) -> Vec<Line<'static>> {
         lines.push(fact("D error", format!("{:.0} %{graph}", 100.0 * error.mape)));
     }
     let seen = evaluation.coverage.map_or(String::new(), |coverage| format!(", {:.0} % seen", 100.0 * coverage));
-    lines.push(fact("at update", format!("{}{seen}", short(*updates as f64))));
+    lines.push(fact("at update", format!("{}{seen}", short(screen.snapshot.learned(*updates) as f64))));
     lines
 }
 
