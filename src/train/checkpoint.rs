@@ -21,7 +21,7 @@ use super::memory;
 use super::registry::Registry;
 use super::run::Run;
 use super::score::Success;
-use super::trainer::{Trainer, TrainerState};
+use super::trainer::{LEARNED, Trainer, TrainerState};
 use crate::files;
 use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::with_updated_checksum;
@@ -53,7 +53,7 @@ pub struct Description {
     pub title: String,
     /// Method, preset, seed and settings.
     pub run: Run,
-    /// Updates done.
+    /// Updates done by a learner.
     pub updates: u64,
     /// Latest evaluation result, if the run was evaluated before saving.
     pub success: Option<Success>,
@@ -84,7 +84,10 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
             world: safe_file_name(store.text("world").unwrap_or("maze")),
             title: safe_file_name(store.text("title").or_else(|_| store.text("map_name"))?),
             run: store.json("run")?,
-            updates: store.json::<TrainerState>("trainer")?.counters.updates,
+            updates: match store.texts().contains_key(LEARNED) {
+                true => store.json(LEARNED)?,
+                false => store.json::<TrainerState>("trainer")?.counters.updates,
+            },
             success: store.json("success")?,
             bytes: facts.len(),
             written: facts.modified().ok(),

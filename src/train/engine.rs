@@ -269,9 +269,10 @@ impl Worker {
     /// Reports what a step has done.
     fn report_step(&mut self) {
         let counters = self.trainer.counters();
-        let updates = self.trainer.history().methods().learned(counters.updates, self.trainer.learns());
         let text = match &self.current.phase {
-            Phase::Stepping(Step::Update) if self.trainer.learns() => format!("update {} done", grouped(updates)),
+            Phase::Stepping(Step::Update) if self.trainer.learns() => {
+                format!("update {} done", grouped(self.trainer.learned_updates()))
+            }
             Phase::Stepping(Step::Update) => {
                 format!("no update, as this method does not learn; {} steps so far", grouped(counters.env_steps))
             }

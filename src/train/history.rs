@@ -66,7 +66,13 @@ pub struct History {
 
 impl Default for History {
     fn default() -> Self {
-        Self { every: POINT_EVERY_UPDATES, points: Arc::default(), evaluations: Arc::default(), methods: Methods::default(), log: Vec::new() }
+        Self {
+            every: POINT_EVERY_UPDATES,
+            points: Arc::default(),
+            evaluations: Arc::default(),
+            methods: Methods::default(),
+            log: Vec::new(),
+        }
     }
 }
 

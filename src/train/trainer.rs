@@ -36,6 +36,9 @@ pub(crate) use recovery::{KEEP_EVERY_UPDATES, LEARNING_RATE_FACTOR, MAX_RECOVERI
 const CANDIDATES: &str = "bridge";
 const GRAPHS: [&str; 2] = ["graph", "next_graph"];
 
+/// Name in the store of the updates done by a learner, if fewer than those counted.
+pub(super) const LEARNED: &str = "learned_updates";
+
 /// Losses are reported as running means over about this many updates.
 pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
 
@@ -202,6 +205,11 @@ impl Trainer {
     /// Returns whether the learner learns: if not, updates are counted as they fall due, but not done.
     pub fn learns(&self) -> bool {
         self.learner.acting() != Acting::AtRandom
+    }
+
+    /// Returns the updates done by a learner, without those only counted (see [`Self::learns`]).
+    pub fn learned_updates(&self) -> u64 {
+        self.history.methods().learned(self.counters.updates, self.learns())
     }
 
     /// Returns the replay buffer.
@@ -467,6 +475,10 @@ impl Trainer {
         store.put_json("run", &self.run)?;
         store.put_json("trainer", &self.state())?;
         store.put_json("success", &self.history.success())?;
+        if self.learned_updates() != self.counters.updates {
+            // For lists of checkpoints.
+            store.put_json(LEARNED, &self.learned_updates())?;
+        }
         store.put_json("history", &self.history)?;
         Ok(store)
     }

@@ -88,8 +88,7 @@ impl Worker {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
         let kept = self.trainer.change_run(run)?;
         self.current.run = Arc::new(self.trainer.run().clone());
-        (self.current.methods, self.current.learns) =
-            (self.trainer.history().methods().clone(), self.trainer.learns());
+        (self.current.methods, self.current.learns) = (self.trainer.history().methods().clone(), self.trainer.learns());
         (self.evaluation, self.next_evaluation_at) = (None, None);
         self.refresh_snapshot(true)?;
         Ok(match (kept.networks, kept.agents) {
@@ -128,7 +127,7 @@ impl Worker {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
-        let mut text = format!("saved {} at update {updates}", path.display());
+        let mut text = format!("saved {} at update {}", path.display(), self.trainer.learned_updates());
         if to.path() != path {
             text += &format!(" ({} belongs to another run)", to.path().display());
         }
@@ -146,7 +145,7 @@ impl Worker {
         let updates = self.trainer.counters().updates;
         let requested = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
         let path = self.write(&SaveTo::CreateNew(requested), log)?;
-        let text = format!("autosaved {} at update {updates}", path.display());
+        let text = format!("autosaved {} at update {}", path.display(), self.trainer.learned_updates());
         self.autosaved.push(path);
         while self.autosaved.len() > MAX_AUTOSAVES {
             // Ignored: the file may already have been removed by someone else.
@@ -198,7 +197,9 @@ impl Worker {
                 self.current.phase = Phase::Stepping(step);
                 Ok(None)
             }
-            Command::Step(_) if self.current.phase == Phase::Done => Ok(Some("no step: the limit is reached".to_owned())),
+            Command::Step(_) if self.current.phase == Phase::Done => {
+                Ok(Some("no step: the limit is reached".to_owned()))
+            }
             Command::Step(_) if !self.current.phase.is_training() => {
                 Ok(Some("no step: training has stopped".to_owned()))
             }

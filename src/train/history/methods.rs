@@ -63,6 +63,11 @@ impl Methods {
         self.0.iter().rposition(|stretch| stretch.from < updates).unwrap_or(0)
     }
 
+    /// Returns the name of the method at `updates`, if the method ever changed.
+    pub fn name(&self, updates: u64) -> Option<&str> {
+        self.0.get(self.index(updates)).map(|stretch| stretch.method.as_str())
+    }
+
     /// Returns whether an evaluation made at `updates` was of the current method.
     pub fn is_current(&self, updates: u64) -> bool {
         self.index(updates) + 1 >= self.0.len()
@@ -103,6 +108,7 @@ mod tests {
         assert_eq!([0, 100, 101].map(|updates| methods.is_current(updates)), [false, false, true]);
         methods.change(400, method("random"), method("gdg"));
         assert_eq!([100, 101, 400, 401].map(|updates| methods.index(updates)), [0, 1, 1, 2]);
+        assert_eq!((methods.name(50), methods.name(200)), (Some("gdg"), Some("random")));
     }
 
     #[test]

@@ -243,7 +243,7 @@ impl App {
             _ => {}
         }
         if let Some((updates, path)) = &snapshot.saved {
-            summary += &format!("\nsaved {} at update {updates}", path.display());
+            summary += &format!("\nsaved {} at update {}", path.display(), snapshot.learned(*updates));
         }
         let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !worth_saving));
         for path in snapshot.autosaves.iter() {

@@ -4,7 +4,7 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::ExportError;
-use crate::train::{Evaluation, Snapshot};
+use crate::train::{CurvePoint, Evaluation, Snapshot};
 use crate::tui::screen::Screen;
 
 /// Size of the drawing.
@@ -59,14 +59,17 @@ fn chart(
 }
 
 fn series(name: &str, snapshot: &Snapshot, value: impl Fn(&Evaluation) -> Option<f64>) -> Series {
-    let points = snapshot.evaluations.iter().filter_map(|(at, e)| Some((*at as f64, value(e)?)));
+    // What another method reached is not this one's.
+    let own = |at: u64| snapshot.methods.name(at).is_none_or(|name| name == snapshot.run.method.name());
+    let evaluations = snapshot.evaluations.iter().filter(|(at, _)| own(*at));
+    let points = evaluations.filter_map(|(at, e)| Some((snapshot.learned(*at) as f64, value(e)?)));
     (name.to_owned(), points.collect())
 }
 
 fn success(snapshot: &Snapshot) -> Vec<Series> {
     let planned = series("planned", snapshot, |e| e.planned.as_ref()?.success);
     let greedy = series("greedy", snapshot, |e| e.greedy.success);
-    let coverage = snapshot.coverage().into_iter().map(|(at, share)| (at as f64, share));
+    let coverage = snapshot.coverage().into_iter().map(|(at, share)| (snapshot.learned(at) as f64, share));
     vec![planned, greedy, ("coverage".to_owned(), coverage.collect())]
 }
 
@@ -77,11 +80,14 @@ fn errors(snapshot: &Snapshot) -> Vec<Series> {
 }
 
 fn losses(screen: &Screen) -> Series {
-    let points = screen.snapshot.curve.iter().map(|p| (p.updates as f64, f64::from(p.losses[0].max(1e-9)).log10()));
+    let snapshot = &screen.snapshot;
+    let loss = |p: &CurvePoint| (snapshot.learned(p.updates) as f64, f64::from(p.losses[0].max(1e-9)).log10());
+    let points = snapshot.curve.iter().map(loss);
     ("critic".to_owned(), points.collect())
 }
 
-/// Writes one line per evaluation and per point of the curves of losses and coverage, sorted by updates.
+/// Writes one line per evaluation and per point of the curves of losses and coverage, in order, with the method at the
+/// end: updates are those done by a learner.
 pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     let mut writer = csv::Writer::from_writer(Vec::new());
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| &e.greedy.by_distance);
@@ -95,16 +101,25 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
         }));
     }
     let width = head.len();
+    head.push("method".to_owned());
+    let snapshot = &screen.snapshot;
+    let updates_and_method = |updates: u64| {
+        let method = snapshot.methods.name(updates).map_or_else(|| screen.run().method.name(), str::to_owned);
+        (snapshot.learned(updates).to_string(), method)
+    };
     let mut lines: Vec<(u64, Vec<String>)> = Vec::new();
     for point in screen.snapshot.curve.iter() {
-        let mut line = vec![point.updates.to_string()];
+        let (updates, method) = updates_and_method(point.updates);
+        let mut line = vec![updates];
         line.extend(point.losses.iter().map(f32::to_string));
         line.push(point.coverage.map_or(String::new(), |share| share.to_string()));
         line.resize(width, String::new());
+        line.push(method);
         lines.push((point.updates, line));
     }
     for (updates, e) in screen.snapshot.evaluations.iter() {
-        let mut line = vec![updates.to_string(), String::new(), String::new(), String::new()];
+        let (learned, method) = updates_and_method(*updates);
+        let mut line = vec![learned, String::new(), String::new(), String::new()];
         let number = |value: Option<f64>| value.map_or(String::new(), |v| v.to_string());
         line.push(number(e.coverage));
         line.push(number(e.greedy.success));
@@ -114,6 +129,7 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
         line.extend(e.greedy.by_distance.iter().map(|d| number(d.success)));
         line.extend(e.planned.iter().flat_map(|s| &s.by_distance).map(|d| number(d.success)));
         line.resize(width, String::new());
+        line.push(method);
         lines.push((*updates, line));
     }
     lines.sort_by_key(|(updates, _)| *updates);
