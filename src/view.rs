@@ -105,6 +105,8 @@ pub struct View {
     pub candidates: Arc<Vec<Candidate>>,
     /// Edges of the bridge graph.
     pub edges: Arc<Vec<ShownEdge>>,
+    /// The cells, row by row, from which no path leads to the goal, although they are free. Empty if there are none.
+    pub cut_off: Arc<Vec<bool>>,
     /// Waypoints ahead of the walking agent, ending at the goal.
     pub path: Vec<[f32; 2]>,
     /// Recent positions of the walking agent, the current one last.
@@ -270,6 +272,7 @@ impl Worker {
         match request {
             Request::Goal(cell, number) => {
                 self.view.goal = (Some(cell), number);
+                self.refresh_cut_off();
                 self.start_walk();
                 self.field_timer.make_due();
             }
@@ -344,6 +347,7 @@ impl Worker {
         self.search = StepSearch::new(self.world.map());
         self.view.goal.0 = self.view.goal.0.and_then(|goal| self.world.map().nearest_free(goal));
         self.view.trail.clear();
+        self.refresh_cut_off();
         self.graph = None;
         if same_size {
             self.world.set_full_state(0, &at.map(f64::from));
@@ -392,6 +396,20 @@ impl Worker {
         let map = self.world.map();
         let steps = self.search.steps_from(to)[map.index(from)];
         (steps != UNREACHABLE).then_some(steps)
+    }
+
+    /// Finds the cells from which no path leads to the goal.
+    fn refresh_cut_off(&mut self) {
+        let map = self.world.map();
+        let steps = self.view.goal.0.map(|goal| self.search.steps_from(goal));
+        let cut_off = |steps: &[u32]| -> Vec<bool> {
+            steps.iter().zip(map.free()).map(|(steps, free)| *free && *steps == UNREACHABLE).collect()
+        };
+        let cut_off = steps.map(cut_off).filter(|cells| cells.contains(&true)).unwrap_or_default();
+        // While nothing changes, the screen reuses what it has drawn.
+        if cut_off != *self.view.cut_off {
+            self.view.cut_off = Arc::new(cut_off);
+        }
     }
 
     /// Updates the information about the inspected cell.

@@ -45,6 +45,8 @@ pub struct App {
     pub screen: Screen,
     /// The number of the latest goal request.
     goal_requests: u64,
+    /// The goal request and the cells cut off from it of which the user was told.
+    warned_of: Option<(u64, Arc<Vec<bool>>)>,
     /// The mouse position the map is being dragged from.
     dragged_from: Option<Position>,
     /// Minutes between automatic checkpoints; 0 for none.
@@ -74,6 +76,7 @@ impl App {
         let view = viewer.views().borrow().clone();
         let mut app = Self {
             goal_requests: 0,
+            warned_of: None,
             dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),

@@ -28,6 +28,9 @@ pub const WALL_MARK: char = '#';
 /// What an unvisited cell looks like without colours.
 pub const UNVISITED_MARK: char = '/';
 
+/// What a cell from which no path leads to the goal looks like without colours.
+pub const CUT_OFF_MARK: char = '\\';
+
 impl Canvas {
     /// Creates an empty canvas for `map_frame`.
     pub fn new(map_frame: &MapFrame) -> Self {
@@ -176,7 +179,7 @@ impl Canvas {
 fn mark_rank(mark: char) -> u8 {
     match mark {
         ' ' => 0,
-        '\u{b7}' | '.' | UNVISITED_MARK => 1,
+        '\u{b7}' | '.' | UNVISITED_MARK | CUT_OFF_MARK => 1,
         WALL_MARK => 2,
         _ => 3,
     }

@@ -143,9 +143,9 @@ impl Screen {
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
-            Phase::Running if !self.snapshot.learns => "random steps, nothing learned".to_owned(),
+            Phase::Running if !self.snapshot.learns => "random steps".to_owned(),
             Phase::Running => match self.snapshot.counters.relearning() {
-                Some(left) => format!("relearning, {} updates left", grouped(left)),
+                Some(left) => format!("relearning: {} left", grouped(left)),
                 None => "training".to_owned(),
             },
             Phase::Stepping(_) => "stepping".to_owned(),

@@ -113,6 +113,7 @@ impl Worker {
                 let mut goal = [0.0; 2];
                 self.world.sample_goal(0, &mut self.rng, &mut goal);
                 self.view.goal.0 = Some(cell_of(goal));
+                self.refresh_cut_off();
                 self.start_walk();
                 self.field_timer.make_due();
             }

@@ -1,9 +1,11 @@
 //! Executes actions.
 
+use std::sync::Arc;
+
 use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
-use crate::map::Cell;
+use crate::map::{Cell, Grid};
 use crate::train::{Command, Step};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
@@ -85,11 +87,11 @@ impl App {
             }
             Action::Undo => {
                 let new = self.screen.editor.undo(&self.screen.map.clone());
-                self.change_map(new);
+                self.change_map_or_say(new, "nothing to undo");
             }
             Action::Redo => {
                 let new = self.screen.editor.redo(&self.screen.map.clone());
-                self.change_map(new);
+                self.change_map_or_say(new, "nothing to redo");
             }
             Action::SaveMap => self.ask_map_file(),
             Action::OpenMap => self.pick_map(None),
@@ -127,6 +129,13 @@ impl App {
         self.viewer.request(Request::Start(cell));
     }
 
+    fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: &str) {
+        if map.is_none() {
+            self.notify(otherwise);
+        }
+        self.change_map(map);
+    }
+
     fn toggle_pause(&mut self) {
         // The shown snapshot may be frozen.
         let trains = self.snapshots().borrow().phase.is_training();
@@ -144,11 +153,13 @@ impl App {
     }
 
     fn change_speed(&mut self, faster: bool) {
-        // Without a limit, the next slower speed is the first one below the actual rate.
-        let rate = Some(self.screen.snapshot.rates.0).filter(|rate| !faster && *rate > 0.0);
+        // Without a limit, the next slower speed is the first one below the actual rate. A method that does not learn has a
+        // limit of its own.
+        let learns = self.screen.snapshot.learns;
+        let rate = Some(self.screen.snapshot.rates.0).filter(|rate| (!faster || !learns) && *rate > 0.0);
         let now = self.screen.snapshot.speed.or(rate).unwrap_or(f64::INFINITY);
         let speed = if faster {
-            SPEEDS.into_iter().find(|speed| *speed > now)
+            SPEEDS.into_iter().find(|speed| *speed > now).or(SPEEDS.last().copied().filter(|_| !learns))
         } else {
             SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
         };

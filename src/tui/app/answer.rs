@@ -52,6 +52,9 @@ impl App {
             Some(Dialog::Pick(picker)) => {
                 if let Some(choice) = picker.choice().cloned() {
                     self.choose(choice);
+                } else {
+                    self.notify(&format!("nothing in the list fits \"{}\"", picker.typed().0));
+                    self.open_picker(picker);
                 }
             }
             Some(Dialog::Ask(mut prompt)) => {

@@ -70,6 +70,19 @@ impl App {
             self.screen.goal = goal;
         }
         self.screen.view = view;
+        self.warn_of_cut_off_goal();
+    }
+
+    /// Says so if no path leads from the walking agent to the goal: once for each goal and state of the map.
+    fn warn_of_cut_off_goal(&mut self) {
+        let view = self.screen.view.clone();
+        let no_path = view.goal.1 == self.goal_requests && view.walk.shortest.is_none();
+        let warned =
+            |(goal, cut_off): &(u64, Arc<Vec<bool>>)| *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off);
+        if no_path && view.cut_off.contains(&true) && !self.warned_of.as_ref().is_some_and(warned) {
+            self.warned_of = Some((view.goal.1, view.cut_off.clone()));
+            self.notify("no path leads from @ to G: walls separate them");
+        }
     }
 
     /// Handles the passing of time; returns whether the screen changes.

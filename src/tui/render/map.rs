@@ -62,6 +62,7 @@ struct Base {
     field: Option<Arc<Vec<f32>>>,
     edges: Arc<Vec<ShownEdge>>,
     exploration: Arc<Exploration>,
+    cut_off: Arc<Vec<bool>>,
     canvas: Canvas,
     /// The canvas as characters.
     painted: Buffer,
@@ -110,6 +111,7 @@ impl Base {
             field,
             edges,
             exploration,
+            cut_off: screen.view.cut_off.clone(),
             canvas,
             labels,
         }
@@ -128,7 +130,8 @@ impl Base {
         };
         let same_edges = !screen.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &screen.view.edges);
         let same_map = Arc::ptr_eq(&self.map, screen.map());
-        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.view.exploration);
+        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.view.exploration)
+            && Arc::ptr_eq(&self.cut_off, &screen.view.cut_off);
         let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
         self.map_frame == *map_frame && same_field && same_edges && same_map && same_exploration && same_style
     }

@@ -1,6 +1,6 @@
-//! Unvisited cells, and the edge of the known world.
+//! Unvisited cells, the edge of the known world, and cells from which no path leads to the goal.
 
-use crate::tui::canvas::{Canvas, UNVISITED_MARK};
+use crate::tui::canvas::{CUT_OFF_MARK, Canvas, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
@@ -11,6 +11,10 @@ use crate::view::{Field, Ground, Knowledge};
 /// hatched ones into that of walls.
 const POCKET_FADE: f32 = 0.35;
 const FADE: f32 = 0.7;
+
+/// How far cells from which no path leads to the goal fade into the colour of walls, on their hatching and between.
+const CUT_OFF_FADES: [f32; 2] = [0.75, 0.35];
+
 const HATCH: f32 = 0.5;
 
 /// Pixels between two lines of hatching.
@@ -22,6 +26,8 @@ const TINT: f32 = 0.65;
 /// What the agents know of the cell that each pixel shows; all of it if that is not shown.
 pub struct Unexplored {
     known: Vec<Knowledge>,
+    /// Whether no path leads from each pixel's cell to the goal; empty if one leads from everywhere or that is not shown.
+    cut_off: Vec<bool>,
     /// Whether unvisited cells fade, which hides values: not where these are true even there.
     fades: bool,
 }
@@ -30,8 +36,9 @@ impl Unexplored {
     /// Looks up each pixel's cell.
     pub fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
         let (raster, map, exploration) = (&map_frame.raster, screen.map(), &screen.view.exploration);
+        let cut_off = cut_off(map_frame, screen);
         if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
-            return Self { known: Vec::new(), fades: false };
+            return Self { known: Vec::new(), cut_off, fades: false };
         }
         let (columns, rows) = raster.pixels;
         let known = |i: usize| match raster.ground(map, i % columns, i / columns) {
@@ -39,12 +46,16 @@ impl Unexplored {
             Ground::Wall | Ground::Outside => Knowledge::Known,
         };
         let fades = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
-        Self { known: (0..columns * rows).map(known).collect(), fades }
+        Self { known: (0..columns * rows).map(known).collect(), cut_off, fades }
     }
 
     /// Returns whether values at pixel `i` mean nothing, as it shows a cell beyond the known world.
     pub fn hides(&self, i: usize) -> bool {
-        self.fades && self.is_beyond(i)
+        self.is_cut_off(i) || self.fades && self.is_beyond(i)
+    }
+
+    fn is_cut_off(&self, i: usize) -> bool {
+        self.cut_off.get(i) == Some(&true)
     }
 
     fn is_beyond(&self, i: usize) -> bool {
@@ -53,6 +64,16 @@ impl Unexplored {
 
     /// Fades the colours of unvisited cells, except where they show what is true even there, and draws the edge.
     pub fn draw(&self, canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
+        self.draw_known(canvas, map_frame, screen);
+        let columns = canvas.columns();
+        for i in (0..self.cut_off.len()).filter(|i| self.is_cut_off(*i)) {
+            let hatched = (i % columns).abs_diff(2 * columns - i / columns % columns).is_multiple_of(HATCH_SPACING);
+            let fade = CUT_OFF_FADES[usize::from(!hatched)];
+            canvas.set(i, Some(blend(screen.theme.unknown, screen.theme.wall, fade)), CUT_OFF_MARK);
+        }
+    }
+
+    fn draw_known(&self, canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
         let theme = &screen.theme;
         let columns = canvas.columns();
         // A pixel that shows several cells may show the edge without being represented by a cell at the edge.
@@ -88,4 +109,20 @@ impl Unexplored {
         let around = (y.saturating_sub(1)..=y + 1).flat_map(|y| (x.saturating_sub(1)..=x + 1).map(move |x| (x, y)));
         around.filter(|(x, _)| *x < columns).any(|(x, y)| self.is_beyond(y * columns + x))
     }
+}
+
+/// Returns whether no path leads from each pixel's cell to the goal, if the colours show distances to it.
+fn cut_off(map_frame: &MapFrame, screen: &Screen) -> Vec<bool> {
+    let (raster, map, cells) = (&map_frame.raster, screen.map(), &screen.view.cut_off);
+    let to_goal = matches!(screen.field, Field::Learned | Field::Composed | Field::True | Field::Error);
+    // The trainer may not know the map's latest edit yet.
+    if !to_goal || cells.len() != map.free().len() {
+        return Vec::new();
+    }
+    let (columns, rows) = raster.pixels;
+    let is = |i: usize| match raster.ground(map, i % columns, i / columns) {
+        Ground::Free([x, y]) => cells[y as usize * map.width() + x as usize],
+        Ground::Wall | Ground::Outside => false,
+    };
+    (0..columns * rows).map(is).collect()
 }

@@ -1,6 +1,7 @@
 //! What is found at the start: a saved run, or what there is to see and do.
 
 use super::*;
+use crate::train::Command;
 
 #[test]
 fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
@@ -73,4 +74,87 @@ fn the_first_walk_starts_at_the_maps_own_start() {
     let mut app = app_on(map, gdg());
     wait_until(&mut app, |app| app.screen.view.walk.steps > 0);
     assert_eq!(app.screen.view.walk.start, Cell::new(7, 1).centre());
+}
+
+#[test]
+fn a_goal_without_a_path_is_said_and_drawn() {
+    let map = parse_map("cut", b"..........#...\n.......S..#...\n..........#...\nG.........#...\n").expect("a map");
+    let mut app = app_on(map, gdg());
+    app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
+    draw(&mut app, 80, 24);
+    let said = |app: &App| app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count();
+    wait_until(&mut app, |app| app.screen.view.cut_off.contains(&true) && app.screen.view.walk.steps > 0);
+    assert_eq!(said(&app), 0, "@ and G are on the same side");
+    let cut = |app: &mut App, x: usize| {
+        let at = character_of(app, Cell::new(x, 2));
+        draw(app, 80, 24).backend().buffer()[at].symbol().to_owned()
+    };
+    wait_until(&mut app, |app| app.screen.view.raster.is_some());
+    assert_eq!((cut(&mut app, 12).as_str(), cut(&mut app, 3) == "\\"), ("\\", false));
+    app.set_goal(Cell::new(12, 0));
+    wait_until(&mut app, |app| app.screen.view.goal.0 == Some(Cell::new(12, 0)));
+    wait_until(&mut app, |app| app.screen.view.walk.steps > 3);
+    assert_eq!(said(&app), 1, "once");
+    wait_until(&mut app, |app| app.screen.view.raster.is_some());
+    assert_eq!((cut(&mut app, 3).as_str(), cut(&mut app, 12) == "\\"), ("\\", false));
+}
+
+#[test]
+fn what_changes_nothing_is_answered() {
+    let mut app = app();
+    let notice = |app: &App| app.screen.log.notice().map(|(text, _)| text.to_owned()).unwrap_or_default();
+    press(&mut app, KeyCode::Char('u'));
+    assert_eq!(notice(&app), "nothing to undo");
+    app.act(Action::Redo);
+    assert_eq!(notice(&app), "nothing to redo");
+    type_text(&mut app, ":qqqzzz");
+    press(&mut app, KeyCode::Enter);
+    assert_eq!(notice(&app), "nothing in the list fits \"qqqzzz\"");
+    assert_eq!(app.screen.dialogs.len(), 1, "the list stays open");
+}
+
+#[test]
+fn pausing_and_single_updates_are_answered_exactly() {
+    let mut app = app();
+    wait_until(&mut app, |app| app.screen.snapshot.rates.0 > 0.0);
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
+    let before = app.screen.snapshot.updates();
+    assert_eq!(app.screen.snapshot.rates, (0.0, 0.0));
+    let shown = text(&draw(&mut app, 80, 24));
+    let exact = format!("updates   {} 0/s", crate::text::grouped(before));
+    assert!(shown.contains(&exact), "{exact:?} is not in {shown}");
+    press(&mut app, KeyCode::Char('.'));
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > before);
+    let done = format!("update {} done", crate::text::grouped(before + 1));
+    wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|(text, _)| text == done));
+    let limits = Limits { updates: Some(1), ..Limits::default() };
+    let mut app = app_with(rooms(), gdg(), limits);
+    wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Done);
+    press(&mut app, KeyCode::Char('.'));
+    wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|(text, _)| text.starts_with("no step")));
+}
+
+#[test]
+fn random_steps_are_no_updates_and_their_success_is_not_the_methods() {
+    let mut app = app();
+    wait_until(&mut app, |app| app.screen.snapshot.evaluation().is_some());
+    let own = app.screen.run().clone();
+    let run = |name: &str| Command::Change(Box::new(Run { method: name.parse().expect("a method"), ..own.clone() }));
+    app.command(run("random"));
+    wait_until(&mut app, |app| !app.screen.snapshot.learns);
+    let (updates, counted) = (app.screen.snapshot.updates(), app.screen.snapshot.counters.updates);
+    assert_eq!((updates, app.screen.success()), (counted, None), "the success was another method's");
+    let began = Instant::now();
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > counted + 20);
+    assert_eq!(app.screen.snapshot.updates(), updates, "random learns nothing");
+    let most = 250.0 * began.elapsed().as_secs_f64() + 50.0;
+    assert!(((app.screen.snapshot.counters.updates - counted) as f64) < most, "too fast to watch");
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains(", now none") && shown.contains("random steps"), "{shown}");
+    app.screen.pane = crate::tui::panes::Pane::Curves;
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains("random from"), "{shown}");
+    app.command(run("gdg-bridge"));
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
 }

@@ -130,6 +130,7 @@ fn staged_app(width: u16, height: u16) -> App {
         directions: Arc::new(vec![([5.5, 2.5], [1.0, 0.0]), ([12.5, 1.5], [0.7, 0.7]), ([16.5, 1.5], [0.0, 1.0])]),
         candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
         edges: Arc::new(edges.collect()),
+        cut_off: Arc::default(),
         exploration: Arc::new(Exploration::new(app.screen.map(), &visits)),
         path: vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]],
         trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
@@ -395,6 +396,36 @@ fn the_editor_matches_its_snapshot() {
     (0..4).for_each(|_| press(&mut app, KeyCode::Left));
     (0..2).for_each(|_| press(&mut app, KeyCode::Up));
     check("editor-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn lines_over_the_map_match_their_snapshots() {
+    let mut app = staged_app(80, 24);
+    app.screen.first_run = true;
+    check("first-run-80x24", &mut app, 80, 24);
+    let folder = tempfile::tempdir().expect("a folder");
+    app.offer(saved_run(folder.path(), &app));
+    check("offer-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn cells_without_a_path_to_the_goal_match_their_snapshot() {
+    let mut app = staged_app(80, 24);
+    let map = app.screen.map().clone();
+    let cut_off = (0..map.free().len()).map(|i| map.free()[i] && map.cell(i).x < 8).collect();
+    app.on_view(Arc::new(View { cut_off: Arc::new(cut_off), ..(*app.screen.view).clone() }));
+    check("cut-off-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn curves_of_several_methods_match_their_snapshot() {
+    let mut app = staged_app(120, 40);
+    let mut methods = crate::train::Methods::default();
+    methods.change(4_000, ("gdg-bridge".to_owned(), true), ("random".to_owned(), false));
+    methods.change(6_000, ("random".to_owned(), false), ("gdg-bridge".to_owned(), true));
+    app.on_snapshot(Arc::new(Snapshot { methods, ..(*app.screen.snapshot).clone() }));
+    app.screen.pane = Pane::Curves;
+    check("curves-methods-120x40", &mut app, 120, 40);
 }
 
 #[test]
