@@ -84,9 +84,10 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
             world: safe_file_name(store.text("world").unwrap_or("maze")),
             title: safe_file_name(store.text("title").or_else(|_| store.text("map_name"))?),
             run: store.json("run")?,
-            updates: match store.texts().contains_key(LEARNED) {
-                true => store.json(LEARNED)?,
-                false => store.json::<TrainerState>("trainer")?.counters.updates,
+            updates: if store.texts().contains_key(LEARNED) {
+                store.json(LEARNED)?
+            } else {
+                store.json::<TrainerState>("trainer")?.counters.updates
             },
             success: store.json("success")?,
             bytes: facts.len(),

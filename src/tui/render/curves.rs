@@ -62,11 +62,15 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
 
 fn plots(screen: &Screen) -> Vec<Plot> {
     let snapshot = &screen.snapshot;
-    // One part for each method.
+    // One part for each method. What does not learn would only be a dot where it was tried, unless it is the current one.
+    let stretches = snapshot.methods.stretches();
     let of = |name: &str, value: &dyn Fn(&Evaluation) -> Option<f64>| {
-        let mut parts = vec![Vec::new(); snapshot.methods.stretches().len().max(1)];
+        let mut parts = vec![Vec::new(); stretches.len().max(1)];
         for (at, e) in snapshot.evaluations.iter() {
-            parts[snapshot.methods.index(*at)].extend(value(e).map(|value| (along(screen, *at), value)));
+            let i = snapshot.methods.index(*at);
+            if i + 1 >= stretches.len() || stretches[i].learns {
+                parts[i].extend(value(e).map(|value| (along(screen, *at), value)));
+            }
         }
         Series { name: name.to_owned(), parts }
     };
@@ -119,10 +123,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     let names = named.map(|(i, s)| Span::styled(format!("  {} {}", symbol(i), s.name), colour(screen, i)));
     let mut lines = chart::heading(Span::styled(title, BOLD), names, area.width);
     let marks = marks(screen, [from, to]);
-    if plot.max.is_some()
-        && let Some((at, method)) = marks.last()
-    {
-        lines.push(Line::styled(format!("  {MARK} {method} from {} on", short(*at)), DIM));
+    if plot.max.is_some() && !marks.is_empty() {
+        lines.push(Line::styled(mark_names(&marks, usize::from(area.width)), DIM));
     }
     let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);
     frame.render_widget(Paragraph::new(lines), head);
@@ -166,6 +168,19 @@ fn marks(screen: &Screen, [from, to]: [f64; 2]) -> Vec<(f64, String)> {
     let changes = screen.snapshot.methods.stretches().iter().skip(1);
     let marks = changes.map(|stretch| (along(screen, stretch.from), stretch.method.clone()));
     marks.filter(|(at, _)| (from..=to).contains(at)).collect()
+}
+
+/// Names the latest of `marks` that fit into `width` columns, the last one in any case.
+fn mark_names(marks: &[(f64, String)], width: usize) -> String {
+    let mut names = String::new();
+    for (at, method) in marks.iter().rev() {
+        let name = format!("  {MARK} {} {method}", short(*at));
+        if !names.is_empty() && (names.chars().count() + name.chars().count()) > width {
+            break;
+        }
+        names.insert_str(0, &name);
+    }
+    names
 }
 
 /// Returns the range of updates shown: all, or an earlier part when scrolled back.

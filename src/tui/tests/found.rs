@@ -154,7 +154,7 @@ fn random_steps_are_no_updates_and_their_success_is_not_the_methods() {
     assert!(shown.contains(", now none") && shown.contains("random steps"), "{shown}");
     app.screen.pane = crate::tui::panes::Pane::Curves;
     let shown = text(&draw(&mut app, 120, 40));
-    assert!(shown.contains("random from"), "{shown}");
+    assert!(shown.contains(" random") && shown.contains('\u{2506}'), "{shown}");
     app.command(run("gdg-bridge"));
     wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
 }
