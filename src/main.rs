@@ -119,7 +119,7 @@ fn train(cli: &Cli) -> u8 {
     let with_ui = !args.no_ui && std::io::stdout().is_terminal();
     #[cfg(feature = "tui")]
     if !args.no_ui && !with_ui {
-        if args.record.is_some() {
+        if args.interface.record.is_some() {
             let help = "run it in a terminal, or without --record";
             let error = miette::miette!(help = help, "--record: there is no screen, as the output is no terminal");
             return fail(error, EXIT_BAD_INPUT);

@@ -7,6 +7,7 @@ use ratatui::symbols::Marker;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
+use super::text::short;
 use super::{BOLD, DIM, chart};
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::screen::Screen;
