@@ -57,7 +57,7 @@ fn main() -> Result<()> {
         None => load_map(Path::new(name)).into_diagnostic(),
     };
     let (before, after) = (Arc::new(map(&args.before)?), Arc::new(map(&args.after)?));
-    let settings = settings_from(Preset::Default, &Overrides { config: None, set: &args.set });
+    let settings = settings_from(Preset::Default, &Overrides { set: &args.set, ..Overrides::default() });
     let settings = settings.map_err(|error| miette!("{error}"))?;
     println!("| seed | updates | greedy | planned | D away | D grown |\n|---|---|---|---|---|---|");
     for seed in 1..=args.seeds {

@@ -30,6 +30,8 @@ pub fn registry() -> Arc<Registry> {
         about: "a bead on a wire",
         create: Some(|| Box::new(Bead::new(0))),
         load: |_| Ok(Box::new(Bead::new(0))),
+        // A short wire needs less than a maze before learning starts.
+        defaults: &["learning_starts=1000"],
     };
     let table = LearnerKind {
         name: "table",

@@ -43,7 +43,7 @@ Examples:
   gdg-tui --resume                           resume the run that was saved last; gdg-tui runs lists all
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
-  gdg-tui --no-ui fetch-reach --method gdg --set env_steps_per_update=1 --max-updates 5000
+  gdg-tui --no-ui fetch-reach --method gdg --max-updates 1000
   gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
   gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
   gdg-tui reproduce all                      the paper's figures, with our default beside its methods
@@ -213,7 +213,7 @@ pub struct TrainArgs {
     #[arg(long, default_value_t = 0)]
     pub seed: u64,
 
-    /// Print all settings as JSON and exit
+    /// Print all settings as JSON, with MAP's own or those of --resume, and exit
     #[arg(long)]
     pub print_config: bool,
 

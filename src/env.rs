@@ -26,6 +26,8 @@ pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 pub const WORLDS: [WorldKind; 3] = [maze::KIND, fetch_reach::KIND, fetch_reach::WALL_KIND];
 
 /// Registry entry of a kind of world.
+///
+/// A run's settings are the preset's, then the world's [`defaults`](Self::defaults), then what the user gives.
 #[derive(Clone, Copy, Debug)]
 pub struct WorldKind {
     /// Name in checkpoints and, for worlds that need no file, on the command line.
@@ -36,6 +38,9 @@ pub struct WorldKind {
     pub create: Option<fn() -> Box<dyn Environment>>,
     /// Loads the world that [`Environment::save`] wrote, without agents.
     pub load: fn(&Store) -> Result<Box<dyn Environment>, StoreError>,
+    /// Settings of a run in this world that differ from the preset's, as `--set` takes them (`name=value`). They apply to
+    /// presets that are not published ones; whatever the user gives wins.
+    pub defaults: &'static [&'static str],
 }
 
 /// Where episodes begin.

@@ -16,3 +16,4 @@ pub mod reproduce;
 pub mod runner;
 pub mod suite;
 pub mod table;
+pub mod world;

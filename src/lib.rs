@@ -39,8 +39,8 @@
 //!
 //! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
 //! and are saved; where available, tasks, true distances, coverage and a scene) and its [`env::WorldKind`]. Then one line in
-//! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME --no-ui`. For the interface to draw
-//! it, add a variant to [`env::Scene`]. [`env::fetch_reach`] is a world without maps.
+//! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME --no-ui`. Settings that suit it better
+//! than the preset's are its [`env::WorldKind::defaults`]. For the interface to draw it, add a variant to [`env::Scene`]. [`env::fetch_reach`] is a world without maps.
 //!
 //! # Add a learner
 //!
@@ -57,7 +57,7 @@
 //!
 //! # Add a figure
 //!
-//! An entry in `FIGURES` in `src/experiment/reproduce/figures.rs` (map, methods, what it shows) and, for a new method, one in
+//! An entry in `FIGURES` in `src/experiment/reproduce/figures.rs` (map or world, methods, what it shows) and, for a new method, one in
 //! `methods.rs` beside it. Another kind of chart is a variant of `Shows` with its lines in `curves.rs`, another kind of
 //! picture one in `maps.rs`; files, report and terminal follow. What a figure needs of the trained networks is measured in
 //! `src/experiment/measure.rs`.

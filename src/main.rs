@@ -105,7 +105,7 @@ fn run_reproduce(args: &ReproduceArgs) -> u8 {
 fn train(cli: &Cli) -> u8 {
     let args = &cli.train;
     if args.print_config {
-        return match setup::settings(&args.run) {
+        return match setup::settings_to_print(args, &Registry::builtin()) {
             Ok(settings) => print(&print_settings(&settings)),
             Err(error) => fail(error, EXIT_BAD_INPUT),
         };

@@ -40,13 +40,27 @@ pub struct Setup {
     pub warning: Option<String>,
 }
 
-/// Returns the settings given by `args`.
+/// Returns the settings given by `args` for a run in the world that `world` opens: a map or a world of `registry`.
 ///
 /// # Errors
 /// See [`train::settings_from`].
-pub fn settings(args: &RunArgs) -> Result<Settings, Report> {
-    let overrides = Overrides { config: args.config.as_deref(), set: &args.set };
+pub fn settings(args: &RunArgs, world: &str, registry: &Registry) -> Result<Settings, Report> {
+    let defaults = registry.world_opened_by(world).map_or(&[][..], |kind| kind.defaults);
+    let overrides = Overrides { defaults, config: args.config.as_deref(), set: &args.set };
     train::settings_from(args.preset(), &overrides).map_err(from_config_error)
+}
+
+/// Returns the settings that `--print-config` prints: those of the checkpoint to resume from, or those given by `args`.
+///
+/// # Errors
+/// See [`settings`] and [`train::load`].
+pub fn settings_to_print(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Settings, Report> {
+    match resumed_file(args, registry)? {
+        Some(path) => {
+            Ok(train::load(&path, registry, 1).map_err(from_checkpoint_error)?.trainer.run().settings.clone())
+        }
+        None => settings(&args.run, args.map(), registry),
+    }
 }
 
 /// Splits `PREFIX:NAME=VALUE`, a setting of one of several runs; the prefix is `None` if there is none.
@@ -63,12 +77,13 @@ pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
     split.filter(|(prefix, _)| prefix.is_none_or(|prefix| prefix == name)).map(|(_, own)| own.to_owned()).collect()
 }
 
-/// Returns the run given by `args` and `seed`.
+/// Returns the run given by `args` and `seed` in the world that `world` opens.
 ///
 /// # Errors
 /// See [`settings`].
-pub fn run(args: &RunArgs, seed: u64) -> Result<Run, Report> {
-    Ok(Run { method: args.method.clone(), preset: args.preset(), seed, settings: settings(args)? })
+pub fn run(args: &RunArgs, world: &str, registry: &Registry, seed: u64) -> Result<Run, Report> {
+    let settings = settings(args, world, registry)?;
+    Ok(Run { method: args.method.clone(), preset: args.preset(), seed, settings })
 }
 
 /// Loads map, scenario and checkpoint and prepares the run, with a world and a learner from `registry`.
@@ -90,7 +105,7 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     let Loaded { mut trainer, warning } = if let Some(path) = &resumed {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
     } else {
-        let run = self::run(&args.run, args.seed)?;
+        let run = self::run(&args.run, args.map(), registry, args.seed)?;
         let world = open_world(args.map(), &run, registry)?;
         Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
     };
@@ -154,8 +169,7 @@ pub fn begin(run: Run, world: &dyn Environment, registry: &Arc<Registry>, thread
 
 /// Opens the world called `name`: a kind that needs no file, or the maze on that map.
 fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
-    let kind = registry.worlds().iter().find(|kind| kind.name == name);
-    if let Some(create) = kind.and_then(|kind| kind.create) {
+    if let Some(create) = registry.world(name).and_then(|kind| kind.create) {
         return Ok(create());
     }
     open_maze(name, run, registry).map(|maze| Box::new(maze) as _)
@@ -212,7 +226,7 @@ pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
         return Ok(grid);
     }
     let path = Path::new(name);
-    if registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name) && !path.exists() {
+    if registry.world(name).is_some_and(|kind| kind.create.is_some()) && !path.exists() {
         let help = "give a map: a built-in name or a file";
         return Err(miette!(help = help, "{name}: is a world without a map, which this command needs"));
     }

@@ -157,7 +157,7 @@ fn mutated_maps_scenarios_and_settings_are_read_or_refused() {
                 0 | 1 => map::load_map(&path).map(drop).map_err(|e| e.to_string()),
                 2 => map::load_scenario(&path, &grid).map(drop).map_err(|e| e.to_string()),
                 _ => {
-                    let overrides = train::Overrides { config: Some(&path), set: &[] };
+                    let overrides = train::Overrides { config: Some(&path), ..train::Overrides::default() };
                     train::settings_from(train::Preset::Default, &overrides).map(drop).map_err(|e| e.to_string())
                 }
             };

@@ -491,6 +491,50 @@ fn printed_settings_can_be_read_back() {
 }
 
 #[test]
+fn a_world_has_default_settings_which_given_ones_override() {
+    let folder = tempfile::tempdir().unwrap();
+    let config = folder.path().join("settings.json");
+    std::fs::write(&config, "{\"learning_starts\": 300, \"agents\": 5}").unwrap();
+    let printed = |args: &[&str]| -> Value {
+        let output = gdg().arg("--print-config").args(args).output().unwrap();
+        assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+        serde_json::from_slice(&output.stdout).unwrap()
+    };
+    let all = ["agents", "learning_starts", "env_steps_per_update", "frontier_epsilon"];
+    let some = |args: &[&str]| serde_json::to_string(&all.map(|name| printed(args)[name].clone())).unwrap();
+    assert_eq!(some(&["fourrooms"]), r#"[32,4000,16,"auto"]"#);
+    assert_eq!(some(&["fetch-reach"]), r#"[8,200,1,"auto"]"#);
+    assert_eq!(some(&["fetch-reach-wall"]), "[8,500,1,0.0]");
+    assert_eq!(some(&["fetch-reach", "--method", "her"]), "[8,200,1,0.0]");
+    let given = ["fetch-reach-wall", "--config", config.to_str().unwrap(), "--set", "agents=3"];
+    assert_eq!(some(&given), "[3,300,1,0.0]");
+    // Presets that others have published stay as they are.
+    for preset in ["paper", "sb3"] {
+        assert_eq!(printed(&["fetch-reach", "--preset", preset]), printed(&["--preset", preset]), "{preset}");
+    }
+}
+
+#[test]
+fn a_resumed_run_keeps_its_worlds_settings_and_records_show_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let saved = folder.path().join("arm.safetensors");
+    let saved = saved.to_str().unwrap();
+    let begun =
+        run(&["fetch-reach-wall", "--set", "agents=4", "--max-updates", "20", "--eval-tasks", "1", "--save", saved]);
+    let settings = serde_json::json!({
+        "hidden": 16, "buffer_size": 20000, "candidates": 50,
+        "agents": 4, "learning_starts": 500, "env_steps_per_update": 1, "frontier_epsilon": 0.0,
+    });
+    assert_eq!(begun[0]["settings"], settings);
+    let resume = ["--no-ui", "--resume", saved, "--max-updates", "30", "--eval-tasks", "1"];
+    let resumed = records(&gdg().args(resume).output().unwrap().stdout);
+    assert_eq!((&resumed[0]["settings"], &resumed[0]["updates"]), (&settings, &20.into()));
+    let printed = gdg().args(["--print-config", "--resume", saved]).output().unwrap();
+    let printed: Value = serde_json::from_slice(&printed.stdout).unwrap();
+    assert_eq!((&printed["agents"], &printed["frontier_epsilon"]), (&4.into(), &0.0.into()));
+}
+
+#[test]
 fn maps_lists_maps_and_check_validates_them() {
     let maps = gdg().arg("maps").output().unwrap();
     let text = String::from_utf8_lossy(&maps.stdout).into_owned();

@@ -30,8 +30,9 @@ const SMALL: [&str; 12] = [
     "1",
 ];
 
-/// Figures of the paper.
+/// Figures of the paper, on maps and of the arm.
 const FIGURES: [&str; 5] = ["fig2", "fig3", "fig4", "fig5", "fig6"];
+const ARM_FIGURES: [&str; 2] = ["fig1", "fig1-wall"];
 
 /// A folder in which figures are reproduced.
 struct Place(TempDir);
@@ -103,17 +104,23 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
     has_parts(&report, &["| GDG, bridges | about 0.8 | 0.", "| GDG | reaches the goal |", "default (ours): D(s, .)"]);
     has_parts(&whole.out, &["fig3: City: success over training", "success rate", "default (ours): 180 steps"]);
 
+    has_parts(
+        &report,
+        &["1.00 from (updates) |", "| GDG, distance | converges like DDPG | ", "[CSV](data/fig1-wall-paths.csv)"],
+    );
+
     let (data, figures) = (place.files("out/data"), place.files("out/figures"));
-    for figure in FIGURES {
+    for figure in FIGURES.into_iter().chain(ARM_FIGURES) {
+        let ours = if ARM_FIGURES.contains(&figure) { "GDG" } else { "default (ours)" };
         has_parts(&report, &[&format!("## {figure}: "), &format!("](figures/{figure}.png)")]);
         let json: Value = serde_json::from_slice(&data[&format!("{figure}.json")]).unwrap();
         assert_eq!((&json["figure"], json["version"].is_string()), (&figure.into(), true));
         let methods = json["data"]["methods"].as_array().unwrap();
-        assert!(methods.iter().any(|method| method["name"] == "default"), "{figure}");
+        assert!(methods.iter().any(|method| method["title"] == ours), "{figure}");
         let mut table = csv::Reader::from_reader(&data[&format!("{figure}.csv")][..]);
         assert!(table.records().map(Result::unwrap).count() > 3, "{figure}");
         let svg = String::from_utf8(figures[&format!("{figure}.svg")].clone()).unwrap();
-        has_parts(&svg, &["<svg ", "default (ours)", "</svg>"]);
+        has_parts(&svg, &["<svg ", ours, "</svg>"]);
         let file = std::io::Cursor::new(figures[&format!("{figure}.png")].clone());
         let info = png::Decoder::new(file).read_info().unwrap().info().clone();
         assert!(info.width > 800 && info.height > 400, "{figure}: {info:?}");
@@ -137,6 +144,19 @@ fn all_figures_are_drawn_with_data_and_a_report_that_names_its_command() {
         let sum = found["from_start"].as_f64().unwrap() + found["to_goal"].as_f64().unwrap();
         assert!(sum < bridge["direct"].as_f64().unwrap() + 0.02, "{found:?}");
     }
+
+    // The grip's path in space, for each of two methods, from the same start.
+    let mut paths = csv::Reader::from_reader(&data["fig1-wall-paths.csv"][..]);
+    let paths: Vec<(String, u64, bool, usize, f32, f32, f32)> = paths.deserialize().map(Result::unwrap).collect();
+    let starts: Vec<_> =
+        paths.iter().filter(|line| line.3 == 0).map(|line| (&*line.0, line.4, line.5, line.6)).collect();
+    let [("gdg", x, y, z), ("gdg-bridge", ..)] = starts[..] else { panic!("{starts:?}") };
+    assert!(starts[1] == ("gdg-bridge", x, y, z) && paths.len() <= 2 * 51, "{starts:?}");
+    let wall: Value = serde_json::from_slice(&data["fig1-wall.json"]).unwrap();
+    assert_eq!(wall["world"], "fetch-reach-wall");
+    let walk = &wall["data"]["methods"][1]["measured"]["long_walk"];
+    let goal = walk["goal"].as_array().unwrap()[1].as_f64().unwrap();
+    assert!((f64::from(y) - 0.749) * (goal - 0.749) < 0.0, "the goal is on the other side of the wall");
 
     // Nothing runs again, and nothing changes.
     let before = place.outcome("out");
@@ -170,6 +190,50 @@ fn figures_share_jobs_and_a_changed_setting_runs_only_what_depends_on_it() {
 
 #[cfg(unix)]
 #[test]
+fn the_arm_trains_for_steps_with_its_worlds_settings_and_goes_on_where_it_was() {
+    let place = Place::new();
+    let args = |out: &'static str| ["fig1", "--steps", "600", "--jobs", "1", "--set", "agents=4", "--out", out];
+    let whole = place.run(&args("whole"));
+    assert_eq!(whole.status, Some(0), "{}", whole.err);
+    let data: Value = serde_json::from_slice(&place.files("whole/data")["fig1.json"]).unwrap();
+    let methods = data["data"]["methods"].as_array().unwrap();
+    let names: Vec<&str> = methods.iter().map(|method| method["name"].as_str().unwrap()).collect();
+    assert_eq!(names, ["gdg-distance", "ddpg-distance", "gdg", "her"]);
+    for method in methods {
+        let settings: Vec<&str> = method["settings"].as_array().unwrap().iter().map(|s| s.as_str().unwrap()).collect();
+        // The world's own, and what is given instead.
+        assert!(settings.contains(&"env_steps_per_update=1") && settings.contains(&"agents=4"), "{settings:?}");
+        assert_eq!(settings.contains(&"discount=0.0"), method["name"] == "ddpg-distance", "{settings:?}");
+    }
+    let table = String::from_utf8(place.files("whole/data").remove("fig1.csv").unwrap()).unwrap();
+    assert!(table.starts_with("measure,method,seed,environment steps,value\n"), "{table}");
+    let of_gdg = table.lines().filter(|line| line.starts_with("success,gdg,1,"));
+    let marks: Vec<u64> = of_gdg.map(|line| line.split(',').nth(3).unwrap().parse().unwrap()).collect();
+    assert_eq!(marks, (1..=75).map(|i| 8 * i).collect::<Vec<u64>>());
+    for (name, bytes) in place.files("whole/jobs") {
+        let result: Value = serde_json::from_slice(&bytes).unwrap();
+        assert_eq!((&result["map"], &result["measured"]["env_steps"]), (&"fetch-reach".into(), &600.into()), "{name}");
+        assert!(result.get("free_cells").is_none(), "{name}");
+        // All updates due are done: one per step after the first 200.
+        assert_eq!(result["updates"], 400, "{name}");
+    }
+
+    let mut child = place.command(&args("parts")).stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines().map(Result::unwrap);
+    lines.find(|line| line.contains("304 of 600 environment steps")).unwrap();
+    Command::new("kill").args(["-INT".to_owned(), child.id().to_string()]).status().unwrap();
+    let rest: Vec<String> = lines.collect();
+    assert_eq!(child.wait().unwrap().code(), Some(130), "{rest:?}");
+    let resumed = place.run(&args("parts"));
+    has_parts(&resumed.err, &[": resumes after "]);
+    assert_same(&place.outcome("parts"), &place.outcome("whole"));
+
+    let changed = place.run(&[&args("whole")[..], &["--set", "her:tau=0.01"]].concat());
+    has_parts(&changed.err, &["3 jobs done, 1 to run", "fetch-reach-her-1-"]);
+}
+
+#[cfg(unix)]
+#[test]
 fn stopped_figures_go_on_where_they_were_and_give_the_same_bytes() {
     let place = Place::new();
     let args = |out: &'static str| ["fig6", "--updates", "600", "--jobs", "1", "--out", out];
@@ -198,8 +262,11 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
     let more = |more: &[&'static str]| place.run(&[&args("a folder")[..], more].concat());
 
     let none = more(&["--collect"]);
-    assert_eq!(none.status, Some(1));
-    has_parts(&none.err, &["nothing to draw", "5 jobs missing: ", "trap-default-1-"]);
+    assert_eq!(none.status, Some(2));
+    has_parts(&none.err, &["a folder: there is no such folder"]);
+    std::fs::create_dir(place.path("a folder")).unwrap();
+    has_parts(&more(&["--collect"]).err, &["a folder: this folder has no jobs"]);
+    assert_eq!(place.files("a folder"), BTreeMap::new());
     let listed = more(&["--list-jobs"]).out;
     let commands: Vec<&str> = listed.lines().collect();
     assert!(commands.len() >= 3 && commands.iter().all(|line| line.contains("'/")), "{listed}");
@@ -249,7 +316,11 @@ fn bad_arguments_are_named_before_anything_runs() {
     let place = Place::new();
     for (args, part) in [
         (&["fig7"][..], "fig6"),
-        (&["fig6", "--set", "gd:hidden=3"], "methods: default, gdg-bridge"),
+        (&["fig6", "--set", "gd:hidden=3"], "methods of fig6: default, gdg-bridge"),
+        (&["fig6", "--set", "her:hidden=3"], "no figure given has a method called \"her\""),
+        (&["fig1", "--set", "default:hidden=3"], "methods of fig1: gdg-distance, ddpg-distance, gdg, her"),
+        (&["fig6", "--collect"], "out: there is no such folder"),
+        (&["fig1", "--steps", "10", "--episodes", "10"], "--episodes"),
         (&["fig6", "--set", "gdg:hiden=3"], "did you mean hidden"),
         (&["fig6", "--job", "trap-1"], "trap-1: there is no such job"),
         (&["fig6", "--job", "99"], "give a number from 1 to"),

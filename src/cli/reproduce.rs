@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 
 use crate::experiment::reproduce::FIGURES;
@@ -20,9 +21,9 @@ Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad u
 /// How much is trained for the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum BudgetArg {
-    /// All figures in less than an hour on two cores
+    /// All figures in about an hour on two cores
     Quick,
-    /// As many episodes as in the paper, tested every 20,000: days on one machine
+    /// As many episodes as in the paper, tested every 20,000, and the arm three times as long: days on one machine
     Paper,
 }
 
@@ -56,11 +57,15 @@ pub struct ReproduceArgs {
     #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
     pub episodes: Option<u64>,
 
+    /// Train every job for N environment steps instead
+    #[arg(long, value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    pub steps: Option<u64>,
+
     /// Runs per method in figures over several seeds, with seeds 1, 2, ...
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
     pub seeds: Option<u64>,
 
-    /// Evaluation tasks at each of six distances at the end, and at most that many along the way
+    /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that many along the way
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub eval_tasks: Option<u32>,
 
@@ -93,6 +98,7 @@ pub struct ReproduceArgs {
     pub keep: bool,
 }
 
-fn figures() -> clap::builder::PossibleValuesParser {
-    FIGURES.iter().map(|figure| figure.name).chain(["all"]).collect::<Vec<_>>().into()
+fn figures() -> PossibleValuesParser {
+    let figures = FIGURES.iter().map(|figure| PossibleValue::new(figure.name).help(figure.title));
+    figures.chain([PossibleValue::new("all").help("All of them")]).collect::<Vec<_>>().into()
 }

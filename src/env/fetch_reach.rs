@@ -37,6 +37,8 @@ pub const KIND: WorldKind = WorldKind {
     about: "a 7-joint arm that reaches for points in space",
     create: Some(|| Box::new(FetchReach::new(None, 0))),
     load: |_| Ok(Box::new(FetchReach::new(None, 0))),
+    // As measured in docs/experiments.md: a few thousand steps are enough, so each is worth an update.
+    defaults: &["agents=8", "learning_starts=200", "env_steps_per_update=1"],
 };
 
 /// Registry entry of the arm with a wall.
@@ -45,6 +47,8 @@ pub const WALL_KIND: WorldKind = WorldKind {
     about: "the same arm with a wall between the halves of its goals",
     create: Some(|| Box::new(FetchReach::new(Some(WALL), 0))),
     load: |_| Ok(Box::new(FetchReach::new(Some(WALL), 0))),
+    // No goal lies in most of the space that excursions would explore.
+    defaults: &["agents=8", "learning_starts=500", "env_steps_per_update=1", "frontier_epsilon=0"],
 };
 
 /// Length of an episode; reaching the goal does not end it.

@@ -24,6 +24,7 @@ pub const KIND: WorldKind = WorldKind {
     about: "a point on a grid map that slides along walls",
     create: None,
     load: |store| Ok(Box::new(PointMaze::load(store)?)),
+    defaults: &[],
 };
 
 const NAME: &str = "maze";

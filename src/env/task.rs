@@ -38,6 +38,16 @@ pub enum DistanceUnit {
     Centimetres,
 }
 
+impl DistanceUnit {
+    /// Returns its name after a number: `40 steps`, `15 cm`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Steps => "steps",
+            Self::Centimetres => "cm",
+        }
+    }
+}
+
 /// Tasks grouped by distance.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct TaskSet {

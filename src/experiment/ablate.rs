@@ -177,7 +177,7 @@ fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), 
 /// Returns the settings of `case`.
 fn settings(case: &Case) -> Result<Settings, Report> {
     let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
-    settings_from(case.preset, &Overrides { config: None, set: &set }).map_err(from_config_error)
+    settings_from(case.preset, &Overrides { set: &set, ..Overrides::default() }).map_err(from_config_error)
 }
 
 fn train(case: &Case, seed: u64, world: &PointMaze, args: &AblateArgs) -> Result<Evaluation, Report> {

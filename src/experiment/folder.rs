@@ -57,6 +57,18 @@ impl Folder {
         })
     }
 
+    /// Checks that jobs have been run in it.
+    ///
+    /// # Errors
+    /// There is no such folder, or it has no jobs.
+    pub fn check_has_jobs(&self) -> Result<(), Report> {
+        if self.0.join("jobs").is_dir() {
+            return Ok(());
+        }
+        let problem = if self.0.is_dir() { "this folder has no jobs" } else { "there is no such folder" };
+        Err(miette!(help = "give --out the folder in which the jobs were run", "{}: {problem}", self.0.display()))
+    }
+
     /// Returns the path of a file in it.
     pub fn path(&self, name: &str) -> PathBuf {
         self.0.join(name)

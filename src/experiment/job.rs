@@ -1,31 +1,27 @@
-//! One job: a run on a map, and its result.
-
-use std::sync::Arc;
+//! One job: a run in a world, and its result.
 
 use miette::{IntoDiagnostic, Report};
 use serde::{Deserialize, Serialize};
+use serde_json::Value;
 
 use super::measure::Measured;
 use super::plan::{Length, Plan};
-use crate::env::PointMaze;
-use crate::map::{Grid, print_ascii, with_start};
+use super::world::JobWorld;
 use crate::text::safe_file_name;
-use crate::train::{Evaluation, Method, Preset, Run, Trainer, list_settings};
+use crate::train::{Evaluation, Method, Preset, Run, Trainer};
 
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
 
-/// A run on a map, its length, and what is measured.
+/// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct Job {
-    /// The map's name, the label if any, the seed and the beginning of the key.
+    /// The world's name, the label if any, the seed and the beginning of the key.
     pub name: String,
     /// Checksum of everything that the result depends on, in hexadecimal digits.
     pub key: String,
-    /// The map, with a start.
-    pub map: Arc<Grid>,
-    /// Whether that start was drawn, as the map itself has none.
-    pub start_drawn: bool,
+    /// The world.
+    pub world: JobWorld,
     /// Method, settings and seed.
     pub run: Run,
     /// Length, evaluations and what is measured at the end.
@@ -33,44 +29,39 @@ pub struct Job {
 }
 
 impl Job {
-    /// Creates the job of `run` on `map`; `label` becomes part of its name. A map without a start gets one drawn by the
-    /// run's seed.
+    /// Creates the job of `run` in `world`; `label` becomes part of its name.
     ///
     /// # Errors
     /// The run cannot be written as JSON.
-    pub fn new(map: &Grid, label: Option<&str>, run: Run, plan: Plan) -> Result<Self, Report> {
-        let (start_drawn, map) = (map.starts().is_empty(), with_start(map.clone(), run.seed));
-        let (version, text) = (env!("CARGO_PKG_VERSION"), print_ascii(&map));
+    pub fn new(world: JobWorld, label: Option<&str>, run: Run, plan: Plan) -> Result<Self, Report> {
+        let (version, text) = (env!("CARGO_PKG_VERSION"), world.content());
         // The results of suites made before there were other plans keep their keys.
         let determines = match plan.of_suite() {
             Some((updates, tasks, evaluations)) => {
-                serde_json::to_string(&(version, map.name(), text, &run, updates, tasks, evaluations))
+                serde_json::to_string(&(version, world.name(), text, &run, updates, tasks, evaluations))
             }
-            None => serde_json::to_string(&(version, map.name(), text, &run, &plan)),
+            None => serde_json::to_string(&(version, world.name(), text, &run, &plan)),
         };
         let key = format!("{:08x}", crc32fast::hash(determines.into_diagnostic()?.as_bytes()));
         let label = label.map_or(String::new(), |label| format!("{label}-"));
-        let name = format!("{}-{label}{}-{}", file_stem(map.name()), run.seed, &key[..NAME_DIGITS]);
-        Ok(Self { name, key, map: Arc::new(map), start_drawn, run, plan })
+        let name = format!("{}-{label}{}-{}", file_stem(world.name()), run.seed, &key[..NAME_DIGITS]);
+        Ok(Self { name, key, world, run, plan })
     }
 
     /// Whether `trainer` is this job, begun earlier.
     pub fn is_run_of(&self, trainer: &Trainer) -> bool {
-        let same_map = PointMaze::downcast_ref(trainer.world())
-            .is_some_and(|maze| print_ascii(maze.map()) == print_ascii(&self.map));
         let beyond = match self.plan.length {
             Length::Updates(updates) => trainer.counters().updates > updates,
-            // Several agents may end their last episodes in the same step.
-            Length::Episodes(_) => false,
+            // Several agents may end their last episodes, or take their last steps, at once.
+            Length::Episodes(_) | Length::Steps(_) => false,
         };
-        *trainer.run() == self.run && same_map && !beyond
+        *trainer.run() == self.run && self.world.is(trainer.world()) && !beyond
     }
 
     /// Returns the settings that differ from the preset's, as `--set` takes them.
     pub fn changed_settings(&self) -> Vec<String> {
-        let preset = list_settings(&self.run.preset.settings());
-        let own = list_settings(&self.run.settings).into_iter();
-        own.filter(|setting| !preset.contains(setting)).map(|(name, value)| format!("{name}={value}")).collect()
+        let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
+        self.run.changed_settings().iter().map(|(name, value)| format!("{name}={}", text(value))).collect()
     }
 
     /// Returns the result once `trainer` has come to the end, with what was measured there.
@@ -84,10 +75,8 @@ impl Job {
             preset: self.run.preset,
             settings: self.changed_settings(),
             seed: self.run.seed,
-            map: self.map.name().to_owned(),
-            free_cells: self.map.free_count(),
-            starts: self.map.starts().iter().map(|start| [start.x, start.y]).collect(),
-            start_drawn: self.start_drawn,
+            world: self.world.name().to_owned(),
+            map: MapFacts::of(&self.world),
             updates: trainer.counters().updates,
             seconds: trainer.seconds(),
             evaluations: evaluations.map(|(updates, evaluation)| EvaluationAt { updates, evaluation }).collect(),
@@ -113,14 +102,12 @@ pub struct JobResult {
     pub settings: Vec<String>,
     /// The seed.
     pub seed: u64,
-    /// The map's name.
-    pub map: String,
-    /// Number of free cells.
-    pub free_cells: usize,
-    /// Column and row of each start.
-    pub starts: Vec<[usize; 2]>,
-    /// Whether the start was drawn, as the map itself has none.
-    pub start_drawn: bool,
+    /// Name of the map, or of the world if it has none.
+    #[serde(rename = "map")]
+    pub world: String,
+    /// The map, if there is one.
+    #[serde(flatten)]
+    pub map: Option<MapFacts>,
     /// Updates done.
     pub updates: u64,
     /// Training time in seconds, without evaluation.
@@ -130,6 +117,25 @@ pub struct JobResult {
     /// What else was measured at the end, if the job's plan asks for anything.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub measured: Option<Measured>,
+}
+
+/// A job's map.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct MapFacts {
+    /// Number of free cells.
+    pub free_cells: usize,
+    /// Column and row of each start.
+    pub starts: Vec<[usize; 2]>,
+    /// Whether the start was drawn, as the map itself has none.
+    pub start_drawn: bool,
+}
+
+impl MapFacts {
+    fn of(world: &JobWorld) -> Option<Self> {
+        let JobWorld::Maze { map, start_drawn } = world else { return None };
+        let starts = map.starts().iter().map(|start| [start.x, start.y]).collect();
+        Some(Self { free_cells: map.free_count(), starts, start_drawn: *start_drawn })
+    }
 }
 
 /// An evaluation after a number of updates.
@@ -166,14 +172,14 @@ mod tests {
 
     fn job(map: &str, run: Run, updates: u64) -> Job {
         let map = parse_map("a map|(1).map", map.as_bytes()).expect("a map");
-        Job::new(&map, None, run, Plan::suite(updates, 2)).expect("a job")
+        Job::new(JobWorld::maze(&map, run.seed), None, run, Plan::suite(updates, 2)).expect("a job")
     }
 
     #[test]
     fn the_name_is_plain_and_the_key_depends_on_all_that_the_result_does() {
         let one = job("...\n", run(1), 100);
         assert!(one.name.starts_with("a_map_1_-1-"), "{}", one.name);
-        assert!(one.start_drawn && one.map.starts().len() == 1);
+        assert!(MapFacts::of(&one.world).is_some_and(|map| map.start_drawn && map.starts.len() == 1));
         assert_eq!(job("...\n", run(1), 100).key, one.key);
         let mut other = run(1);
         other.settings.learn.hidden = 17;
@@ -185,7 +191,8 @@ mod tests {
     #[test]
     fn the_key_depends_on_the_plan_and_the_name_on_the_label() {
         let map = parse_map("map", b"...\n").expect("a map");
-        let job = |plan: &Plan| Job::new(&map, Some("gdg"), run(1), plan.clone()).expect("a job");
+        let world = JobWorld::maze(&map, 1);
+        let job = |plan: &Plan| Job::new(world.clone(), Some("gdg"), run(1), plan.clone()).expect("a job");
         let plan = Plan { max_steps: Some(500), ..Plan::suite(100, 2) };
         assert!(job(&plan).name.starts_with("map-gdg-1-"));
         let others = [

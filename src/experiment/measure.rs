@@ -37,6 +37,24 @@ pub struct Measured {
     /// The search for a bridge point.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub bridge: Option<Bridge>,
+    /// The walk of a long task.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub long_walk: Option<GoalWalk>,
+}
+
+/// A walk in any world. Positions are goals (`goal_dim`), in the world's unit of length.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+pub struct GoalWalk {
+    /// The goal.
+    pub goal: Vec<f32>,
+    /// A position closer to the goal than this reaches it.
+    pub goal_radius: f32,
+    /// Whether it was reached in time.
+    pub reached: bool,
+    /// Waypoints of the plan made at the start, the goal last; none if the method does not plan.
+    pub plan: Vec<Vec<f32>>,
+    /// Position at the start and after every step.
+    pub path: Vec<Vec<f32>>,
 }
 
 /// One walk. Positions are in cells.
@@ -86,24 +104,42 @@ pub struct Found {
     pub to_goal: f32,
 }
 
-/// Measures what `plan` asks for; `None` if that is nothing.
+/// Measures what `plan` asks for; `None` if that is nothing. What needs a map is left out without one.
 ///
 /// # Errors
 /// The learner fails.
-pub fn measure(plan: &Plan, trainer: &Trainer, map: &Arc<Grid>) -> Result<Option<Measured>, Report> {
+pub fn measure(plan: &Plan, trainer: &Trainer, map: Option<&Arc<Grid>>) -> Result<Option<Measured>, Report> {
     if !plan.measures() {
         return Ok(None);
     }
     let job = trainer.evaluation().into_diagnostic()?.within(plan.max_steps);
-    let mut walks = Vec::new();
-    for &distance in &plan.walks {
-        let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
-        let tasks = PointMaze::new(map.clone(), 0).tasks_at(&[distance], 1, &mut rng).tasks;
-        walks.extend(tasks.first().map(|task| walk(&job, task, distance)));
-    }
+    let walks = map.map_or(Vec::new(), |map| plan.walks.iter().filter_map(|d| walk_at(&job, map, *d)).collect());
+    let bridge = map.filter(|_| plan.bridge).map(|map| search(trainer, &job, map)).transpose()?;
+    let long_walk = plan.long_walk.then(|| long_walk(trainer, &job)).flatten();
     let counters = trainer.counters();
-    let bridge = plan.bridge.then(|| search(trainer, &job, map)).transpose()?;
-    Ok(Some(Measured { env_steps: counters.env_steps, episodes: counters.episodes, walks, bridge }))
+    Ok(Some(Measured { env_steps: counters.env_steps, episodes: counters.episodes, walks, bridge, long_walk }))
+}
+
+/// Walks a task of this length, in steps; `None` if the map has none.
+fn walk_at(job: &EvaluationJob, map: &Arc<Grid>, distance: u32) -> Option<Walked> {
+    let mut rng = ChaCha8Rng::seed_from_u64(TASK_SEED);
+    let tasks = PointMaze::new(map.clone(), 0).tasks_at(&[distance], 1, &mut rng).tasks;
+    tasks.first().map(|task| walk(job, task, distance))
+}
+
+/// Walks the longest task of one in each group of distances; `None` if the world has no tasks.
+fn long_walk(trainer: &Trainer, job: &EvaluationJob) -> Option<GoalWalk> {
+    let (world, mut rng) = (trainer.world(), ChaCha8Rng::seed_from_u64(TASK_SEED));
+    let tasks = world.tasks(1, &mut rng).tasks;
+    let task = tasks.last()?;
+    let (walked, spec) = (job.walk(task), world.spec());
+    Some(GoalWalk {
+        goal: task.goal.clone(),
+        goal_radius: spec.goal_radius,
+        reached: walked.reached,
+        plan: walked.plan,
+        path: walked.states.iter().map(|state| spec.achieved(state).collect()).collect(),
+    })
 }
 
 fn walk(job: &EvaluationJob, task: &Task, distance: u32) -> Walked {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::train::Counters;
+use crate::train::{Counters, Tick};
 
 /// Evaluations per job of a suite, equally spaced; the last one at the end.
 const SUITE_EVALUATIONS: u64 = 10;
@@ -15,13 +15,16 @@ pub enum Length {
     Updates(u64),
     /// A number of episodes.
     Episodes(u64),
+    /// A number of environment steps, summed over all agents, and the updates due then. All agents step at once, so it is
+    /// passed by less than their number.
+    Steps(u64),
 }
 
 impl Length {
-    /// Returns the number of updates or episodes.
+    /// Returns the number of updates, episodes or steps.
     pub fn amount(self) -> u64 {
         match self {
-            Self::Updates(amount) | Self::Episodes(amount) => amount,
+            Self::Updates(amount) | Self::Episodes(amount) | Self::Steps(amount) => amount,
         }
     }
 
@@ -30,6 +33,7 @@ impl Length {
         match self {
             Self::Updates(_) => "updates",
             Self::Episodes(_) => "episodes",
+            Self::Steps(_) => "environment steps",
         }
     }
 
@@ -38,6 +42,16 @@ impl Length {
         match self {
             Self::Updates(_) => counters.updates,
             Self::Episodes(_) => counters.episodes,
+            Self::Steps(_) => counters.env_steps,
+        }
+    }
+
+    /// Whether a run may be evaluated or end after `tick`; `update_due` if the next tick is an update.
+    pub fn may_pause(self, tick: Tick, update_due: bool) -> bool {
+        match self {
+            Self::Updates(_) => tick == Tick::Update,
+            Self::Episodes(_) => true,
+            Self::Steps(_) => !update_due,
         }
     }
 }
@@ -55,27 +69,36 @@ pub struct Plan {
     pub last_tasks: u32,
     /// Steps within which every goal has to be reached, instead of the task's own budget.
     pub max_steps: Option<u32>,
-    /// Distances, in steps, of one walk each at the end.
+    /// Distances, in steps, of one walk each at the end, on a map.
     pub walks: Vec<u32>,
-    /// Whether to search for a bridge point at the end.
+    /// Whether to search for a bridge point at the end, on a map.
     pub bridge: bool,
-    /// Whether to draw a picture at the end.
+    /// Whether to draw a picture at the end, of a map.
     pub picture: bool,
+    /// Whether to walk the longest of a few evaluation tasks at the end, in any world.
+    #[serde(skip_serializing_if = "std::ops::Not::not")]
+    pub long_walk: bool,
 }
 
 impl Plan {
-    /// Returns the plan of a suite's job.
-    pub fn suite(updates: u64, eval_tasks: u32) -> Self {
+    /// Returns a plan with `evaluations` on `eval_tasks` at each distance, and nothing else.
+    pub fn new(length: Length, evaluations: u64, eval_tasks: u32) -> Self {
         Self {
-            length: Length::Updates(updates),
-            evaluations: SUITE_EVALUATIONS,
+            length,
+            evaluations,
             eval_tasks,
             last_tasks: eval_tasks,
             max_steps: None,
             walks: Vec::new(),
             bridge: false,
-            picture: true,
+            picture: false,
+            long_walk: false,
         }
+    }
+
+    /// Returns the plan of a suite's job.
+    pub fn suite(updates: u64, eval_tasks: u32) -> Self {
+        Self { picture: true, ..Self::new(Length::Updates(updates), SUITE_EVALUATIONS, eval_tasks) }
     }
 
     /// Returns updates, tasks and evaluations if this is the plan of a suite's job.
@@ -84,7 +107,7 @@ impl Plan {
         (*self == Self::suite(updates, self.eval_tasks)).then_some((updates, self.eval_tasks, self.evaluations))
     }
 
-    /// Returns after how many updates or episodes to evaluate, in order.
+    /// Returns after how many updates, episodes or steps to evaluate, in order.
     pub fn marks(&self) -> Vec<u64> {
         let amount = u128::from(self.length.amount());
         let at = |i: u64| (amount * u128::from(i) / u128::from(self.evaluations.max(1))) as u64;
@@ -93,18 +116,18 @@ impl Plan {
         marks
     }
 
-    /// Whether an evaluation is due after `done` updates or episodes, if `made` evaluations have been made, the latest
+    /// Whether an evaluation is due after `done` updates, episodes or steps, if `made` evaluations have been made, the latest
     /// one in the present state or not.
     pub fn is_due(&self, done: u64, made: usize, made_now: bool) -> bool {
         match self.length {
             // Every number of updates comes up.
             Length::Updates(_) => !made_now && self.marks().binary_search(&done).is_ok(),
-            // Several agents may end their episodes in the same step.
-            Length::Episodes(_) => self.marks().partition_point(|mark| *mark <= done) > made,
+            // Several agents may end their episodes in the same step, and all of them step at once.
+            Length::Episodes(_) | Length::Steps(_) => self.marks().partition_point(|mark| *mark <= done) > made,
         }
     }
 
-    /// Returns the tasks at each distance in an evaluation after `done` updates or episodes.
+    /// Returns the tasks at each distance in an evaluation after `done` updates, episodes or steps.
     pub fn tasks_after(&self, done: u64) -> usize {
         (if done >= self.length.amount() { self.last_tasks } else { self.eval_tasks }) as usize
     }

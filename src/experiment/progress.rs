@@ -61,7 +61,7 @@ impl Progress {
     pub fn new(jobs: &[&Job], parallel: usize) -> Self {
         let item = |job: &&Job| {
             let run = &job.run;
-            let group = format!("{} {} {:?}", job.map.name(), run.method, run.preset);
+            let group = format!("{} {} {:?}", job.world.name(), run.method, run.preset);
             Item { group, total: job.plan.length.amount(), done: 0, first: 0, began: None, spent: None }
         };
         let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), ProgressDrawTarget::stderr());

@@ -51,8 +51,7 @@ fn about(groups: &[Vec<Job>]) -> String {
 }
 
 fn size(group: &[Job]) -> String {
-    let Some(job) = group.first() else { return String::new() };
-    let map = &job.map;
+    let Some((job, map)) = group.first().and_then(|job| Some((job, job.world.map()?))) else { return String::new() };
     format!("{} x {}, {} free cells, {} updates", map.width(), map.height(), map.free_count(), job.plan.length.amount())
 }
 
@@ -60,8 +59,9 @@ fn size(group: &[Job]) -> String {
 fn section(job: &Job, result: &JobResult, folder: &Folder) -> String {
     let (picture, numbers) = (picture_name(job), table::numbers(result));
     let shown = if folder.path(&picture).is_file() { format!("![{}]({picture})\n\n", job.name) } else { String::new() };
-    let starts: Vec<String> = result.starts.iter().map(|[x, y]| format!("({x}, {y})")).collect();
-    let drawn = if result.start_drawn { " (drawn)" } else { "" };
+    let starts = result.map.iter().flat_map(|map| &map.starts);
+    let starts: Vec<String> = starts.map(|[x, y]| format!("({x}, {y})")).collect();
+    let drawn = if result.map.as_ref().is_some_and(|map| map.start_drawn) { " (drawn)" } else { "" };
     let curve = |name: &str, of: &dyn Fn(&Evaluation) -> Option<f64>| {
         let values: Vec<Option<f64>> = result.evaluations.iter().map(|at| of(&at.evaluation)).collect();
         let known = values.iter().any(Option::is_some);

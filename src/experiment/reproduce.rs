@@ -3,6 +3,7 @@
 mod curves;
 mod draw;
 mod figures;
+mod grip;
 mod maps;
 mod methods;
 mod output;
@@ -21,13 +22,14 @@ use super::job::{Job, JobResult};
 use super::plan::{Length, Plan};
 use super::runner::Runner;
 use super::suite::{any_failed, print, print_raw};
+use super::world::JobWorld;
 use crate::cli::{EXIT_FAILURE, ReproduceArgs};
 use crate::report::from_config_error;
-use crate::setup::{find_map, settings_of, split_prefix, threads};
+use crate::setup::{settings_of, split_prefix, threads};
 use crate::text::{counted, eprint_line};
 use crate::train::{Overrides, Preset, Registry, Run, settings_from};
 pub use figures::{FIGURES, Figure};
-use methods::{ENTRIES, Entry};
+use methods::Entry;
 
 /// Figures, ready to be reproduced.
 pub struct Reproduction<'a> {
@@ -66,12 +68,13 @@ struct MethodResults {
 /// # Errors
 /// A setting or a job's name is invalid, or the folder is not writable.
 pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<Reproduction<'a>, Report> {
-    check_prefixes(&args.set)?;
     let chosen = |figure: &&Figure| args.figures.iter().any(|name| name == figure.name || name == "all");
+    let chosen: Vec<&'static Figure> = FIGURES.iter().filter(chosen).collect();
+    check_prefixes(&args.set, &chosen)?;
     let (mut figures, mut unavailable) = (Vec::new(), BTreeSet::new());
-    for figure in FIGURES.iter().filter(chosen) {
+    for figure in chosen {
         let mut methods = Vec::new();
-        for entry in figure.methods.iter().filter_map(|name| Entry::named(name)) {
+        for entry in figure.methods {
             match entry.preset(registry) {
                 Some(preset) => methods.push(MethodJobs { entry, jobs: jobs(figure, entry, preset, args, registry)? }),
                 None => drop(unavailable.insert(entry.name)),
@@ -86,6 +89,9 @@ pub fn prepare<'a>(args: &'a ReproduceArgs, registry: &Arc<Registry>) -> Result<
     let folder = Folder::new(&args.out);
     let own = Reproduction { args, registry: registry.clone(), folder, figures, jobs, unavailable };
     own.chosen()?;
+    if args.collect {
+        own.folder.check_has_jobs()?;
+    }
     if !args.list_jobs {
         own.folder.check_writable(&["report.md", "jobs/NAME.json", "data/NAME.json", "figures/NAME.png"])?;
     }
@@ -100,29 +106,38 @@ fn jobs(
     args: &ReproduceArgs,
     registry: &Registry,
 ) -> Result<Vec<Job>, Report> {
-    let map = find_map(figure.map, registry)?;
     let own = entry.set.iter().map(|text| (*text).to_owned());
     let set: Vec<String> = own.chain(settings_of(entry.name, &args.set)).collect();
-    let settings = settings_from(preset, &Overrides { config: None, set: &set }).map_err(from_config_error)?;
+    let defaults = registry.world_opened_by(figure.world).map_or(&[][..], |kind| kind.defaults);
+    let settings =
+        settings_from(preset, &Overrides { defaults, config: None, set: &set }).map_err(from_config_error)?;
     let mut plan = figure.plan(args.budget, entry.name);
-    let length = args.updates.map(Length::Updates).or(args.episodes.map(Length::Episodes));
-    plan.length = length.unwrap_or(plan.length);
+    let lengths =
+        [args.updates.map(Length::Updates), args.episodes.map(Length::Episodes), args.steps.map(Length::Steps)];
+    plan.length = lengths.into_iter().flatten().next().unwrap_or(plan.length);
     if let Some(tasks) = args.eval_tasks {
         (plan.eval_tasks, plan.last_tasks) = (plan.eval_tasks.min(tasks), tasks);
     }
     let seeds = if figure.several_seeds { args.seeds.unwrap_or(figure.seeds()) } else { 1 };
-    let run = |seed| Run { method: entry.method(), preset, seed, settings: settings.clone() };
-    (1..=seeds).map(|seed| Job::new(&map, Some(entry.name), run(seed), plan.clone())).collect()
+    let job = |seed| {
+        let run = Run { method: entry.method(), preset, seed, settings: settings.clone() };
+        Job::new(JobWorld::find(figure.world, seed, registry)?, Some(entry.name), run, plan.clone())
+    };
+    (1..=seeds).map(job).collect()
 }
 
-/// Checks the methods named by `--set`.
-fn check_prefixes(set: &[String]) -> Result<(), Report> {
-    let unknown = |method: &&str| Entry::named(method).is_none();
+/// Checks that the methods named by `--set` are among those of `figures`.
+fn check_prefixes(set: &[String], figures: &[&Figure]) -> Result<(), Report> {
+    let mut names: Vec<&str> = figures.iter().flat_map(|figure| figure.methods).map(|entry| entry.name).collect();
+    let mut known = BTreeSet::new();
+    names.retain(|name| known.insert(*name));
+    let unknown = |method: &&str| !names.contains(method);
     let Some(method) = set.iter().filter_map(|text| split_prefix(text).0).find(unknown) else {
         return Ok(());
     };
-    let names = ENTRIES.map(|entry| entry.name).join(", ");
-    Err(miette!(help = format!("methods: {names}"), "--set {method}:...: there is no method called {method:?}"))
+    let figures = figures.iter().map(|figure| figure.name).collect::<Vec<_>>().join(", ");
+    let help = format!("methods of {figures}: {}", names.join(", "));
+    Err(miette!(help = help, "--set {method}:...: no figure given has a method called {method:?}"))
 }
 
 impl Reproduction<'_> {
@@ -186,6 +201,7 @@ impl Reproduction<'_> {
         let numbers = [
             ("--updates", args.updates),
             ("--episodes", args.episodes),
+            ("--steps", args.steps),
             ("--seeds", args.seeds),
             ("--eval-tasks", args.eval_tasks.map(u64::from)),
         ];
@@ -261,8 +277,13 @@ mod tests {
         assert_eq!(split_prefix("gdg:hidden=17"), (Some("gdg"), "hidden=17"));
         assert_eq!(split_prefix("hidden=17"), (None, "hidden=17"));
         assert_eq!(split_prefix("name=a:b"), (None, "name=a:b"));
-        assert!(check_prefixes(&["gdg:hidden=17".to_owned()]).is_ok());
-        let error = check_prefixes(&["gd:hidden=17".to_owned()]).expect_err("no such method");
-        assert!(error.to_string().contains("no method called \"gd\""), "{error}");
+        let figures: Vec<&Figure> = FIGURES.iter().filter(|figure| figure.name == "fig6").collect();
+        assert!(check_prefixes(&["gdg:hidden=17".to_owned()], &figures).is_ok());
+        for method in ["gd", "her"] {
+            let error = check_prefixes(&[format!("{method}:hidden=17")], &figures).expect_err("no such method");
+            assert!(error.to_string().contains(&format!("a method called \"{method}\"")), "{error}");
+            let help = error.help().map(|help| help.to_string()).unwrap_or_default();
+            assert_eq!(help, "methods of fig6: default, gdg-bridge, gdg, ddpg, ddpg-distance");
+        }
     }
 }

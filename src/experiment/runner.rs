@@ -13,7 +13,6 @@ use super::measure::measure;
 use super::picture;
 use super::plan::Length;
 use super::progress::Progress;
-use crate::env::PointMaze;
 use crate::headless::{Saver, evaluate};
 use crate::report::print_error;
 use crate::setup::begin;
@@ -139,8 +138,9 @@ impl Runner {
         if self.keep {
             saver.save(&mut trainer)?;
         }
-        let picture = job.plan.picture.then(|| picture::draw(&trainer, &job.map)).transpose()?;
-        let measured = measure(&job.plan, &trainer, &job.map)?;
+        let map = job.world.map().filter(|_| job.plan.picture);
+        let picture = map.map(|map| picture::draw(&trainer, map)).transpose()?;
+        let measured = measure(&job.plan, &trainer, job.world.map())?;
         self.folder.finish(job, &job.result(&trainer, measured), picture.as_deref(), self.keep)?;
         Ok(End::Done)
     }
@@ -162,7 +162,7 @@ impl Runner {
             }
         }
         at.progress.line(&format!("{name}: begins, {amount} {unit}"));
-        begin(job.run.clone(), &PointMaze::new(job.map.clone(), 0), &self.registry, 1)
+        begin(job.run.clone(), &*job.world.create(&self.registry)?, &self.registry, 1)
     }
 
     /// Trains and evaluates to the end; returns whether it got there before a signal arrived.
@@ -176,7 +176,7 @@ impl Runner {
                 return Ok(false);
             }
             let done = length.done(&trainer.counters());
-            if tick == Tick::Update || matches!(length, Length::Episodes(_)) {
+            if length.may_pause(tick, trainer.is_update_due()) {
                 let updates = trainer.counters().updates;
                 let mut made_now = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
                 // A step may end several agents' episodes and so pass several marks.
@@ -186,9 +186,9 @@ impl Runner {
                     }
                     (made, made_now) = (made + 1, true);
                 }
-            }
-            if done >= length.amount() {
-                return Ok(true);
+                if done >= length.amount() {
+                    return Ok(true);
+                }
             }
             crate::faults::point("trainer");
             tick = trainer.tick().into_diagnostic()?;
@@ -204,7 +204,7 @@ impl Runner {
         }
     }
 
-    /// Evaluates after `done` updates or episodes; returns whether no signal arrived.
+    /// Evaluates after `done` updates, episodes or steps; returns whether no signal arrived.
     fn evaluate(&self, job: &Job, trainer: &mut Trainer, done: u64, at: &At) -> Result<bool, Report> {
         let (plan, length) = (&job.plan, job.plan.length);
         let tasks = plan.tasks_after(done);

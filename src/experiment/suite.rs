@@ -13,7 +13,9 @@ use super::plan::Plan;
 use super::report::report;
 use super::runner::{End, Outcome, Runner};
 use super::table::{Row, table};
+use super::world::JobWorld;
 use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
+use crate::env::maze;
 use crate::map::{Grid, builtin};
 use crate::setup::{self, find_map, threads};
 use crate::text::{counted, eprint_line, sanitized_lines};
@@ -40,11 +42,15 @@ pub struct Suite<'a> {
 /// A map, a setting or a job's name is invalid, or the folder is not writable.
 pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suite<'a>, Report> {
     let (mut groups, mut known) = (Vec::new(), BTreeSet::new());
+    let job = |map: &Grid, seed, plan: &Plan| {
+        let run = setup::run(&args.run, maze::KIND.name, registry, seed)?;
+        Job::new(JobWorld::maze(map, seed), None, run, plan.clone())
+    };
     for map in &args.maps {
         for grid in maps(map, registry)? {
             let updates = args.budget.unwrap_or_else(|| default_budget(&grid));
             let plan = Plan::suite(updates, args.eval_tasks);
-            let jobs = (1..=args.seeds).map(|seed| Job::new(&grid, None, setup::run(&args.run, seed)?, plan.clone()));
+            let jobs = (1..=args.seeds).map(|seed| job(&grid, seed, &plan));
             let mut jobs = jobs.collect::<Result<Vec<_>, _>>()?;
             // The same map may be given twice, by itself and in its folder.
             jobs.retain(|job| known.insert(job.name.clone()));
@@ -127,14 +133,15 @@ impl Suite<'_> {
     /// Returns a line per job.
     fn list(&self) -> String {
         let widest = |of: fn(&Job) -> &str| self.jobs().map(|job| of(job).chars().count()).max().unwrap_or(0);
-        let (wide, wide_map) = (widest(|job| &job.name), widest(|job| job.map.name()));
+        let (wide, wide_map) = (widest(|job| &job.name), widest(|job| job.world.name()));
         let line = |job: &Job| {
             let state = match self.folder.state(job) {
                 State::NotBegun => "not begun".to_owned(),
                 State::Begun(updates) => format!("begun, {updates} updates done"),
                 State::Done(_) => "done".to_owned(),
             };
-            let (name, map, cells, seed) = (&job.name, job.map.name(), job.map.free_count(), job.run.seed);
+            let (name, map, seed) = (&job.name, job.world.name(), job.run.seed);
+            let cells = job.world.map().map_or(0, |map| map.free_count());
             let updates = job.plan.length.amount();
             format!("{name:<wide$}  {map:<wide_map$}  {cells:>8} cells  seed {seed}  {updates:>7} updates  {state}\n")
         };
@@ -144,7 +151,7 @@ impl Suite<'_> {
     /// Returns the rows of the table, with the results there are.
     fn rows(&self) -> Vec<Row> {
         let row = |jobs: &Vec<Job>| {
-            let map = &jobs.first()?.map;
+            let map = jobs.first()?.world.map()?;
             Some(Row {
                 map: map.name().to_owned(),
                 free_cells: map.free_count(),

@@ -23,6 +23,8 @@ pub enum Record {
         facts: Map<String, Value>,
         method: String,
         preset: &'static str,
+        /// Settings that differ from the preset's.
+        settings: Map<String, Value>,
         seed: u64,
         threads: usize,
         updates: u64,
@@ -86,6 +88,7 @@ impl Record {
             facts,
             method: run.method.name(),
             preset: run.preset.name(),
+            settings: run.changed_settings(),
             seed: run.seed,
             threads: setup.threads,
             updates: setup.trainer.counters().updates,

@@ -20,6 +20,8 @@ use crate::text::{Excerpt, sanitized, truncated};
 /// Overrides of a preset.
 #[derive(Clone, Debug, Default)]
 pub struct Overrides<'a> {
+    /// The world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)), for presets that adapt to the world.
+    pub defaults: &'a [&'static str],
     /// A JSON file: an object of setting names and values.
     pub config: Option<&'a Path>,
     /// Individual settings as `name=value`; later ones win.
@@ -68,29 +70,37 @@ impl ConfigError {
     }
 }
 
-/// Returns the settings of `preset` with `overrides` applied: first the file, then the individual values.
+/// Returns the settings of `preset` with `overrides` applied: first the world's defaults, if the preset adapts to the
+/// world, then the file, then the individual values.
 ///
 /// # Errors
 /// The file cannot be read or is not a JSON object, a name is unknown, or a value has the wrong type or is out of
 /// range.
 pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(&preset.settings());
+    let defaults = if preset.adapts_to_world() { overrides.defaults } else { &[] };
+    for assignment in defaults {
+        apply_assignment(&mut values, assignment, "default setting of the world ")?;
+    }
     if let Some(path) = overrides.config {
         apply_file(&mut values, path)?;
     }
     for assignment in overrides.set {
-        let shown = truncated(assignment, MAX_QUOTED_CHARS);
-        let (name, value) = assignment.split_once('=').ok_or_else(|| {
-            ConfigError::new(
-                format!("--set {shown}: no value given"),
-                "use --set name=value, e.g. --set expectile=0.9".to_owned(),
-            )
-        })?;
-        apply(&mut values, name.trim(), &value_of(value)).map_err(|e| e.at(format!("--set {shown}: ")))?;
+        apply_assignment(&mut values, assignment, "--set ")?;
     }
     let settings = parse(&values)?;
     check(&settings, &values)?;
     Ok(settings)
+}
+
+/// Applies `name=value`; errors begin with `source`.
+fn apply_assignment(values: &mut Map<String, Value>, text: &str, source: &str) -> Result<(), Box<ConfigError>> {
+    let shown = truncated(text, MAX_QUOTED_CHARS);
+    let (name, value) = text.split_once('=').ok_or_else(|| {
+        let help = "use --set name=value, e.g. --set expectile=0.9".to_owned();
+        ConfigError::new(format!("{source}{shown}: no value given"), help)
+    })?;
+    apply(values, name.trim(), &value_of(value)).map_err(|e| e.at(format!("{source}{shown}: ")))
 }
 
 /// Returns the settings of `preset` overridden by `text`, the contents of a settings file called `file`.
@@ -114,6 +124,12 @@ pub fn print_settings(settings: &Settings) -> String {
 pub fn list_settings(settings: &Settings) -> Vec<(String, String)> {
     let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
     as_map(settings).iter().map(|(name, value)| (name.clone(), text(value))).collect()
+}
+
+/// Returns the settings of `settings` that differ from those of `base`, by name.
+pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> {
+    let base = as_map(base);
+    as_map(settings).into_iter().filter(|(name, value)| base.get(name) != Some(value)).collect()
 }
 
 /// Returns `settings` with one of them changed, as by `--set`.

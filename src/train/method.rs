@@ -214,6 +214,15 @@ impl Preset {
         }
     }
 
+    /// Whether a world's default settings ([`WorldKind::defaults`](crate::env::WorldKind)) apply to it: the presets that
+    /// somebody else has published stay as they are.
+    pub fn adapts_to_world(self) -> bool {
+        match self {
+            Self::Default | Self::Tuned => true,
+            Self::Paper | Self::Sb3 => false,
+        }
+    }
+
     /// Returns the preset's settings.
     pub fn settings(self) -> Settings {
         match self {

@@ -8,6 +8,9 @@ use crate::env::{Environment, WORLDS, WorldKind};
 use crate::learn::{LEARNERS, LearnerKind};
 use crate::store::{Store, StoreError};
 
+/// Name of the kind of world that maps are loaded into.
+const MAPS: &str = "maze";
+
 /// World and learner kinds by name: the built-in ones and those added by a program.
 #[derive(Clone, Debug)]
 pub struct Registry {
@@ -42,6 +45,17 @@ impl Registry {
         &self.worlds
     }
 
+    /// Returns the world kind called `name`.
+    pub fn world(&self, name: &str) -> Option<&WorldKind> {
+        self.worlds.iter().find(|kind| kind.name == name)
+    }
+
+    /// Returns the world kind that `name` opens on the command line: one that needs no file, or else the maze on the map of
+    /// that name.
+    pub fn world_opened_by(&self, name: &str) -> Option<&WorldKind> {
+        self.world(name).filter(|kind| kind.create.is_some()).or_else(|| self.world(MAPS))
+    }
+
     /// Returns the learner kinds.
     pub fn learners(&self) -> &[LearnerKind] {
         &self.learners
@@ -65,8 +79,8 @@ impl Registry {
     /// The kind of world is not registered, or the stored world is invalid.
     pub fn load_world(&self, store: &Store) -> Result<Box<dyn Environment>, StoreError> {
         // Old checkpoints do not name their world: mazes were the only kind.
-        let name = store.text("world").unwrap_or("maze");
-        match self.worlds.iter().find(|kind| kind.name == name) {
+        let name = store.text("world").unwrap_or(MAPS);
+        match self.world(name) {
             Some(kind) => (kind.load)(store),
             None => Err(StoreError::inconsistent(format!("uses the world {name:?}, which this program does not have"))),
         }

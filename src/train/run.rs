@@ -1,8 +1,9 @@
 //! A run's definition, progress and limits.
 
 use serde::{Deserialize, Serialize};
+use serde_json::{Map, Value};
 
-use super::config::{list_settings, with_setting};
+use super::config::{changed_from, list_settings, with_setting};
 use super::method::{Method, Preset};
 use super::settings::Settings;
 use crate::bridge::BridgeSettings;
@@ -37,6 +38,11 @@ impl Run {
             with_setting(&settings, &name, &value).unwrap_or(settings)
         });
         (self.preset, self.settings) = (now, settings);
+    }
+
+    /// Returns the settings that differ from the preset's, by name: those that the world brings and those that were given.
+    pub fn changed_settings(&self) -> Map<String, Value> {
+        changed_from(&self.settings, &self.preset.settings())
     }
 
     /// Returns the bridge settings, adjusted to the method's planner.

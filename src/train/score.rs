@@ -60,6 +60,14 @@ pub struct DistanceScore {
     pub spl: Option<f64>,
 }
 
+impl DistanceScore {
+    /// Returns the distance of these tasks and its unit, in the unit that the world gives.
+    pub fn distance(&self) -> Option<(f64, DistanceUnit)> {
+        let cm = self.distance_cm.map(|cm| (cm, DistanceUnit::Centimetres));
+        self.distance_steps.map(|steps| (steps, DistanceUnit::Steps)).or(cm)
+    }
+}
+
 /// Sums over tasks.
 #[derive(Clone, Copy, Default)]
 struct Sums {

@@ -243,15 +243,18 @@ impl Trainer {
     /// The learner fails, or the run has diverged with no rollbacks left.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
-        // Without a warm-up, an update can be due before any agent's second state is known.
-        let due =
-            self.counters.owed_steps >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions();
-        let tick = if due { self.update()? } else { self.step()? };
+        let tick = if self.is_update_due() { self.update()? } else { self.step()? };
         if tick == Tick::Step {
             self.profile.lap(Stage::Explore, began);
         }
         self.seconds += began.elapsed().as_secs_f64();
         Ok(tick)
+    }
+
+    /// Whether the next tick is an update.
+    pub fn is_update_due(&self) -> bool {
+        // Without a warm-up, an update can be due before any agent's second state is known.
+        self.counters.owed_steps >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions()
     }
 
     fn step(&mut self) -> Result<Tick> {

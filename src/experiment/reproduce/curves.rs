@@ -1,4 +1,6 @@
-//! Figures 3, 4 and 6: curves of several methods, each over several seeds.
+//! Figures 1, 3, 4 and 6: curves of several methods, each over several seeds.
+
+use std::collections::BTreeMap;
 
 use super::MethodResults;
 use super::figures::{Figure, Shows};
@@ -59,7 +61,7 @@ pub fn panels(figure: &Figure, methods: &[MethodResults]) -> Vec<Panel> {
     let steps = |outcome: &TaskOutcome| (outcome.left_steps != u32::MAX).then(|| f64::from(outcome.left_steps));
     let straight = |outcome: &TaskOutcome| outcome.left_straight.map(f64::from);
     match figure.shows {
-        Shows::Success => vec![Panel {
+        Shows::Success | Shows::CompleteSuccess | Shows::CompleteSuccessAndGripPath => vec![Panel {
             measure: "success",
             labels: [over.label(), "success rate"],
             top: Some(1.0),
@@ -94,21 +96,52 @@ pub fn panels(figure: &Figure, methods: &[MethodResults]) -> Vec<Panel> {
 enum Axis {
     Updates,
     Episodes,
+    Steps,
 }
 
 impl Axis {
-    /// Returns the axis for jobs of these lengths: episodes if any method trains for a number of them.
+    /// Returns the axis for jobs of these lengths: episodes or steps if any method trains for a number of them.
     fn of(methods: &[MethodResults]) -> Self {
-        let by_episodes = methods.iter().any(|method| matches!(method.plan.length, Length::Episodes(_)));
-        if by_episodes { Self::Episodes } else { Self::Updates }
+        let any = |is: fn(Length) -> bool| methods.iter().any(|method| is(method.plan.length));
+        if any(|length| matches!(length, Length::Episodes(_))) {
+            Self::Episodes
+        } else if any(|length| matches!(length, Length::Steps(_))) {
+            Self::Steps
+        } else {
+            Self::Updates
+        }
     }
 
     fn label(self) -> &'static str {
         match self {
             Self::Updates => "updates",
             Self::Episodes => "episodes",
+            Self::Steps => "environment steps",
         }
     }
+
+    /// Whether jobs of this length are evaluated at places of the axis.
+    fn counts(self, length: Length) -> bool {
+        matches!(
+            (self, length),
+            (Self::Updates, Length::Updates(_))
+                | (Self::Episodes, Length::Episodes(_))
+                | (Self::Steps, Length::Steps(_))
+        )
+    }
+}
+
+/// Returns, for each seed, the place on the horizontal axis from which on the curve stays at `value`; `None` if it does
+/// not at the end.
+pub fn stays_at(curve: &Curve, value: f64) -> BTreeMap<u64, Option<u64>> {
+    let mut from = BTreeMap::new();
+    for point in &curve.points {
+        for (seed, now) in &point.values {
+            let since: &mut Option<u64> = from.entry(*seed).or_default();
+            *since = if *now >= value { since.or(Some(point.x)) } else { None };
+        }
+    }
+    from
 }
 
 /// Returns the result of the map's own task, with planning if the method plans.
@@ -138,16 +171,14 @@ fn curves(methods: &[MethodResults], points: impl Fn(&MethodResults, &JobResult)
 fn training(axis: Axis, plan: &Plan, result: &JobResult, of: &dyn Fn(&Evaluation) -> Option<f64>) -> Vec<(u64, f64)> {
     let marks = plan.marks();
     let complete = marks.len() == result.evaluations.len();
-    let episodes = result.measured.as_ref().map_or(0, |measured| measured.episodes);
-    let at = |(i, updates): (usize, u64)| match (axis, plan.length) {
-        (Axis::Updates, _) => updates,
-        (Axis::Episodes, Length::Episodes(_)) if complete => marks[i],
-        // Not counted at each evaluation: they come about equally fast.
-        (Axis::Episodes, _) => {
-            let share = updates as f64 / result.updates.max(1) as f64;
-            // To two digits, so that seeds with about as many episodes share their points.
-            two_digits(share * episodes as f64)
-        }
+    let (episodes, env_steps) = result.measured.as_ref().map_or((0, 0), |m| (m.episodes, m.env_steps));
+    let at = |(i, updates): (usize, u64)| match axis {
+        Axis::Updates => updates,
+        _ if axis.counts(plan.length) && complete => marks[i],
+        // Not counted at each evaluation: they come about equally fast. To two digits, so that seeds with about as many
+        // share their points.
+        Axis::Episodes => two_digits(updates as f64 / result.updates.max(1) as f64 * episodes as f64),
+        Axis::Steps => two_digits(updates as f64 / result.updates.max(1) as f64 * env_steps as f64),
     };
     let evaluations = result.evaluations.iter().enumerate();
     evaluations.filter_map(|(i, e)| Some((at((i, e.updates)), of(&e.evaluation)?))).collect()
@@ -164,7 +195,7 @@ fn by_distance(result: &JobResult) -> Vec<(u64, f64)> {
     let score =
         |evaluation: &Evaluation| -> Score { evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).clone() };
     let Some(score) = result.last().map(score) else { return Vec::new() };
-    let of = |d: &crate::train::DistanceScore| Some((d.distance_steps?.round() as u64, d.success?));
+    let of = |d: &crate::train::DistanceScore| Some((d.distance()?.0.round() as u64, d.success?));
     score.by_distance.iter().filter_map(of).collect()
 }
 
@@ -176,6 +207,14 @@ mod tests {
     fn a_point_has_the_mean_and_the_range_of_its_seeds() {
         let point = Point { x: 5, values: vec![(1, 0.25), (2, 0.5), (3, 0.75)] };
         assert_eq!((point.mean(), point.range()), (0.5, (0.25, 0.75)));
+    }
+
+    #[test]
+    fn a_curve_stays_complete_from_the_last_time_that_it_became_so() {
+        let point = |x, one, other| Point { x, values: vec![(1, one), (2, other)] };
+        let points = vec![point(10, 1.0, 0.2), point(20, 0.9, 1.0), point(30, 1.0, 1.0), point(40, 1.0, 0.8)];
+        let curve = Curve { entry: &super::super::methods::DEFAULT, points };
+        assert_eq!(stays_at(&curve, 1.0), BTreeMap::from([(1, Some(30)), (2, None)]));
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::curves::{Curve, Panel};
 use super::maps::MapPanel;
 use crate::view::Rgb;
 
-/// A figure to draw: charts side by side, or rows of maps.
+/// A figure to draw: charts side by side, rows of maps, or rows of maps below charts.
 pub struct Drawing<'a> {
     /// Its title.
     pub title: &'a str,
@@ -32,6 +32,9 @@ const LINE: u32 = 22;
 
 /// Size of the letters.
 const LETTERS: u32 = 15;
+
+/// Markers on a curve, about: more would hide it.
+const MARKERS: usize = 20;
 
 /// How much of the colour a band of seeds has.
 const BAND: f64 = 0.16;
@@ -78,14 +81,17 @@ pub fn png(drawing: &Drawing) -> Result<Vec<u8>, Report> {
 impl Drawing<'_> {
     /// Returns width and height in pixels.
     fn size(&self) -> (u32, u32) {
-        if self.maps.is_empty() {
-            let charts = self.panels.len().max(1) as u32;
-            return (charts * CHART.0 + LEGEND + 2 * MARGIN, CHART.1 + LINE + 2 * MARGIN);
-        }
+        let charts = (self.panels.len().max(1) as u32 * CHART.0 + LEGEND + 2 * MARGIN, CHART.1);
         let (width, height) = self.panel_size();
         let columns = self.maps.iter().map(Vec::len).max().unwrap_or(0) as u32;
         let rows = self.maps.len() as u32;
-        (columns * (width + MARGIN) + MARGIN, rows * (height + 2 * LINE + MARGIN) + LINE + 2 * MARGIN)
+        let maps = (columns * (width + MARGIN) + MARGIN, rows * (height + 2 * LINE + MARGIN));
+        let (width, height) = match (self.maps.is_empty(), self.panels.is_empty()) {
+            (true, _) => charts,
+            (false, true) => maps,
+            (false, false) => (charts.0.max(maps.0), charts.1 + maps.1),
+        };
+        (width, height + LINE + 2 * MARGIN)
     }
 
     /// Returns the size of the largest map.
@@ -97,11 +103,12 @@ impl Drawing<'_> {
     /// Returns every map with the place of its upper left corner.
     fn placed(&self) -> impl Iterator<Item = (&MapPanel, (i32, i32))> {
         let (width, height) = self.panel_size();
+        let above = if self.panels.is_empty() { 0 } else { CHART.1 };
         let rows = self.maps.iter().enumerate();
         rows.flat_map(move |(row, panels)| {
             panels.iter().enumerate().map(move |(column, panel)| {
                 let x = MARGIN + column as u32 * (width + MARGIN);
-                let y = 2 * MARGIN + LINE + LINE + row as u32 * (height + 2 * LINE + MARGIN);
+                let y = above + 2 * MARGIN + LINE + LINE + row as u32 * (height + 2 * LINE + MARGIN);
                 (panel, (x as i32, y as i32))
             })
         })
@@ -121,8 +128,9 @@ fn letters(bold: bool) -> TextStyle<'static> {
 fn paint<B: DrawingBackend>(root: &DrawingArea<B, Shift>, drawing: &Drawing) -> Result<(), DrawError<B>> {
     let margin = MARGIN as i32;
     root.draw(&Text::new(drawing.title, (margin, margin), letters(true)))?;
-    if drawing.maps.is_empty() {
+    if !drawing.panels.is_empty() {
         let (_, below) = root.split_vertically(MARGIN + LINE);
+        let (below, _) = below.split_vertically(CHART.1 + MARGIN);
         let (charts, legend) = below.split_horizontally(drawing.panels.len() as u32 * CHART.0);
         for (area, panel) in charts.split_evenly((1, drawing.panels.len().max(1))).iter().zip(drawing.panels) {
             chart(area, panel)?;
@@ -178,7 +186,7 @@ fn chart<B: DrawingBackend>(area: &DrawingArea<B, Shift>, panel: &Panel) -> Resu
         let means: Vec<(f64, f64)> = curve.points.iter().map(|p| (p.x as f64, p.mean())).collect();
         chart.draw_series(LineSeries::new(means.clone(), own.stroke_width(2)))?;
         let symbol = |at: &(f64, f64)| EmptyElement::at(*at) + Symbol { number: i, colour: own };
-        chart.draw_series(means.iter().map(symbol))?;
+        chart.draw_series(means.iter().step_by(means.len().div_ceil(MARKERS).max(1)).map(symbol))?;
     }
     Ok(())
 }
@@ -247,9 +255,12 @@ fn paint_map<B: DrawingBackend>(
             root.draw(&PathElement::new(stops, colour(line.colour).stroke_width(line.width)))?;
         }
     }
+    for ring in &panel.rings {
+        root.draw(&Circle::new(place(&ring.at), ring.radius, colour(ring.colour).stroke_width(2)))?;
+    }
     for dot in &panel.dots {
-        root.draw(&Circle::new(place(&dot.at), 6, BLACK.filled()))?;
-        root.draw(&Circle::new(place(&dot.at), 5, colour(dot.colour).filled()))?;
+        root.draw(&Circle::new(place(&dot.at), dot.radius + 1, BLACK.filled()))?;
+        root.draw(&Circle::new(place(&dot.at), dot.radius, colour(dot.colour).filled()))?;
     }
     Ok(())
 }
@@ -258,7 +269,9 @@ fn paint_map<B: DrawingBackend>(
 mod tests {
     use super::*;
     use crate::experiment::reproduce::curves::Point;
-    use crate::experiment::reproduce::methods::ENTRIES;
+    use crate::experiment::reproduce::methods::{DEFAULT, Entry, GDG_BRIDGE};
+
+    static ENTRIES: [Entry; 2] = [DEFAULT, GDG_BRIDGE];
 
     fn panel() -> Panel {
         let points = |mean: f64| {
@@ -289,7 +302,29 @@ mod tests {
         assert_eq!((frame.width, frame.height), drawing.size());
         let count = |(r, g, b): Rgb| pixels.chunks_exact(3).filter(|pixel| **pixel == [r, g, b]).count();
         assert!(count((255, 255, 255)) > 100_000 && count((0, 0, 0)) > 100, "letters on white");
-        assert!(ENTRIES[..2].iter().all(|entry| count(entry.colour) > 300), "lines");
+        assert!(ENTRIES.iter().all(|entry| count(entry.colour) > 300), "lines");
+    }
+
+    #[test]
+    fn maps_are_drawn_below_charts() {
+        let map = MapPanel {
+            title: "A map".to_owned(),
+            caption: String::new(),
+            picture: crate::view::Picture::new((30, 20), (1, 2, 3)),
+            lines: Vec::new(),
+            rings: Vec::new(),
+            dots: Vec::new(),
+            text: String::new(),
+        };
+        let (panels, maps) = ([panel()], [vec![map]]);
+        let size = |panels, maps| Drawing { title: "", panels, maps }.size();
+        let (charts, both) = (size(&panels, &[]), size(&panels, &maps));
+        assert_eq!((both.0, both.1), (charts.0, charts.1 + 20 + 2 * LINE + MARGIN));
+        let drawing = Drawing { title: "A title", panels: &panels, maps: &maps };
+        let (_, (_, top)) = drawing.placed().next().expect("a map");
+        assert!(top as u32 > MARGIN + LINE + CHART.1 && top as u32 + 20 < both.1, "{top}");
+        let text = svg(&drawing).expect("a drawing");
+        assert!(["success rate", "A map", "<image "].iter().all(|part| text.contains(part)));
     }
 
     #[test]

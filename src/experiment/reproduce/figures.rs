@@ -1,5 +1,9 @@
 //! The paper's figures: what each shows, of which methods and how long they train.
 
+use super::methods::{
+    ARM_DDPG_DISTANCE, ARM_GDG, ARM_GDG_BRIDGE, ARM_GDG_DISTANCE, ARM_HER, DDPG, DDPG_DISTANCE, DEFAULT, Entry, GDG,
+    GDG_BRIDGE, HER, RANDOM, SORB,
+};
 use crate::cli::BudgetArg;
 use crate::experiment::plan::{Length, Plan};
 
@@ -9,6 +13,19 @@ const MAX_STEPS: u32 = 500;
 /// Distances of the paths in Figure 5, in steps.
 pub const PATH_DISTANCES: [u32; 4] = [90, 120, 150, 180];
 
+/// Environment steps for the arm, and between two evaluations: multiples of the number of agents, who step at once.
+const ARM: ArmSteps = ArmSteps { quick: 3_000, paper: 10_000, every: 40 };
+
+/// The same with the wall.
+const ARM_WALL: ArmSteps = ArmSteps { quick: 8_000, paper: 20_000, every: 200 };
+
+/// How long the arm trains under each budget, in environment steps.
+struct ArmSteps {
+    quick: u64,
+    paper: u64,
+    every: u64,
+}
+
 /// A figure.
 #[derive(Clone, Copy, Debug)]
 pub struct Figure {
@@ -16,10 +33,10 @@ pub struct Figure {
     pub name: &'static str,
     /// What it shows.
     pub title: &'static str,
-    /// The built-in map.
-    pub map: &'static str,
-    /// Names of the methods.
-    pub methods: &'static [&'static str],
+    /// The built-in map or world.
+    pub world: &'static str,
+    /// The methods.
+    pub methods: &'static [Entry],
     /// What is drawn.
     pub shows: Shows,
     /// Whether every method trains with several seeds.
@@ -35,6 +52,10 @@ pub enum Shows {
     Bridge,
     /// Success over training.
     Success,
+    /// The same, with the step from which on it is complete.
+    CompleteSuccess,
+    /// The same, with the path of a walk of the arm's grip.
+    CompleteSuccessAndGripPath,
     /// Success by distance at the end.
     SuccessByDistance,
     /// Paths walked.
@@ -44,15 +65,33 @@ pub enum Shows {
 }
 
 /// The methods of Figures 3 and 4: the paper's five, with our default and SoRB beside them.
-const COMPARED: &[&str] = &["default", "gdg-bridge", "gdg", "her", "ddpg", "sorb", "random"];
+const COMPARED: &[Entry] = &[DEFAULT, GDG_BRIDGE, GDG, HER, DDPG, SORB, RANDOM];
 
-/// All figures. Figure 1, the arm, is not among them: there is no such world.
-pub const FIGURES: [Figure; 5] = [
+/// All figures.
+pub const FIGURES: [Figure; 7] = [
+    Figure {
+        name: "fig1",
+        title: "Arm: success over training",
+        world: "fetch-reach",
+        methods: &[ARM_GDG_DISTANCE, ARM_DDPG_DISTANCE, ARM_GDG, ARM_HER],
+        shows: Shows::CompleteSuccess,
+        several_seeds: true,
+        paper: &[("gdg-distance", "converges like DDPG"), ("ddpg-distance", "converges like GDG")],
+    },
+    Figure {
+        name: "fig1-wall",
+        title: "Arm with a wall: success over training, and paths of the grip",
+        world: "fetch-reach-wall",
+        methods: &[ARM_GDG, ARM_GDG_BRIDGE],
+        shows: Shows::CompleteSuccessAndGripPath,
+        several_seeds: true,
+        paper: &[],
+    },
     Figure {
         name: "fig2",
         title: "A bridge point in the four rooms",
-        map: "fourrooms",
-        methods: &["default", "gdg-bridge"],
+        world: "fourrooms",
+        methods: &[DEFAULT, GDG_BRIDGE],
         shows: Shows::Bridge,
         several_seeds: false,
         paper: &[],
@@ -60,7 +99,7 @@ pub const FIGURES: [Figure; 5] = [
     Figure {
         name: "fig3",
         title: "City: success over training",
-        map: "city",
+        world: "city",
         methods: COMPARED,
         shows: Shows::Success,
         several_seeds: true,
@@ -75,7 +114,7 @@ pub const FIGURES: [Figure; 5] = [
     Figure {
         name: "fig4",
         title: "City: success by distance",
-        map: "city",
+        world: "city",
         methods: COMPARED,
         shows: Shows::SuccessByDistance,
         several_seeds: true,
@@ -84,8 +123,8 @@ pub const FIGURES: [Figure; 5] = [
     Figure {
         name: "fig5",
         title: "City: paths",
-        map: "city",
-        methods: &["default", "gdg-bridge", "gdg"],
+        world: "city",
+        methods: &[DEFAULT, GDG_BRIDGE, GDG],
         shows: Shows::Paths,
         several_seeds: false,
         paper: &[],
@@ -93,8 +132,8 @@ pub const FIGURES: [Figure; 5] = [
     Figure {
         name: "fig6",
         title: "Local optimum: distance left to the goal",
-        map: "trap",
-        methods: &["default", "gdg-bridge", "gdg", "ddpg", "ddpg-distance"],
+        world: "trap",
+        methods: &[DEFAULT, GDG_BRIDGE, GDG, DDPG, DDPG_DISTANCE],
         shows: Shows::DistanceLeft,
         several_seeds: true,
         paper: &[
@@ -107,14 +146,17 @@ pub const FIGURES: [Figure; 5] = [
 ];
 
 impl Figure {
-    /// Returns the figure called `name`.
-    pub fn named(name: &str) -> Option<&'static Self> {
-        FIGURES.iter().find(|figure| figure.name == name)
-    }
-
     /// Returns what a job of `method` does under `budget`. Figures on the same map have the same plans and share jobs.
     pub fn plan(&self, budget: BudgetArg, method: &str) -> Plan {
-        let (updates, episodes) = match self.map {
+        match self.world {
+            "fetch-reach" => ARM.plan(budget),
+            "fetch-reach-wall" => Plan { long_walk: true, ..ARM_WALL.plan(budget) },
+            _ => self.maze_plan(budget, method),
+        }
+    }
+
+    fn maze_plan(&self, budget: BudgetArg, method: &str) -> Plan {
+        let (updates, episodes) = match self.world {
             "city" => (60_000, 200_000),
             _ => (20_000, 100_000),
         };
@@ -126,21 +168,10 @@ impl Figure {
             BudgetArg::Paper if method == "default" => Length::Updates(5 * updates),
             BudgetArg::Paper => Length::Episodes(episodes),
         };
-        let plan = Plan {
-            length,
-            // The paper tests every 20,000 episodes.
-            evaluations: match length {
-                Length::Updates(_) => 10,
-                Length::Episodes(episodes) => episodes / 20_000,
-            },
-            eval_tasks: 10,
-            last_tasks: 10,
-            max_steps: Some(MAX_STEPS),
-            walks: Vec::new(),
-            bridge: false,
-            picture: false,
-        };
-        match self.map {
+        // The paper tests every 20,000 episodes.
+        let evaluations = if let Length::Episodes(episodes) = length { episodes / 20_000 } else { 10 };
+        let plan = Plan { max_steps: Some(MAX_STEPS), ..Plan::new(length, evaluations, 10) };
+        match self.world {
             "city" => Plan { last_tasks: 100, walks: PATH_DISTANCES.to_vec(), ..plan },
             "trap" => Plan { evaluations: 2 * plan.evaluations, eval_tasks: 1, ..plan },
             _ => Plan { bridge: true, ..plan },
@@ -149,37 +180,64 @@ impl Figure {
 
     /// Returns the number of seeds under a budget.
     pub fn seeds(&self) -> u64 {
-        match (self.several_seeds, self.map) {
+        match (self.several_seeds, self.world) {
             (false, _) => 1,
-            (true, "city") => 5,
-            (true, _) => 3,
+            (true, "trap") => 3,
+            (true, _) => 5,
         }
+    }
+}
+
+impl ArmSteps {
+    /// Returns what every job does under `budget`: the tasks are those of an episode of the arm.
+    fn plan(&self, budget: BudgetArg) -> Plan {
+        let steps = match budget {
+            BudgetArg::Quick => self.quick,
+            // The paper gives no number; this shows that what was learned stays.
+            BudgetArg::Paper => self.paper,
+        };
+        Plan::new(Length::Steps(steps), steps / self.every, 20)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::experiment::reproduce::methods::Entry;
     use crate::map::builtin;
+    use crate::train::Registry;
 
     #[test]
-    fn figures_name_maps_and_methods_that_exist_and_show_our_default() {
+    fn figures_name_worlds_and_methods_that_exist_and_show_our_default_on_maps() {
         for figure in &FIGURES {
-            assert!(builtin(figure.map).is_some() && figure.methods.contains(&"default"), "{}", figure.name);
-            assert!(figure.methods.iter().all(|name| Entry::named(name).is_some()), "{}", figure.name);
-            assert!(figure.paper.iter().all(|(name, _)| figure.methods.contains(name)), "{}", figure.name);
+            let names: Vec<&str> = figure.methods.iter().map(|entry| entry.name).collect();
+            let map = builtin(figure.world).is_some();
+            assert!(map || Registry::builtin().world(figure.world).is_some(), "{}", figure.name);
+            assert_eq!(map, names.contains(&"default"), "{}", figure.name);
+            assert!(figure.paper.iter().all(|(name, _)| names.contains(name)), "{}", figure.name);
         }
     }
 
     #[test]
     fn figures_of_the_city_share_their_jobs() {
         let plans = |name: &str| {
-            let figure = Figure::named(name).expect("a figure");
+            let figure = FIGURES.iter().find(|figure| figure.name == name).expect("a figure");
             [BudgetArg::Quick, BudgetArg::Paper].map(|budget| figure.plan(budget, "gdg"))
         };
         assert_eq!(plans("fig3"), plans("fig4"));
         assert_eq!(plans("fig3"), plans("fig5"));
         assert_eq!(plans("fig3")[1].marks(), (1..=10).map(|i| 20_000 * i).collect::<Vec<u64>>());
+    }
+
+    #[test]
+    fn the_arm_is_evaluated_after_whole_steps_of_all_agents() {
+        for figure in FIGURES.iter().filter(|figure| builtin(figure.world).is_none()) {
+            let registry = Registry::builtin();
+            let defaults = registry.world(figure.world).expect("a world").defaults;
+            assert!(defaults.contains(&"agents=8"), "{defaults:?}");
+            for budget in [BudgetArg::Quick, BudgetArg::Paper] {
+                let marks = figure.plan(budget, "gdg").marks();
+                assert!(marks.len() >= 40 && marks.iter().all(|mark| mark % 8 == 0), "{marks:?}");
+            }
+        }
     }
 }

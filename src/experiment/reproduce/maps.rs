@@ -1,35 +1,38 @@
-//! Figures 2 and 5: pictures of the map with distances, plans and paths.
+//! Figures 2 and 5: pictures of the map with distances, plans and paths; panels of the arm's are in `grip`.
 
 use super::MethodResults;
 use super::figures::{Figure, Shows};
+use super::grip;
 use crate::experiment::measure::{Bridge, Walked};
 use crate::map::{Grid, builtin};
 use crate::text::counted;
 use crate::view::{Picture, Rgb, contour, contour_at, contour_interval, distance_colour};
 
 /// Pixels along a panel's longer side, about.
-const PANEL_PIXELS: usize = 330;
+pub const PANEL_PIXELS: usize = 330;
 
-const WALL: Rgb = (58, 58, 66);
-const FLOOR: Rgb = (244, 244, 240);
-const PLAN: Rgb = (255, 70, 50);
-const PATH: Rgb = (0, 114, 178);
+pub const WALL: Rgb = (58, 58, 66);
+pub const FLOOR: Rgb = (244, 244, 240);
+pub const PLAN: Rgb = (255, 70, 50);
+pub const PATH: Rgb = (0, 114, 178);
 const WALKED: Rgb = (255, 255, 255);
-const START: Rgb = (86, 180, 233);
-const GOAL: Rgb = (230, 159, 0);
+pub const START: Rgb = (86, 180, 233);
+pub const GOAL: Rgb = (230, 159, 0);
 const BRIDGE: Rgb = (255, 70, 50);
 
-/// One map with what is drawn on it. Positions are in pixels of the picture.
+/// One map, or other ground, with what is drawn on it. Positions are in pixels of the picture.
 #[derive(Clone, Debug)]
 pub struct MapPanel {
     /// What it shows.
     pub title: String,
     /// Numbers, below the map.
     pub caption: String,
-    /// The map's cells.
+    /// The ground: the map's cells.
     pub picture: Picture,
     /// Lines, the first ones below.
     pub lines: Vec<PolyLine>,
+    /// Outlines of circles.
+    pub rings: Vec<Dot>,
     /// Dots, above the lines.
     pub dots: Vec<Dot>,
     /// The map as characters, for the terminal.
@@ -47,25 +50,37 @@ pub struct PolyLine {
     pub width: u32,
 }
 
-/// A dot with a dark edge.
+/// A dot with a dark edge, or a ring.
 #[derive(Clone, Copy, Debug)]
 pub struct Dot {
     /// Its centre.
     pub at: [f32; 2],
     /// Its colour.
     pub colour: Rgb,
+    /// Its radius, without the edge.
+    pub radius: u32,
 }
 
-/// Returns the panels of a figure, a row per method; none if it shows curves.
+impl Dot {
+    /// Returns a dot that stands out from lines.
+    pub fn new(at: [f32; 2], colour: Rgb) -> Self {
+        Self { at, colour, radius: 5 }
+    }
+}
+
+/// Returns the panels of a figure, in rows; none if it shows curves alone.
 pub fn rows(figure: &Figure, methods: &[MethodResults]) -> Vec<Vec<MapPanel>> {
-    let Some(map) = builtin(figure.map) else { return Vec::new() };
+    if figure.shows == Shows::CompleteSuccessAndGripPath {
+        return grip::rows(methods);
+    }
+    let Some(map) = builtin(figure.world) else { return Vec::new() };
     let row = |method: &MethodResults| {
         let measured = method.results.first()?.measured.as_ref()?;
         let title = method.entry.title;
         match figure.shows {
             Shows::Bridge => Some(bridge_row(&map, title, measured.bridge.as_ref()?)),
             Shows::Paths => Some(measured.walks.iter().map(|walk| path_panel(&map, title, walk)).collect()),
-            Shows::Success | Shows::SuccessByDistance | Shows::DistanceLeft => None,
+            _ => None,
         }
     };
     methods.iter().filter_map(row).collect()
@@ -97,19 +112,20 @@ fn bridge_row(map: &Grid, title: &str, bridge: &Bridge) -> Vec<MapPanel> {
     let sum: Vec<Option<f32>> =
         bridge.from_start.iter().zip(&bridge.to_goal).map(|(from, to)| Some(from.as_ref()? + to.as_ref()?)).collect();
     let ends = |walk: &Walked| {
-        let start = walk.path.first().map(|at| Dot { at: to_pixels(*at), colour: START });
-        start.into_iter().chain([Dot { at: to_pixels(walk.goal), colour: GOAL }]).collect::<Vec<_>>()
+        let start = walk.path.first().map(|at| Dot::new(to_pixels(*at), START));
+        start.into_iter().chain([Dot::new(to_pixels(walk.goal), GOAL)]).collect::<Vec<_>>()
     };
     let panel = |what: String, caption: String, values: &[Option<f32>]| MapPanel {
         title: what,
         caption,
         picture: field(map, values),
         lines: Vec::new(),
+        rings: Vec::new(),
         dots: ends(&bridge.walk),
         text: String::new(),
     };
     let direct = bridge.direct;
-    let found = bridge.found.map(|found| Dot { at: to_pixels(found.point), colour: BRIDGE });
+    let found = bridge.found.map(|found| Dot::new(to_pixels(found.point), BRIDGE));
     let numbers = match &bridge.found {
         Some(found) => format!(
             "b: {:.2} + {:.2} = {:.2} < {direct:.2}",
@@ -169,13 +185,14 @@ fn path_panel(map: &Grid, title: &str, walk: &Walked) -> MapPanel {
     let scale = scale(map) as f32;
     let to_pixels = |at: &[f32; 2]| at.map(|v| v * scale);
     let path = PolyLine { stops: walk.path.iter().map(to_pixels).collect(), colour: PATH, width: 3 };
-    let start = walk.path.first().map(|at| Dot { at: to_pixels(at), colour: START });
+    let start = walk.path.first().map(|at| Dot::new(to_pixels(at), START));
     MapPanel {
         title: format!("{title}: {} steps", walk.distance),
         caption: walk_caption(walk),
         picture: picture(map, |_| FLOOR),
         lines: vec![path],
-        dots: start.into_iter().chain([Dot { at: to_pixels(&walk.goal), colour: GOAL }]).collect(),
+        rings: Vec::new(),
+        dots: start.into_iter().chain([Dot::new(to_pixels(&walk.goal), GOAL)]).collect(),
         text: text(map, walk, None),
     }
 }

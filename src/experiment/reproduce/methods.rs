@@ -26,89 +26,66 @@ pub struct Entry {
 /// SoRB's environment, in which the paper compares its methods, adds noise to all actions (preset `paper` has it too).
 const NOISE: &str = "env_noise=1";
 
-/// All methods: our default, those that the paper compares, and SoRB, on which it builds.
-pub const ENTRIES: [Entry; 8] = [
-    Entry {
-        name: "default",
-        title: "default (ours)",
-        learner: "gdg",
-        planner: Planner::Bridges,
-        preset: "default",
-        set: &[NOISE],
-        colour: (213, 94, 0),
-    },
-    Entry {
-        name: "gdg-bridge",
-        title: "GDG, bridges",
-        learner: "gdg",
-        planner: Planner::Bridges,
-        preset: "paper",
-        set: &[],
-        colour: (0, 114, 178),
-    },
-    Entry {
-        name: "gdg",
-        title: "GDG",
-        learner: "gdg",
-        planner: Planner::None,
-        preset: "paper",
-        set: &[],
-        colour: (86, 180, 233),
-    },
-    Entry {
-        name: "her",
-        title: "DDPG + HER",
-        learner: "her",
-        planner: Planner::None,
-        preset: "tuned",
-        set: &[NOISE],
-        colour: (0, 158, 115),
-    },
-    Entry {
-        name: "ddpg",
-        title: "DDPG",
-        learner: "ddpg",
-        planner: Planner::None,
-        preset: "tuned",
-        set: &[NOISE],
-        colour: (230, 159, 0),
-    },
-    Entry {
-        name: "ddpg-distance",
-        title: "DDPG, distance",
-        learner: "ddpg-distance",
-        planner: Planner::None,
-        preset: "tuned",
-        set: &[NOISE],
-        colour: (204, 121, 167),
-    },
-    Entry {
-        // As published: search over the distances of a value function.
-        name: "sorb",
-        title: "SoRB on HER",
-        learner: "her",
-        planner: Planner::Sorb,
-        preset: "tuned",
-        set: &[NOISE],
-        colour: (0, 0, 0),
-    },
-    Entry {
-        name: "random",
-        title: "random",
-        learner: "random",
-        planner: Planner::None,
-        preset: "paper",
-        set: &[],
-        colour: (150, 150, 150),
-    },
-];
+/// Our default.
+pub const DEFAULT: Entry = Entry {
+    name: "default",
+    title: "default (ours)",
+    learner: "gdg",
+    planner: Planner::Bridges,
+    preset: "default",
+    set: &[NOISE],
+    colour: (213, 94, 0),
+};
+
+/// The paper's method with bridge points, as published.
+pub const GDG_BRIDGE: Entry =
+    Entry { name: "gdg-bridge", title: "GDG, bridges", preset: "paper", set: &[], colour: (0, 114, 178), ..DEFAULT };
+
+/// The same without them.
+pub const GDG: Entry =
+    Entry { name: "gdg", title: "GDG", planner: Planner::None, colour: (86, 180, 233), ..GDG_BRIDGE };
+
+/// A rival that learns from sparse rewards, with hindsight.
+pub const HER: Entry = Entry {
+    name: "her",
+    title: "DDPG + HER",
+    learner: "her",
+    planner: Planner::None,
+    preset: "tuned",
+    set: &[NOISE],
+    colour: (0, 158, 115),
+};
+
+/// The same without hindsight.
+pub const DDPG: Entry = Entry { name: "ddpg", title: "DDPG", learner: "ddpg", colour: (230, 159, 0), ..HER };
+
+/// The same with the straight line as reward.
+pub const DDPG_DISTANCE: Entry =
+    Entry { name: "ddpg-distance", title: "DDPG, distance", learner: "ddpg-distance", colour: (204, 121, 167), ..HER };
+
+/// SoRB as published: search over the distances of a value function.
+pub const SORB: Entry = Entry { name: "sorb", title: "SoRB on HER", planner: Planner::Sorb, colour: (0, 0, 0), ..HER };
+
+/// Random actions.
+pub const RANDOM: Entry = Entry { name: "random", title: "random", learner: "random", colour: (150, 150, 150), ..GDG };
+
+/// The arm: D is given as the straight line.
+pub const ARM_GDG_DISTANCE: Entry =
+    Entry { name: "gdg-distance", title: "GDG, distance", learner: "gdg-distance", colour: (213, 94, 0), ..ARM_GDG };
+
+/// The arm: V = -|s - g| is given, so Q is regressed on -|s' - g| at the next state s'.
+pub const ARM_DDPG_DISTANCE: Entry = Entry { set: &["discount=0"], ..DDPG_DISTANCE };
+
+/// The arm: sparse rewards.
+pub const ARM_HER: Entry = Entry { set: &[], ..HER };
+
+/// The arm: D is learned.
+pub const ARM_GDG: Entry = Entry { preset: "default", ..GDG };
+
+/// The arm: D is learned, with bridge points.
+pub const ARM_GDG_BRIDGE: Entry = Entry { preset: "default", ..GDG_BRIDGE };
 
 impl Entry {
-    /// Returns the entry called `name`.
-    pub fn named(name: &str) -> Option<&'static Self> {
-        ENTRIES.iter().find(|entry| entry.name == name)
-    }
-
     /// Returns its preset, if `registry` has its learner: a build may lack either.
     pub fn preset(&self, registry: &Registry) -> Option<Preset> {
         registry.learner(self.learner).is_ok().then(|| Preset::named(self.preset)).flatten()
@@ -125,22 +102,23 @@ mod tests {
     use std::collections::BTreeSet;
 
     use super::*;
+    use crate::experiment::reproduce::FIGURES;
     use crate::train::{Overrides, settings_from};
 
     #[test]
-    fn names_and_colours_differ_and_settings_are_valid() {
-        let names: BTreeSet<_> = ENTRIES.iter().map(|entry| entry.name).collect();
-        let colours: BTreeSet<_> = ENTRIES.iter().map(|entry| entry.colour).collect();
-        assert_eq!((names.len(), colours.len()), (ENTRIES.len(), ENTRIES.len()));
+    fn names_and_colours_differ_within_a_figure_and_settings_are_valid() {
         let registry = Registry::builtin();
-        assert!(
-            ["default", "gdg-bridge", "gdg", "random"]
-                .iter()
-                .all(|name| { Entry::named(name).is_some_and(|entry| entry.preset(&registry).is_some()) })
-        );
-        for (entry, preset) in ENTRIES.iter().filter_map(|entry| Some((entry, entry.preset(&registry)?))) {
-            let set: Vec<String> = entry.set.iter().map(|text| (*text).to_owned()).collect();
-            assert!(settings_from(preset, &Overrides { config: None, set: &set }).is_ok(), "{}", entry.name);
+        assert!([DEFAULT, GDG_BRIDGE, GDG, RANDOM].iter().all(|entry| entry.preset(&registry).is_some()));
+        for figure in &FIGURES {
+            let names: BTreeSet<_> = figure.methods.iter().map(|entry| entry.name).collect();
+            let colours: BTreeSet<_> = figure.methods.iter().map(|entry| entry.colour).collect();
+            let all = figure.methods.len();
+            assert_eq!((names.len(), colours.len()), (all, all), "{}", figure.name);
+            for (entry, preset) in figure.methods.iter().filter_map(|entry| Some((entry, entry.preset(&registry)?))) {
+                let set: Vec<String> = entry.set.iter().map(|text| (*text).to_owned()).collect();
+                let overrides = Overrides { set: &set, ..Overrides::default() };
+                assert!(settings_from(preset, &overrides).is_ok(), "{}", entry.name);
+            }
         }
     }
 }

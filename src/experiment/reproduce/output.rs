@@ -13,16 +13,19 @@ use super::maps::{MapPanel, rows};
 use super::{MethodResults, curves};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::Measured;
+use crate::map::builtin;
 
 /// A figure, drawn.
 pub struct Drawn {
     figure: &'static Figure,
     /// Charts, if it shows curves.
     pub panels: Vec<Panel>,
-    /// Maps, a row per method, otherwise.
+    /// Maps, a row per method, or paths in space.
     pub maps: Vec<Vec<MapPanel>>,
     data: Value,
     csv: Vec<u8>,
+    /// Paths in space, if it shows them beside curves.
+    paths: Option<Vec<u8>>,
     svg: String,
     png: Vec<u8>,
 }
@@ -37,11 +40,12 @@ impl Drawn {
         let (data, csv) = if panels.is_empty() {
             (measured_json(methods)?, measured_csv(methods)?)
         } else {
-            (curves_json(&panels, methods), curves_csv(&panels)?)
+            (curves_json(&panels, methods, !maps.is_empty())?, curves_csv(&panels)?)
         };
+        let paths = (!panels.is_empty() && !maps.is_empty()).then(|| positions_csv(methods)).transpose()?;
         let drawing = Drawing { title: figure.title, panels: &panels, maps: &maps };
         let (svg, png) = (draw::svg(&drawing)?, draw::png(&drawing)?);
-        Ok(Self { figure, panels, maps, data, csv, svg, png })
+        Ok(Self { figure, panels, maps, data, csv, paths, svg, png })
     }
 
     /// Writes data and drawings into `folder`; `arguments` made them.
@@ -53,7 +57,7 @@ impl Drawn {
         let data = json!({
             "figure": name,
             "title": self.figure.title,
-            "map": self.figure.map,
+            (if builtin(self.figure.world).is_some() { "map" } else { "world" }): self.figure.world,
             "command": format!("gdg-tui {arguments}"),
             "version": env!("CARGO_PKG_VERSION"),
             "data": self.data,
@@ -64,6 +68,7 @@ impl Drawn {
         let json = json.into_diagnostic()? + "\n";
         folder.write(&format!("data/{name}.json"), json.as_bytes())?;
         folder.write(&format!("data/{name}.csv"), &self.csv)?;
+        self.paths.iter().try_for_each(|paths| folder.write(&format!("data/{}", paths_file(name)), paths))?;
         folder.write(&format!("figures/{name}.svg"), self.svg.as_bytes())?;
         folder.write(&format!("figures/{name}.png"), &self.png)
     }
@@ -85,6 +90,11 @@ impl Drawn {
     }
 }
 
+/// Returns the name of a figure's file with paths in space.
+pub fn paths_file(figure: &str) -> String {
+    format!("{figure}-paths.csv")
+}
+
 /// Returns who was run, for data.
 fn about(method: &MethodResults) -> Value {
     json!({
@@ -98,7 +108,8 @@ fn about(method: &MethodResults) -> Value {
     })
 }
 
-fn curves_json(panels: &[Panel], methods: &[MethodResults]) -> Value {
+/// Returns the curves and, if asked for, what was measured at the end.
+fn curves_json(panels: &[Panel], methods: &[MethodResults], with_measured: bool) -> Result<Value, Report> {
     let point = |point: &Point| {
         let (least, most) = point.range();
         let seeds: BTreeMap<String, f64> = point.values.iter().map(|(s, value)| (s.to_string(), *value)).collect();
@@ -109,10 +120,12 @@ fn curves_json(panels: &[Panel], methods: &[MethodResults]) -> Value {
         let curves: Vec<Value> = panel.curves.iter().map(curve).collect();
         json!({"measure": panel.measure, "x": panel.labels[0], "y": panel.labels[1], "curves": curves})
     };
-    json!({
-        "methods": methods.iter().map(about).collect::<Vec<_>>(),
-        "panels": panels.iter().map(panel).collect::<Vec<_>>(),
-    })
+    let methods = if with_measured {
+        serde_json::to_value(measured(methods)).into_diagnostic()?
+    } else {
+        methods.iter().map(about).collect()
+    };
+    Ok(json!({ "methods": methods, "panels": panels.iter().map(panel).collect::<Vec<_>>() }))
 }
 
 /// Writes a line per value: measure, method, seed, place on the horizontal axis, value.
@@ -166,6 +179,21 @@ fn measured_csv(methods: &[MethodResults]) -> Result<Vec<u8>, Report> {
         for walk in walks {
             for (step, [x, y]) in walk.path.iter().enumerate() {
                 let line = (method.entry.name, seed, walk.distance, walk.reached, step, x, y);
+                writer.serialize(line).into_diagnostic()?;
+            }
+        }
+    }
+    writer.into_inner().into_diagnostic()
+}
+
+/// Writes a line per step of every walk in space.
+fn positions_csv(methods: &[MethodResults]) -> Result<Vec<u8>, Report> {
+    let mut writer = csv::Writer::from_writer(Vec::new());
+    writer.write_record(["method", "seed", "reached", "step", "x", "y", "z"]).into_diagnostic()?;
+    for (method, MeasuredMethod { seed, measured, .. }) in methods.iter().zip(measured(methods)) {
+        if let Some(walk) = &measured.long_walk {
+            for (step, position) in walk.path.iter().enumerate() {
+                let line = (method.entry.name, seed, walk.reached, step, position);
                 writer.serialize(line).into_diagnostic()?;
             }
         }

@@ -1,9 +1,9 @@
 //! The report: every figure with the paper's results beside ours, in Markdown.
 
 use super::MethodResults;
-use super::curves::{Panel, Point};
+use super::curves::{Curve, Panel, Point, stays_at};
 use super::figures::{Figure, Shows};
-use super::output::Drawn;
+use super::output::{Drawn, paths_file};
 use crate::experiment::plan::Length;
 use crate::text::counted;
 
@@ -11,12 +11,25 @@ use crate::text::counted;
 const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a bridge point: b with D(s,b) + \
      D(b,g) < D(s,g), among candidates that are at least a quarter of D(s,g) from either end.";
 
+/// What the numbers of figures over training are.
+const AT_THE_END: &str = "success rate at the end, all distances";
+
+/// What Figure 1 compares.
+const ARM: &str = "The paper's claim: with the distance |s - g| given, GDG (which learns f and mu) and DDPG (which regresses Q on \
+     -|s' - g|) converge alike. DDPG + HER with sparse rewards and GDG with a learned D are our additions.";
+
+/// What is seen in the picture of the arm's grip.
+const GRIP: &str = "The arm starts on one side of the wall, the goal is on the other. Below, the grip's path (dark blue) in one \
+     evaluation task, the same for both methods, from the start (light blue) to within 5 cm of the goal (orange circle), \
+     after training with the first seed: from behind the robot with the table below, and from above. Red: the plan, with \
+     its waypoints.";
+
 /// Returns the report, with the sections of all figures.
 pub fn report(arguments: &str, sections: &[String], missing: &[String], unavailable: &[&str]) -> String {
     let mut out = format!(
         "# \"Reinforcement Learning with Goal-Distance Gradient\", reproduced\n\nMade by gdg-tui {} with\n\n```sh\n\
          gdg-tui {arguments}\n```\n\nLines are means over seeds, bands reach from the worst to the best seed. Success: the \
-         goal reached within 500 steps; methods that plan are evaluated with planning. Our maps are not the paper's, whose \
+         goal reached within 500 steps, with the arm within its episode of 50; methods that plan are evaluated with planning. Our maps are not the paper's, whose \
          arrays are not published: the city's farthest task takes 240 steps in both. \"-\": the paper gives no \
          number.\n",
         env!("CARGO_PKG_VERSION")
@@ -42,7 +55,14 @@ pub fn section(figure: &Figure, methods: &[MethodResults], drawn: &Drawn) -> Str
          [JSON](data/{name}.json), [CSV](data/{name}.csv)\n\n"
     );
     out += &match figure.shows {
-        Shows::Success => training_table(figure, methods, &drawn.panels, "success rate at the end, all distances"),
+        Shows::Success => training_table(figure, methods, &drawn.panels, AT_THE_END),
+        Shows::CompleteSuccess => {
+            format!("{ARM}\n\n{}", training_table(figure, methods, &drawn.panels, AT_THE_END))
+        }
+        Shows::CompleteSuccessAndGripPath => {
+            let table = training_table(figure, methods, &drawn.panels, AT_THE_END);
+            format!("Paths: [CSV](data/{}).\n\n{GRIP}\n\n{table}", paths_file(name))
+        }
         Shows::DistanceLeft => training_table(figure, methods, &drawn.panels, "left at the end"),
         Shows::SuccessByDistance => distance_table(methods, &drawn.panels),
         Shows::Bridge => format!("{BRIDGE_SEARCH}\n\n{}", maps_table(drawn)),
@@ -67,6 +87,7 @@ fn run(method: &MethodResults) -> String {
     let length = match method.plan.length {
         Length::Updates(updates) => counted(updates, "update"),
         Length::Episodes(episodes) => counted(episodes, "episode"),
+        Length::Steps(steps) => counted(steps, "environment step"),
     };
     let (name, preset, seeds) = (method.entry.method(), method.entry.preset, method.results.len());
     format!("{name}, preset {preset}{settings}; {length}, {}", counted(seeds as u64, "seed"))
@@ -76,10 +97,13 @@ fn run(method: &MethodResults) -> String {
 fn training_table(figure: &Figure, methods: &[MethodResults], panels: &[Panel], what: &str) -> String {
     let digits = |panel: &Panel| if panel.top.is_some() { 3 } else { 1 };
     let titles: Vec<&str> = panels.iter().map(|panel| panel.labels[1]).collect();
+    let complete = [Shows::CompleteSuccess, Shows::CompleteSuccessAndGripPath].contains(&figure.shows);
+    let complete = panels.first().filter(|_| complete);
+    let column = complete.map_or(String::new(), |panel| format!("1.00 from ({}) | ", panel.labels[0]));
     let mut out = format!(
-        "| method | paper | ours: {} | environment steps | run |\n|---|---|{}---:|---|\n",
+        "| method | paper | ours: {} | {column}environment steps | run |\n|---|---|{}---:|---|\n",
         titles.join(" | ours: "),
-        "---:|".repeat(panels.len())
+        "---:|".repeat(panels.len() + usize::from(complete.is_some()))
     );
     for method in methods {
         let paper = figure.paper.iter().find(|(name, _)| *name == method.entry.name).map_or("-", |(_, text)| text);
@@ -91,9 +115,21 @@ fn training_table(figure: &Figure, methods: &[MethodResults], panels: &[Panel], 
         let measured = method.results.iter().filter_map(|result| result.measured.as_ref());
         let steps = measured.map(|measured| measured.env_steps).max().unwrap_or(0);
         let (title, run) = (method.entry.title, run(method));
-        out += &format!("| {title} | {paper} | {} | {steps} | {run} |\n", values.join(" | "));
+        let of = |panel: &Panel| Some(panel.curves.iter().find(|curve| curve.entry.name == method.entry.name)?.clone());
+        let from = complete.and_then(of).map_or(String::new(), |curve| format!("{} | ", complete_from(&curve)));
+        out += &format!("| {title} | {paper} | {} | {from}{steps} | {run} |\n", values.join(" | "));
     }
-    format!("Ours: {what}.\n\n{out}")
+    let note = if complete.is_some() { " 1.00 from: the first evaluation from which on all are 1.00." } else { "" };
+    format!("Ours: {what}.{note}\n\n{out}")
+}
+
+/// Returns from where on success stays at 1, for the earliest and the latest seed.
+fn complete_from(curve: &Curve) -> String {
+    let from = stays_at(curve, 1.0);
+    let places: Vec<u64> = from.values().flatten().copied().collect();
+    let (Some(first), Some(last)) = (places.iter().min(), places.iter().max()) else { return "-".to_owned() };
+    let range = if first == last { first.to_string() } else { format!("{first} to {last}") };
+    if places.len() == from.len() { range } else { format!("{range} ({} of {} seeds)", places.len(), from.len()) }
 }
 
 /// Returns success at every distance.

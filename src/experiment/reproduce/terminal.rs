@@ -5,17 +5,20 @@ use std::io::IsTerminal;
 use anstyle::RgbColor;
 use anstyle_lossy::rgb_to_xterm;
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Constraint, Rect};
+use ratatui::layout::{Constraint, Layout, Rect};
 use ratatui::style::{Color, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::Line;
-use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition, Widget};
+use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Widget};
 
 use super::curves::Panel;
 use crate::view::Rgb;
 
 /// Columns and rows of a chart.
 const SIZE: (u16, u16) = (100, 22);
+
+/// Columns of the names of methods.
+const LEGEND: u16 = 20;
 
 /// Draws charts one below the other, in colours if standard output is a terminal.
 pub fn charts(panels: &[Panel]) -> String {
@@ -29,28 +32,31 @@ fn chart(panel: &Panel, coloured: bool) -> String {
     let all = || points.iter().flatten();
     let last = all().map(|p| p.0).fold(1.0, f64::max);
     let highest = panel.top.unwrap_or_else(|| all().map(|p| p.1).fold(1.0, f64::max));
-    let data = panel.curves.iter().zip(&points).zip('a'..);
-    let data = data.map(|((curve, points), letter)| {
-        // Without colours, letters tell the methods apart.
-        let name = if coloured { curve.entry.title.to_owned() } else { format!("{letter} {}", curve.entry.title) };
+    // Without colours, letters tell the methods apart.
+    let methods = || panel.curves.iter().zip('a'..);
+    let data = methods().zip(&points).map(|((curve, letter), points)| {
         Dataset::default()
-            .name(name)
             .marker(if coloured { Marker::Braille } else { Marker::Custom(letter) })
             .graph_type(GraphType::Line)
             .style(Style::new().fg(of(curve.entry.colour)))
             .data(points)
     });
-    let axis = |title, top: f64| {
+    let axis = |top: f64| {
         let labels = [0.0, 0.5, 1.0].map(|share| Line::from(super::draw::tick(share * top)));
-        Axis::default().title(title).bounds([0.0, 1.02 * top]).labels(labels)
+        Axis::default().bounds([0.0, 1.02 * top]).labels(labels)
     };
-    let chart = Chart::new(data.collect())
-        .x_axis(axis(panel.labels[0], last))
-        .y_axis(axis(panel.labels[1], highest))
-        .legend_position(Some(LegendPosition::Right))
-        .hidden_legend_constraints((Constraint::Percentage(50), Constraint::Percentage(60)));
+    // Names of axes and methods are around the chart, where no line crosses them.
     let mut screen = Buffer::empty(Rect::new(0, 0, SIZE.0, SIZE.1));
-    chart.render(screen.area, &mut screen);
+    let [above, middle, below] =
+        Layout::vertical([Constraint::Length(1), Constraint::Fill(1), Constraint::Length(1)]).areas(screen.area);
+    let [ground, legend] = Layout::horizontal([Constraint::Fill(1), Constraint::Length(LEGEND)]).areas(middle);
+    Chart::new(data.collect()).x_axis(axis(last)).y_axis(axis(highest)).render(ground, &mut screen);
+    Line::from(panel.labels[1]).render(above, &mut screen);
+    Line::from(panel.labels[0]).right_aligned().render(Rect { width: ground.width, ..below }, &mut screen);
+    for ((curve, letter), row) in methods().zip(legend.rows()) {
+        let symbol = if coloured { "──".to_owned() } else { letter.to_string() };
+        Line::from(format!("  {symbol} {}", curve.entry.title)).style(of(curve.entry.colour)).render(row, &mut screen);
+    }
     text(&screen, coloured)
 }
 
@@ -83,19 +89,23 @@ fn text(screen: &Buffer, coloured: bool) -> String {
 mod tests {
     use super::*;
     use crate::experiment::reproduce::curves::{Curve, Point};
-    use crate::experiment::reproduce::methods::ENTRIES;
+    use crate::experiment::reproduce::methods::{DEFAULT, Entry, GDG_BRIDGE};
+
+    static ENTRIES: [Entry; 2] = [DEFAULT, GDG_BRIDGE];
 
     #[test]
     fn a_chart_shows_axes_legend_and_a_line_per_method() {
         let points =
             |value| vec![Point { x: 0, values: vec![(1, value)] }, Point { x: 40_000, values: vec![(1, value)] }];
         let curve = |i: usize, value| Curve { entry: &ENTRIES[i], points: points(value) };
-        let curves = vec![curve(0, 0.9), curve(1, 0.1)];
+        // The first curve lies at the top, where names of axis and methods must not be.
+        let curves = vec![curve(0, 1.0), curve(1, 0.1)];
         let panel = Panel { measure: "success", labels: ["updates", "success rate"], top: Some(1.0), curves };
         let plain = chart(&panel, false);
-        for part in ["updates", "success rate", "a default (ours)", "40k", "aaaaaaaa", "bbbbbbbb"] {
+        for part in ["updates", "success rate", "a default (ours)", "b GDG, bridges", "40k", "aaaaaaaa", "bbbbbbbb"] {
             assert!(plain.contains(part), "{part}: {plain}");
         }
+        assert!(plain.lines().any(|line| line.trim() == "success rate"), "{plain}");
         assert!(!plain.contains('\x1b') && chart(&panel, true).contains("\x1b[38;5;"));
     }
 }

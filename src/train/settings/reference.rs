@@ -3,6 +3,7 @@
 
 use super::Effect;
 use super::constants::{Constant, constants};
+use crate::env::{WORLDS, WorldKind};
 use crate::train::config::list_settings;
 use crate::train::method::Preset;
 
@@ -461,8 +462,20 @@ pub const SETTINGS: [Setting; 61] = [
 pub fn reference_page() -> String {
     let mut page = "# Settings\n\nSet one with `--set NAME=VALUE`, several with `--config FILE` (JSON, in the \
                     format of `--print-config`), or change any of them during training with `o`. Former names still work. This page \
-                    is printed by `gdg-tui settings`.\n"
+                    is printed by `gdg-tui settings`.\n\nSome worlds bring default settings of their own, on top of the \
+                    presets that adapt to the world:\n\n"
         .to_owned();
+    for WorldKind { name, defaults, .. } in WORLDS.iter().filter(|kind| !kind.defaults.is_empty()) {
+        page += &format!("- `{name}`: `{}`\n", defaults.join(" "));
+    }
+    let (adapt, published): (Vec<Preset>, Vec<Preset>) =
+        Preset::ALL.iter().partition(|preset| preset.adapts_to_world());
+    let list = |presets: &[Preset]| presets.iter().map(|p| format!("`{}`", p.name())).collect::<Vec<_>>().join(" and ");
+    page += &format!(
+        "\nThese presets are {}; {} stay as published. `--config` and `--set` come last.\n",
+        list(&adapt),
+        list(&published)
+    );
     let presets = Preset::ALL.map(|preset| list_settings(&preset.settings()));
     let names = Preset::ALL.map(Preset::name).join(" | ");
     let columns = "---|".repeat(Preset::ALL.len() + 5);

@@ -38,7 +38,8 @@ pub fn prepare(args: &CompareArgs, registry: &Arc<Registry>) -> Result<[Contesta
 fn contestant(method: &Method, side: &str, args: &CompareArgs, registry: &Arc<Registry>) -> Result<Contestant, Report> {
     let preset = Preset::of_method(method);
     let set = setup::settings_of(side, &args.set);
-    let settings = settings_from(preset, &Overrides { config: None, set: &set }).map_err(from_config_error)?;
+    let settings =
+        settings_from(preset, &Overrides { set: &set, ..Overrides::default() }).map_err(from_config_error)?;
     let run = Run { method: method.clone(), preset, seed: args.seed, settings };
     let maze = setup::open_maze(&args.map, &run, registry)?;
     let threads = args.threads.map_or((setup::threads(None) / LETTERS.len()).max(1), usize::from);

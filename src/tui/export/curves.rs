@@ -95,8 +95,8 @@ pub fn csv(screen: &Screen) -> Result<Vec<u8>, ExportError> {
     head.extend(["critic_loss", "model_loss", "actor_loss"].map(str::to_owned));
     head.extend(["coverage", "greedy", "planned", "error", "error_of_graph"].map(str::to_owned));
     for kind in ["greedy", "planned"] {
-        head.extend(distances.iter().enumerate().map(|(i, d)| match d.distance_steps {
-            Some(steps) => format!("{kind}_at_{steps:.0}_steps"),
+        head.extend(distances.iter().enumerate().map(|(i, d)| match d.distance() {
+            Some((distance, unit)) => format!("{kind}_at_{distance:.0}_{}", unit.name()),
             None => format!("{kind}_of_group_{}", i + 1),
         }));
     }

@@ -9,6 +9,7 @@ use ratatui::widgets::Paragraph;
 
 use super::text::short;
 use super::{BOLD, DIM, chart};
+use crate::env::DistanceUnit;
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
@@ -81,9 +82,13 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     };
     let distances = screen.snapshot.evaluations.first().map_or(&[][..], |(_, e)| by_distance(e));
     let each = distances.iter().enumerate().map(|(i, d)| {
-        let name = d.distance_steps.map_or("all".to_owned(), |steps| format!("{steps:.0}"));
+        let name = d.distance().map_or("all".to_owned(), |(distance, _)| format!("{distance:.0}"));
         of(&name, &|e| by_distance(e).get(i)?.success)
     });
+    let by_unit = match distances.iter().find_map(DistanceScore::distance) {
+        Some((_, DistanceUnit::Centimetres)) => "success by cm",
+        _ => "success by steps",
+    };
     let coverage = screen.snapshot.coverage().into_iter().map(|(at, share)| (along(screen, at), share));
     let success = vec![
         of("planned", &|e| e.planned.as_ref()?.success),
@@ -96,7 +101,7 @@ fn plots(screen: &Screen) -> Vec<Plot> {
         Plot { title: "success", series: success, max: Some(1.0), log: false },
         Plot { title: "loss of D", series: vec![loss(0)], max: None, log: true },
         Plot { title: "error of D", series: errors, max: None, log: true },
-        Plot { title: "success by steps", series: each.collect(), max: Some(1.0), log: false },
+        Plot { title: by_unit, series: each.collect(), max: Some(1.0), log: false },
         Plot { title: "loss of f", series: vec![loss(1)], max: None, log: true },
         Plot { title: "loss of mu, steps", series: vec![loss(2)], max: None, log: true },
     ]

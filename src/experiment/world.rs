@@ -1,0 +1,87 @@
+//! The world of a job.
+
+use std::sync::Arc;
+
+use miette::{Report, miette};
+
+use crate::env::{Environment, PointMaze};
+use crate::map::{Grid, print_ascii, with_start};
+use crate::setup::find_map;
+use crate::train::Registry;
+
+/// A world to train in.
+#[derive(Clone, Debug)]
+pub enum JobWorld {
+    /// The maze on a map.
+    Maze {
+        /// The map, with a start.
+        map: Arc<Grid>,
+        /// Whether that start was drawn, as the map itself has none.
+        start_drawn: bool,
+    },
+    /// A world that needs no file, by the name of its kind.
+    Named(String),
+}
+
+impl JobWorld {
+    /// Returns the maze on `map`. A map without a start gets one drawn by `seed`.
+    pub fn maze(map: &Grid, seed: u64) -> Self {
+        Self::Maze { start_drawn: map.starts().is_empty(), map: Arc::new(with_start(map.clone(), seed)) }
+    }
+
+    /// Returns the world that `name` opens, as [`JobWorld::maze`] if that is a map.
+    ///
+    /// # Errors
+    /// `name` is neither a world of `registry` nor a map.
+    pub fn find(name: &str, seed: u64, registry: &Registry) -> Result<Self, Report> {
+        match registry.world_opened_by(name) {
+            Some(kind) if kind.create.is_some() => Ok(Self::Named(name.to_owned())),
+            _ => Ok(Self::maze(&find_map(name, registry)?, seed)),
+        }
+    }
+
+    /// Returns the name of the map, or of the world.
+    pub fn name(&self) -> &str {
+        match self {
+            Self::Maze { map, .. } => map.name(),
+            Self::Named(name) => name,
+        }
+    }
+
+    /// Returns the map, if there is one.
+    pub fn map(&self) -> Option<&Arc<Grid>> {
+        match self {
+            Self::Maze { map, .. } => Some(map),
+            Self::Named(_) => None,
+        }
+    }
+
+    /// Returns what tells it from other worlds of the same name: the map as text.
+    pub fn content(&self) -> String {
+        self.map().map_or(String::new(), |map| print_ascii(map))
+    }
+
+    /// Creates it, without agents.
+    ///
+    /// # Errors
+    /// `registry` has no such world.
+    pub fn create(&self, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
+        match self {
+            Self::Maze { map, .. } => Ok(Box::new(PointMaze::new(map.clone(), 0))),
+            Self::Named(name) => match registry.world(name).and_then(|kind| kind.create) {
+                Some(create) => Ok(create()),
+                None => Err(miette!("{name}: this build has no such world")),
+            },
+        }
+    }
+
+    /// Whether `world` is this one.
+    pub fn is(&self, world: &dyn Environment) -> bool {
+        match self {
+            Self::Maze { .. } => {
+                PointMaze::downcast_ref(world).is_some_and(|maze| print_ascii(maze.map()) == self.content())
+            }
+            Self::Named(name) => world.kind() == name,
+        }
+    }
+}
