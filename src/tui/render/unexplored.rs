@@ -13,8 +13,9 @@ const POCKET_FADE: f32 = 0.35;
 const FADE: f32 = 0.7;
 const HATCH: f32 = 0.5;
 
-/// Pixels between two lines of hatching.
+/// Pixels between two lines of hatching with colours, and characters between two signs without.
 const HATCH_SPACING: usize = 4;
+const MONO_HATCH_SPACING: usize = 8;
 
 /// How strongly the edge is tinted.
 const TINT: f32 = 0.65;
@@ -28,18 +29,17 @@ pub struct Unexplored {
 
 impl Unexplored {
     /// Looks up each pixel's cell.
-    pub fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
-        let (raster, map, exploration) = (&map_frame.raster, screen.map(), &screen.view.exploration);
+    pub fn new(grounds: &[Ground], screen: &Screen) -> Self {
+        let (map, exploration) = (screen.map(), &screen.view.exploration);
         if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
             return Self { known: Vec::new(), fades: false };
         }
-        let (columns, rows) = raster.pixels;
-        let known = |i: usize| match raster.ground(map, i % columns, i / columns) {
-            Ground::Free(at) => exploration.at(at),
-            Ground::Wall | Ground::Outside => Knowledge::Known,
+        let known = |ground: &Ground| match ground {
+            Ground::Free(at) => exploration.at(*at),
+            Ground::Wall | Ground::Crossed(_) | Ground::Outside => Knowledge::Known,
         };
         let fades = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
-        Self { known: (0..columns * rows).map(known).collect(), fades }
+        Self { known: grounds.iter().map(known).collect(), fades }
     }
 
     /// Returns whether values at pixel `i` mean nothing, as it shows a cell beyond the known world.
@@ -58,19 +58,31 @@ impl Unexplored {
         // A pixel that shows several cells may show the edge without being represented by a cell at the edge.
         let coarse = map_frame.raster.window[2] > map_frame.raster.pixels.0 as f32;
         let mono = theme.depth == ColourDepth::Mono;
+        let (across, down) = map_frame.marker.pixels();
+        let is_hatched = |i: usize| {
+            let (column, row) = (i % columns, i / columns);
+            if mono {
+                // By characters, and few of them: signs are louder than colours.
+                (column / across + MONO_HATCH_SPACING / 2 * (row / down)).is_multiple_of(MONO_HATCH_SPACING)
+            } else {
+                (column + row).is_multiple_of(HATCH_SPACING)
+            }
+        };
         for (i, known) in self.known.iter().enumerate() {
             let Some(ground) = canvas.colour(i) else { continue };
             match known {
                 Knowledge::Beyond if self.fades => {
-                    let hatched = (i % columns + i / columns).is_multiple_of(HATCH_SPACING);
+                    let hatched = is_hatched(i);
                     let faded = blend(ground, theme.unknown, FADE);
                     let rgb = if hatched { blend(faded, theme.wall, HATCH) } else { faded };
-                    canvas.set(i, Some(rgb), UNVISITED_MARK);
+                    canvas.set(i, Some(rgb), if hatched { UNVISITED_MARK } else { ' ' });
                 }
                 Knowledge::Pocket if self.fades => {
                     canvas.set(i, Some(blend(ground, theme.unknown, POCKET_FADE)), canvas.mark(i));
                 }
-                Knowledge::Beyond => canvas.set(i, Some(ground), UNVISITED_MARK),
+                Knowledge::Beyond => {
+                    canvas.set(i, Some(ground), if is_hatched(i) { UNVISITED_MARK } else { canvas.mark(i) });
+                }
                 Knowledge::Pocket => {}
                 Knowledge::Edge | Knowledge::Known => {
                     let edge = *known == Knowledge::Edge || coarse && !canvas.is_wall(i);
