@@ -25,7 +25,7 @@ pub use checkpoint::{
 pub use config::{
     ConfigError, Overrides, list_settings, print_settings, settings_from, settings_from_text, with_setting,
 };
-pub use engine::{Command, Engine, FollowedAgent, MakeWorld, Networks, Phase, Snapshot, Step};
+pub use engine::{Command, Engine, FollowedAgent, MakeWorld, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 pub use error::TrainError;
 pub use evaluate::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,

@@ -38,6 +38,18 @@ struct Lattice {
 }
 
 impl RandomMapKind {
+    /// All kinds.
+    pub const ALL: [Self; 3] = [Self::Maze, Self::City, Self::Perfect];
+
+    /// Returns a short description.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Maze => "rooms of 4 x 4 cells, most walls between them closed",
+            Self::City => "streets 3 cells wide between blocks of 4 x 4 cells",
+            Self::Perfect => "corridors one cell wide, one path between any two cells",
+        }
+    }
+
     /// Returns its name on the command line.
     pub fn name(self) -> &'static str {
         match self {

@@ -20,7 +20,8 @@ use super::trainer::Trainer;
 use crate::learn::{Policy, Scratch};
 use crate::text::grouped;
 pub use command::{Command, MakeWorld};
-pub use snapshot::{FollowedAgent, Networks, Phase, Snapshot, Step};
+use snapshot::next_multiple;
+pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 
 /// Interval between snapshots while training.
 const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
@@ -215,7 +216,8 @@ impl Worker {
                 if let Some(speed) = self.pace() {
                     self.next_update_at = Some(Instant::now() + Duration::from_secs_f64(1.0 / speed));
                 }
-                if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) {
+                let rested = self.next_evaluation_at.is_none_or(|at| Instant::now() >= at);
+                if self.trainer.counters().updates.is_multiple_of(EVALUATE_EVERY_UPDATES) && rested {
                     self.start_evaluation()?;
                 }
             }
@@ -302,10 +304,10 @@ impl Worker {
         Ok(())
     }
 
-    /// Starts an evaluation of the current networks unless one is running or finished only recently.
-    fn start_evaluation(&mut self) -> Result<(), TrainError> {
-        if self.evaluation.is_some() || self.next_evaluation_at.is_some_and(|at| Instant::now() < at) {
-            return Ok(());
+    /// Starts an evaluation of the current networks unless one is running; returns whether it did.
+    fn start_evaluation(&mut self) -> Result<bool, TrainError> {
+        if self.evaluation.is_some() {
+            return Ok(false);
         }
         let job = self.trainer.evaluation()?;
         let began = Instant::now();
@@ -314,7 +316,18 @@ impl Worker {
             job.run(&tasks)
         })?;
         self.evaluation = Some(RunningEvaluation { updates: self.trainer.counters().updates, began, result });
-        Ok(())
+        self.current.next_evaluation = NextEvaluation::Running;
+        Ok(true)
+    }
+
+    /// Returns when the next evaluation comes, at the current speed.
+    fn next_evaluation(&self) -> NextEvaluation {
+        if self.evaluation.is_some() {
+            return NextEvaluation::Running;
+        }
+        let rest = self.next_evaluation_at.map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
+        let until = (rest.as_secs_f64() * self.current.rates.0) as u64;
+        NextEvaluation::AtUpdate(next_multiple(self.trainer.counters().updates + until, EVALUATE_EVERY_UPDATES))
     }
 
     /// Collects the evaluation if it has finished.
@@ -330,14 +343,16 @@ impl Worker {
                 self.trainer.record_evaluation(updates, evaluation);
                 self.current.evaluations = self.trainer.history().evaluations().clone();
             }
-            Ok(_) => self.notify(format!("the evaluation at update {updates} returned non-finite values")),
-            Err(_) => self.notify("an evaluation failed with an internal error".to_owned()),
+            Ok(_) => self.report(format!("the evaluation at update {updates} returned non-finite values")),
+            Err(_) => self.report("an evaluation failed with an internal error".to_owned()),
         }
+        self.current.next_evaluation = self.next_evaluation();
         self.publish();
     }
 
     /// Updates and publishes the snapshot. `networks` says whether to include the networks, which are slow to copy.
     fn refresh_snapshot(&mut self, networks: bool) -> Result<(), TrainError> {
+        self.current.next_evaluation = self.next_evaluation();
         let trainer = &self.trainer;
         let current = &mut self.current;
         current.counters = trainer.counters();
@@ -388,7 +403,13 @@ impl Worker {
     }
 
     fn notify(&mut self, text: String) {
-        self.current.notice = (self.current.notice.0 + 1, text);
+        self.current.notice = Notice { number: self.current.notice.number + 1, text, is_error: false };
+    }
+
+    /// Notifies the user of something that went wrong.
+    fn report(&mut self, text: String) {
+        self.notify(text);
+        self.current.notice.is_error = true;
     }
 }
 

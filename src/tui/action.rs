@@ -1,8 +1,11 @@
 //! User actions. Keys, footer, help and command palette all come from this one table.
 
+mod table;
+
 use super::editor::Tool;
 use super::layers::Overlay;
 use super::panes::Pane;
+pub use table::SECTIONS;
 
 /// A user action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -19,10 +22,14 @@ pub enum Action {
     Faster,
     /// Freeze the screen while training continues, or unfreeze it.
     Freeze,
+    /// Evaluate now.
+    Evaluate,
     /// Restart with another seed.
     NewSeed,
     /// Change a setting.
     Settings,
+    /// Give the selected setting its default.
+    ResetSetting,
     /// Continue with another method.
     Method,
     /// Continue with a preset's settings.
@@ -83,6 +90,8 @@ pub enum Action {
     SaveMap,
     /// Open another map.
     OpenMap,
+    /// Open a random map.
+    RandomMap,
     /// Create an empty map.
     NewMap,
     /// Resize the map.
@@ -103,6 +112,8 @@ pub enum Action {
     Palette,
     /// Show or hide the help.
     Help,
+    /// Search the help.
+    SearchHelp,
     /// Close the topmost dialog or mode.
     Close,
     /// Stop the program until the shell resumes it.
@@ -128,11 +139,15 @@ pub enum Mode {
     Offered,
     /// Comparing two runs.
     Comparing,
+    /// Choosing a setting from the list.
+    Settings,
+    /// Reading the help.
+    Help,
 }
 
 impl Mode {
     /// All modes.
-    const ALL: [Self; 4] = [Self::Watching, Self::Editing, Self::Offered, Self::Comparing];
+    const ALL: [Self; 6] = [Self::Watching, Self::Editing, Self::Offered, Self::Comparing, Self::Settings, Self::Help];
 }
 
 impl Action {
@@ -145,6 +160,7 @@ impl Action {
                 | A::StepUpdate
                 | A::StepEpisode
                 | A::Freeze
+                | A::Evaluate
                 | A::NewGoal
                 | A::Move(..)
                 | A::NewStart
@@ -180,6 +196,23 @@ pub enum When {
     Comparing,
     /// While a saved run is offered: these keys go before those of [`Self::Watching`].
     Offered,
+    /// In the list of settings.
+    Settings,
+    /// In the help.
+    Help,
+}
+
+impl When {
+    /// Returns where the keys are active, for the help; empty if that goes without saying.
+    pub fn place(self) -> &'static str {
+        match self {
+            Self::Always | Self::Watching | Self::Comparing => "",
+            Self::Editing => " (in the editor)",
+            Self::Offered => " (while it is offered)",
+            Self::Settings => " (in the list)",
+            Self::Help => " (in the help)",
+        }
+    }
 }
 
 /// One entry of the table.
@@ -197,6 +230,8 @@ pub struct Binding {
     pub short: &'static str,
     /// Description for help and palette.
     pub long: &'static str,
+    /// Other words that users may search for.
+    pub words: &'static str,
 }
 
 /// A group of bindings.
@@ -213,45 +248,16 @@ pub fn bindings() -> impl Iterator<Item = &'static Binding> {
     SECTIONS.iter().flat_map(|section| section.bindings)
 }
 
-const fn bind(
-    action: Action,
-    name: &'static str,
-    keys: &'static [&'static str],
-    short: &'static str,
-    long: &'static str,
-) -> Binding {
-    Binding { action, name, when: When::Always, keys, short, long }
-}
-
 impl Binding {
-    /// Makes the binding active only while the editor is open.
-    const fn editing(self) -> Self {
-        Self { when: When::Editing, ..self }
-    }
-
-    /// Makes the binding active only while a saved run is offered.
-    const fn offered(self) -> Self {
-        Self { when: When::Offered, ..self }
-    }
-
-    /// Makes the binding active only while the editor is closed.
-    const fn watching(self) -> Self {
-        Self { when: When::Watching, ..self }
-    }
-
-    /// Makes the binding active only in comparisons.
-    const fn comparing(self) -> Self {
-        Self { when: When::Comparing, ..self }
-    }
-
     /// Returns whether its keys are active in `mode`.
     pub fn is_active(&self, mode: Mode) -> bool {
         match (mode, self.when) {
             (Mode::Watching, when) => matches!(when, When::Always | When::Watching),
             (Mode::Editing, when) => matches!(when, When::Always | When::Editing),
             (Mode::Offered, when) => matches!(when, When::Always | When::Offered),
-            (Mode::Comparing, When::Comparing) => true,
+            (Mode::Comparing, When::Comparing) | (Mode::Settings, When::Settings) | (Mode::Help, When::Help) => true,
             (Mode::Comparing, when) => when != When::Editing && self.action.applies_to_two(),
+            (Mode::Settings | Mode::Help, _) => false,
         }
     }
 
@@ -260,135 +266,3 @@ impl Binding {
         Mode::ALL.into_iter().any(|mode| self.is_active(mode) && other.is_active(mode))
     }
 }
-
-/// All actions, by section.
-pub const SECTIONS: &[Section] = &[
-    Section {
-        title: "training",
-        bindings: &[
-            bind(Action::TogglePause, "pause", &["space"], "pause", "pause or resume training"),
-            bind(Action::StepUpdate, "step-update", &["."], "", "run one update, then pause"),
-            bind(Action::StepEpisode, "step-episode", &[","], "", "train until an episode ends, then pause"),
-            bind(Action::Slower, "slower", &["<"], "", "fewer updates per second"),
-            bind(Action::Faster, "faster", &[">"], "", "more updates per second"),
-            bind(Action::Freeze, "freeze", &["shift-f"], "", "freeze the screen while training continues").watching(),
-            bind(Action::NewSeed, "new-seed", &["shift-r"], "", "restart with another seed").watching(),
-            bind(Action::Settings, "settings", &["o"], "", "change a setting during training").watching(),
-            bind(Action::Method, "method", &[], "", "continue with another method"),
-            bind(Action::Preset, "preset", &[], "", "continue with the settings of a preset"),
-        ],
-    },
-    Section {
-        title: "goal and agent",
-        bindings: &[
-            bind(Action::NewGoal, "new-goal", &["n"], "goal", "a random new goal (or click on the map)").watching(),
-            bind(Action::Move(-1, 0), "left", &["left", "h"], "", "move the goal or cursor left"),
-            bind(Action::Move(0, 1), "down", &["down", "j"], "", "... down"),
-            bind(Action::Move(0, -1), "up", &["up", "k"], "", "... up"),
-            bind(Action::Move(1, 0), "right", &["right", "l"], "", "... to the right"),
-            bind(Action::NewStart, "new-start", &["w"], "", "put @ at a random place (right-click: at that cell)")
-                .watching(),
-            bind(Action::StartHere, "start-here", &["shift-s"], "", "put @ at the cursor or goal").watching(),
-            bind(Action::GoalHere, "goal-here", &["enter"], "", "put the goal at the cursor").watching(),
-            bind(Action::OnArrival, "tour", &["t"], "", "when @ arrives: restart, visit other goals, or stay")
-                .watching(),
-            bind(Action::Follow, "follow", &["f"], "", "follow the next exploring agent").watching(),
-        ],
-    },
-    Section {
-        title: "view",
-        bindings: &[
-            bind(Action::Field(true), "next-field", &["v"], "view", "colour the map by the next quantity").watching(),
-            bind(Action::Field(false), "previous-field", &["shift-v"], "", "... by the previous one").watching(),
-            bind(Action::Toggle(Overlay::Contours), "contours", &["c"], "", "contour lines, on or off").watching(),
-            bind(Action::Toggle(Overlay::Directions), "directions", &["r"], "", "the actor's directions").watching(),
-            bind(Action::Toggle(Overlay::Unexplored), "unvisited", &["x"], "", "unvisited cells and their edge")
-                .watching(),
-            bind(Action::Toggle(Overlay::Agents), "agents", &["a"], "", "exploring agents, trails, frontier goals")
-                .watching(),
-            bind(Action::Toggle(Overlay::Candidates), "candidates", &["b"], "", "bridge candidates").watching(),
-            bind(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph").watching(),
-            bind(Action::Toggle(Overlay::Search), "search", &["shift-b"], "", "the latest search for a bridge point")
-                .watching(),
-            bind(Action::Toggle(Overlay::Path), "path", &["p"], "", "the path planned by @").watching(),
-            bind(Action::Inspect, "inspect", &["i"], "", "inspect cells with a cursor").watching(),
-            bind(Action::ZoomIn, "zoom-in", &["+", "="], "", "zoom in (or mouse wheel)"),
-            bind(Action::ZoomOut, "zoom-out", &["-"], "", "zoom out"),
-            bind(Action::ZoomOff, "whole-map", &["0"], "", "show the whole map").watching(),
-            bind(Action::Pan(-1, 0), "pan-left", &["shift-left", "alt-left"], "", "pan the map"),
-            bind(Action::Pan(1, 0), "pan-right", &["shift-right", "alt-right"], "", ""),
-            bind(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", ""),
-            bind(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", ""),
-            bind(Action::Marker, "marker", &["m"], "", "half blocks, quadrants or braille").watching(),
-            bind(Action::Theme, "theme", &["shift-t"], "", "dark, light, colour-blind-safe, or no colours").watching(),
-        ],
-    },
-    Section {
-        title: "panes",
-        bindings: &[
-            bind(Action::Show(Pane::Training), "training", &["1"], "", "training progress and success").watching(),
-            bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, coverage, losses and errors")
-                .watching(),
-            bind(Action::Show(Pane::Walk), "walk", &["3"], "", "the followed agent").watching(),
-            bind(Action::Show(Pane::Legend), "legend", &["4"], "", "legend of the map").watching(),
-            bind(Action::Show(Pane::Log), "log", &["5"], "", "event log").watching(),
-            bind(Action::NextPane, "next-pane", &["tab"], "panes", "select the next pane"),
-            bind(Action::Maximise, "maximise", &["z"], "", "maximise or restore the pane").watching(),
-            bind(Action::Scroll(-1), "scroll-back", &["pageup"], "", "scroll curves and log back"),
-            bind(Action::Scroll(1), "scroll-on", &["pagedown"], "", "scroll curves and log forward"),
-            bind(Action::LogScale, "log-scale", &["g"], "", "toggle logarithmic curves").watching(),
-        ],
-    },
-    Section {
-        title: "map editor",
-        bindings: &[
-            bind(Action::ToggleEdit, "edit", &["e"], "edit", "open or close the editor"),
-            bind(Action::Tool(Tool::Pencil), "pencil", &["1"], "", "draw walls (drag; right-drag: floor)").editing(),
-            bind(Action::Tool(Tool::Eraser), "eraser", &["2"], "", "draw floor").editing(),
-            bind(Action::Tool(Tool::Line), "line", &["3"], "", "draw a straight wall").editing(),
-            bind(Action::Tool(Tool::Rectangle), "rectangle", &["4"], "", "draw walls around a rectangle").editing(),
-            bind(Action::Tool(Tool::Fill), "fill", &["5"], "", "fill an area with wall, or a wall with floor")
-                .editing(),
-            bind(Action::Tool(Tool::Start), "start", &["6"], "", "add or remove a start S").editing(),
-            bind(Action::Tool(Tool::Goal), "goal", &["7"], "", "add or remove a goal G").editing(),
-            bind(Action::Apply, "apply", &["x", "enter"], "", "use the tool at the cursor; twice for a line").editing(),
-            bind(Action::Undo, "undo", &["u"], "", "undo an edit"),
-            bind(Action::Redo, "redo", &["ctrl-r"], "", "redo an edit"),
-            bind(Action::NewMap, "new-map", &[], "", "create an empty map"),
-            bind(Action::ResizeMap, "resize-map", &[], "", "resize the map"),
-            bind(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file"),
-            bind(Action::OpenMap, "open-map", &["shift-o"], "", "open another map"),
-        ],
-    },
-    Section {
-        title: "files",
-        bindings: &[
-            bind(Action::Save, "save", &["s"], "save", "save a checkpoint"),
-            bind(Action::SaveAs, "save-as", &[], "", "save a checkpoint under a name"),
-            bind(Action::Load, "load", &["shift-l"], "", "load a checkpoint").watching(),
-            bind(Action::Resume, "resume", &["r"], "", "resume the saved run").offered(),
-            bind(Action::Autosave, "autosave", &[], "", "set the autosave interval"),
-            bind(Action::Export, "export", &["shift-e"], "", "export map, curves or screen").watching(),
-        ],
-    },
-    Section {
-        title: "program",
-        bindings: &[
-            bind(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find an action by name"),
-            bind(Action::Help, "help", &["?", "f1"], "help", "show or hide this help"),
-            bind(Action::Close, "close", &["esc"], "", "close the topmost dialog or mode"),
-            bind(Action::Suspend, "suspend", &["ctrl-z"], "", "suspend to the shell; fg resumes"),
-            bind(Action::Quit, "quit", &["q", "ctrl-c"], "quit", "quit"),
-        ],
-    },
-    Section {
-        title: "comparison (gdg-tui compare)",
-        bindings: &[
-            bind(Action::Axis, "axis", &["g"], "axis", "curves over environment steps, updates or seconds").comparing(),
-            bind(Action::NextLarger, "next-larger", &["tab"], "size", "left or right side larger, or both equal")
-                .comparing(),
-            bind(Action::Larger(0), "left-larger", &["1"], "", "left side larger, or both equal").comparing(),
-            bind(Action::Larger(1), "right-larger", &["2"], "", "right side larger, or both equal").comparing(),
-        ],
-    },
-];

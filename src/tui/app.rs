@@ -18,8 +18,9 @@ use ratatui::Frame;
 use ratatui::layout::Position;
 use tokio::sync::watch;
 
+use super::action::Mode;
 use super::config::UiConfig;
-use super::dialog::Dialog;
+use super::dialog::{Choice, Dialog};
 use super::event_loop::Interface;
 use super::export;
 use super::keymap::Keymap;
@@ -28,6 +29,7 @@ use super::output::ExportKind;
 use super::raster::Viewport;
 use super::render::{self, Cache};
 use super::screen::Screen;
+use super::theme::ThemeName;
 use crate::env::PointMaze;
 use crate::faults::Failure;
 use crate::map::{Cell, Grid};
@@ -67,6 +69,8 @@ pub struct App {
     feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<Arc<View>>),
     /// What the next frame can reuse.
     cache: Cache,
+    /// The theme in use, while others are shown that are selected in the list of themes.
+    previewed_over: Option<ThemeName>,
 }
 
 impl App {
@@ -89,6 +93,7 @@ impl App {
             export: None,
             feed: (engine.snapshots(), viewer.views()),
             cache: Cache::default(),
+            previewed_over: None,
             screen: Screen::new((&config, keymap), snapshot, view),
             engine,
             viewer,
@@ -163,7 +168,8 @@ impl App {
             Event::Paste(text) => match self.screen.dialogs.last_mut() {
                 Some(Dialog::Pick(picker)) => picker.paste(text),
                 Some(Dialog::Ask(prompt)) => prompt.paste(text),
-                _ => {}
+                Some(Dialog::Help(help)) => help.paste(text),
+                None => {}
             },
             _ => {}
         }
@@ -183,13 +189,39 @@ impl App {
                 }
             }
             Some(Dialog::Help(_)) => self.on_key_in_help(key),
-            Some(_) if key.code == KeyCode::Esc => {
-                self.screen.dialogs.pop();
-                self.cancel_quit();
-            }
+            Some(_) if key.code == KeyCode::Esc => self.dismiss(),
             Some(_) if key.code == KeyCode::Enter => self.answer(),
-            Some(Dialog::Pick(picker)) => picker.on_key(key),
+            Some(Dialog::Pick(_)) => self.on_key_in_list(key),
             Some(Dialog::Ask(prompt)) => prompt.on_key(key),
+        }
+    }
+
+    fn on_key_in_list(&mut self, key: KeyEvent) {
+        let settings = self.screen.keymap.action(key, Mode::Settings);
+        let Some(Dialog::Pick(picker)) = self.screen.dialogs.last_mut() else { return };
+        match settings.filter(|_| picker.button.is_some()) {
+            Some(action) => self.act(action),
+            None if picker.on_key(key) => self.answer(),
+            None => self.preview(),
+        }
+    }
+
+    /// Closes the topmost dialog without an answer.
+    fn dismiss(&mut self) {
+        self.screen.dialogs.pop();
+        if let Some(name) = self.previewed_over.take() {
+            self.set_theme(name);
+        }
+        self.cancel_quit();
+    }
+
+    /// Shows what is selected in the list of themes.
+    fn preview(&mut self) {
+        if let Some(Dialog::Pick(picker)) = self.screen.dialogs.last()
+            && let Some(Choice::Theme(name)) = picker.choice().cloned()
+        {
+            self.previewed_over.get_or_insert(self.screen.theme.name);
+            self.set_theme(name);
         }
     }
 
@@ -238,15 +270,20 @@ impl App {
 
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
-        self.screen.log.add(text, self.screen.snapshot.updates());
+        self.screen.log.add(text, self.screen.snapshot.updates(), false);
+    }
+
+    /// Shows an error and logs it.
+    pub fn report(&mut self, text: &str) {
+        self.screen.log.add(text, self.screen.snapshot.updates(), true);
     }
 
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute the field for the map's pixels.
     pub fn drawn(&mut self, layout: ScreenLayout) {
         let before = std::mem::replace(&mut self.screen.layout, layout);
         let layout = &mut self.screen.layout;
-        if let (Some(Dialog::Help(first)), Some(line)) = (self.screen.dialogs.last_mut(), layout.help_line) {
-            *first = line;
+        if let (Some(Dialog::Help(help)), Some(lines)) = (self.screen.dialogs.last_mut(), &layout.help_lines) {
+            (help.first, help.page) = (lines.start, lines.len());
         }
         match &layout.map {
             Some(frame) if before.map.as_ref() != Some(frame) => {
@@ -281,8 +318,10 @@ impl Interface for App {
 
     fn on_tick(&mut self) -> bool {
         if let Some(kind) = self.export.take() {
-            let notice = export::write(kind, &self.screen);
-            self.notify(&notice);
+            match export::write(kind, &self.screen) {
+                Ok(notice) => self.notify(&notice),
+                Err(problem) => self.report(&problem),
+            }
         }
         App::on_tick(self)
     }

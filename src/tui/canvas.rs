@@ -25,6 +25,9 @@ const MAX_PIXELS: usize = 8;
 /// What a wall looks like without colours.
 pub const WALL_MARK: char = '#';
 
+/// What free ground looks like without colours, from near (or good) to far.
+pub const SHADES: [char; 4] = [' ', '\u{2591}', '\u{2592}', '\u{2593}'];
+
 /// What an unvisited cell looks like without colours.
 pub const UNVISITED_MARK: char = '/';
 
@@ -88,13 +91,12 @@ impl Canvas {
         }
     }
 
-    /// Blends a dot into the ground with opacity `share`, unless its pixel shows wall.
-    pub fn faint_dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, share: f32) {
+    /// Blends a dot into the ground with opacity `share`, unless its pixel shows wall. Without colours, it is not shown
+    /// unless it has a mark.
+    pub fn faint_dot(&mut self, map_frame: &MapFrame, at: [f32; 2], rgb: Rgb, share: f32, mark: Option<char>) {
         if let Some(i) = self.at(map_frame, at).filter(|i| !self.is_wall(*i)) {
             self.pixels[i] = self.pixels[i].map(|ground| blend(ground, rgb, share));
-            if self.marks[i] == ' ' {
-                self.marks[i] = '.';
-            }
+            self.marks[i] = mark.unwrap_or(self.marks[i]);
             self.changed.push(i);
         }
     }
@@ -175,14 +177,19 @@ impl Canvas {
     }
 }
 
-/// Ranks a mark by how informative it is: nothing, contours and unvisited cells, wall, anything else.
+/// Ranks a mark by how informative it is: shades, unvisited cells, wall, anything else.
 fn mark_rank(mark: char) -> u8 {
     match mark {
-        ' ' => 0,
-        '\u{b7}' | '.' | UNVISITED_MARK | CUT_OFF_MARK => 1,
+        shade if SHADES.contains(&shade) => 0,
+        UNVISITED_MARK | CUT_OFF_MARK => 1,
         WALL_MARK => 2,
         _ => 3,
     }
+}
+
+/// Returns what a share (from 0 to 1) of the largest value looks like without colours.
+pub fn shade(share: f32) -> char {
+    SHADES[((share.clamp(0.0, 1.0) * SHADES.len() as f32) as usize).min(SHADES.len() - 1)]
 }
 
 /// Reduces a character's pixels to two colours; returns a mask of the pixels in front (bit 0 is the first pixel), the

@@ -30,7 +30,7 @@ use super::dialog::Dialog;
 use super::event_loop::{self, Interface};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
-use super::log::Log;
+use super::log::{Log, Notice};
 use super::render::Cache;
 use crate::map::Cell;
 use crate::signals::TerminationSignal;
@@ -151,24 +151,24 @@ impl Comparison {
 
     /// Shows a notice.
     fn notify(&mut self, text: &str) {
-        self.log.add(text, 0);
+        self.log.add(text, 0, false);
     }
 
-    /// Returns the current notice and whether it is fading: of the comparison, or of its runs.
-    fn notice(&self) -> Option<(String, bool)> {
-        let own = self.log.notice().map(|(text, fades)| (text.to_owned(), fades));
+    /// Returns the text of the current notice, and the notice: of the comparison, or of its runs.
+    fn notice(&self) -> Option<(String, Notice<'_>)> {
+        let own = self.log.notice().map(|notice| (notice.text.to_owned(), notice));
         let of = |i: usize| self.sides[i].app.screen.log.notice();
         own.or_else(|| match (of(0), of(1)) {
-            (Some((a, fades)), Some((b, _))) if a == b => Some((a.to_owned(), fades)),
-            (Some((text, fades)), _) => Some((format!("{}: {text}", LETTERS[0]), fades)),
-            (None, Some((text, fades))) => Some((format!("{}: {text}", LETTERS[1]), fades)),
+            (Some(a), Some(b)) if a.text == b.text => Some((a.text.to_owned(), a)),
+            (Some(notice), _) => Some((format!("{}: {}", LETTERS[0], notice.text), notice)),
+            (None, Some(notice)) => Some((format!("{}: {}", LETTERS[1], notice.text), notice)),
             (None, None) => None,
         })
     }
 
     fn on_failures(&mut self) {
         for failure in crate::faults::take_failures() {
-            self.notify(&format!("internal error in thread {}: {}", failure.thread, failure.message));
+            self.log.add(&format!("internal error in thread {}: {}", failure.thread, failure.message), 0, true);
             self.failed = true;
         }
     }

@@ -1,10 +1,13 @@
 //! Dialogs on top of the screen: the help, a list to pick from, a question to answer.
 
+mod help;
 pub mod lists;
 mod picker;
 mod prompt;
+mod ranking;
 
-pub use picker::{Item, Picker};
+pub use help::Help;
+pub use picker::{Item, Picker, Row};
 pub use prompt::{Prompt, Question};
 
 use std::path::PathBuf;
@@ -13,14 +16,14 @@ use std::sync::Arc;
 use super::action::Action;
 use super::output::ExportKind;
 use super::theme::ThemeName;
-use crate::map::Grid;
+use crate::map::{Grid, RandomMapKind};
 use crate::train::{Method, Preset};
 
 /// A dialog on top of the screen.
 #[derive(Debug)]
 pub enum Dialog {
-    /// The help, with the first line shown.
-    Help(usize),
+    /// The help.
+    Help(Help),
     /// A list to pick from.
     Pick(Picker),
     /// A question.
@@ -46,6 +49,8 @@ pub enum Choice {
     OpenMap(PathBuf),
     /// Opens a built-in map.
     OpenBuiltin(&'static str),
+    /// Opens a random map.
+    OpenRandom(RandomMapKind),
     /// Starts a new run on a map.
     StartOn(Arc<Grid>),
     /// Continues with the same networks on another map of the current size.

@@ -32,6 +32,19 @@ impl Tool {
     pub const ALL: [Self; 7] =
         [Self::Pencil, Self::Eraser, Self::Line, Self::Rectangle, Self::Fill, Self::Start, Self::Goal];
 
+    /// Returns what the mouse buttons do with it.
+    pub fn mouse(self) -> &'static str {
+        match self {
+            Self::Pencil => "drag: walls, right drag: floor",
+            Self::Eraser => "drag: floor",
+            Self::Line => "drag: a wall, right drag: floor",
+            Self::Rectangle => "drag: a box, right drag: floor",
+            Self::Fill => "click: fill, or clear a wall",
+            Self::Start => "click: add or remove S, drag: move",
+            Self::Goal => "click: add or remove G, drag: move",
+        }
+    }
+
     /// Returns the tool's name.
     pub fn name(self) -> &'static str {
         match self {

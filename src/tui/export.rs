@@ -14,7 +14,7 @@ use ratatui::{Frame, Terminal};
 use super::output::ExportKind;
 use super::render;
 use super::screen::Screen;
-use super::theme::{Rgb, Theme, ThemeName};
+use super::theme::{Rgb, Theme};
 use crate::files::{self, write_atomically};
 pub use picture::png_of;
 
@@ -42,14 +42,17 @@ pub enum ExportError {
 }
 
 /// Writes an export to a new file; returns the notice for the user.
-pub fn write(kind: ExportKind, screen: &Screen) -> String {
+///
+/// # Errors
+/// The notice that the file cannot be written.
+pub fn write(kind: ExportKind, screen: &Screen) -> Result<String, String> {
     let (map, updates) = (screen.map().name(), screen.snapshot.counters.updates);
     let name = format!("{map}-{updates}-{}", kind.stem());
     let path = unused_export_path(Path::new(EXPORT_FOLDER), &name, kind.file_type());
     let written = contents(kind, screen).and_then(|bytes| Ok(write_atomically(&path, &bytes)?));
     match written {
-        Ok(()) => format!("wrote {}", path.display()),
-        Err(error) => format!("{} cannot be written: {error}", path.display()),
+        Ok(()) => Ok(format!("wrote {}", path.display())),
+        Err(error) => Err(format!("{} cannot be written: {error}", path.display())),
     }
 }
 
@@ -107,10 +110,7 @@ pub struct PageColours {
 impl PageColours {
     /// Returns the colours that go with a theme.
     pub fn for_theme(theme: &Theme) -> Self {
-        match theme.name {
-            ThemeName::Light => Self { ink: (30, 30, 34), ground: (252, 252, 252) },
-            _ => Self::default(),
-        }
+        theme.page.map_or(Self::default(), |(ink, ground)| Self { ink, ground })
     }
 }
 

@@ -86,9 +86,13 @@ impl Keymap {
 
     /// Returns the keys of `binding` for display.
     pub fn display_keys(&self, binding: &Binding) -> Vec<String> {
-        let format = KeyCombinationFormat::default().with_implicit_shift();
+        // Shift goes without saying only for characters: A, but Shift-Left.
+        let format = |key: KeyCombination| match key.codes {
+            OneToThree::One(KeyCode::Char(_)) => KeyCombinationFormat::default().with_implicit_shift(),
+            _ => KeyCombinationFormat::default(),
+        };
         let own = self.keys.iter().filter(|(_, b)| b.name == binding.name);
-        own.map(|(key, _)| short_name(&format.to_string(*key))).collect()
+        own.map(|(key, _)| short_name(&format(*key).to_string(*key))).collect()
     }
 }
 
@@ -172,6 +176,13 @@ mod tests {
             (None, None, None),
             "there is nothing to edit, save or set"
         );
+    }
+
+    #[test]
+    fn keys_are_shown_with_shift_unless_it_is_part_of_the_character() {
+        let keymap = keymap(&[]).expect("keys");
+        assert_eq!(keymap.key_of(Action::Pan(-1, 0)), "Shift-\u{2190}");
+        assert_eq!(keymap.key_of(Action::NewSeed), "R");
     }
 
     #[test]

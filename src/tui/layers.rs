@@ -1,5 +1,7 @@
 //! Overlays on the map.
 
+use super::theme::ColourDepth;
+
 /// Something drawn over the map's colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Overlay {
@@ -53,14 +55,16 @@ impl Overlay {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Overlays([bool; Overlay::ALL.len()]);
 
-impl Default for Overlays {
-    fn default() -> Self {
-        let shown = [Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Candidates, Overlay::Path];
+impl Overlays {
+    /// Returns those shown by default: fewer without colours, where they would hide each other.
+    pub fn by_default(depth: ColourDepth) -> Self {
+        let mut shown = vec![Overlay::Contours, Overlay::Unexplored, Overlay::Agents, Overlay::Path];
+        if depth != ColourDepth::Mono {
+            shown.push(Overlay::Candidates);
+        }
         Self(Overlay::ALL.map(|overlay| shown.contains(&overlay)))
     }
-}
 
-impl Overlays {
     /// Returns whether `overlay` is shown.
     pub fn has(self, overlay: Overlay) -> bool {
         self.0[overlay as usize]

@@ -1,5 +1,7 @@
 //! Where things were drawn, so that clicks can be resolved.
 
+use std::ops::Range;
+
 use ratatui::Frame;
 use ratatui::layout::{Position, Rect};
 use ratatui::text::{Line, Span};
@@ -31,10 +33,12 @@ pub struct ScreenLayout {
     pub minimap: Option<MapFrame>,
     /// The topmost dialog.
     pub dialog: Rect,
-    /// The rows of the topmost list, and the index of the first item shown.
+    /// The rows of the topmost list, and the index of the first one shown.
     pub rows: (Rect, usize),
-    /// The first line of the help shown.
-    pub help_line: Option<usize>,
+    /// The lines of the help shown.
+    pub help_lines: Option<Range<usize>>,
+    /// Whether there is no room for panes beside or below the map.
+    pub lacks_panel: bool,
     clicks: Vec<(Rect, Click)>,
 }
 

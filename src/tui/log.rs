@@ -4,9 +4,21 @@ use std::time::{Duration, Instant};
 
 use crate::train::{LogEntry, MAX_LOG_ENTRIES};
 
-/// How long a notice is shown, and how long it then fades.
+/// How long a notice and an error are shown, and how long they then fade.
 const NOTICE_DURATION: Duration = Duration::from_secs(4);
+const ERROR_DURATION: Duration = Duration::from_secs(12);
 const FADE_DURATION: Duration = Duration::from_secs(2);
+
+/// A message to show.
+#[derive(Clone, Copy, Debug)]
+pub struct Notice<'a> {
+    /// The text.
+    pub text: &'a str,
+    /// Whether it is about to disappear.
+    pub fades: bool,
+    /// Whether something went wrong.
+    pub is_error: bool,
+}
 
 /// The event log.
 #[derive(Debug)]
@@ -19,13 +31,23 @@ pub struct Log {
     count: usize,
     /// Since when a notice is shown, and the number of entries including it.
     notice: Option<(Instant, usize)>,
+    /// Whether the notice is an error.
+    is_error: bool,
     /// Whether the notice was fading at the last tick.
     fading: bool,
 }
 
 impl Default for Log {
     fn default() -> Self {
-        Self { began: Instant::now(), before: 0.0, entries: Vec::new(), count: 0, notice: None, fading: false }
+        Self {
+            began: Instant::now(),
+            before: 0.0,
+            entries: Vec::new(),
+            count: 0,
+            notice: None,
+            is_error: false,
+            fading: false,
+        }
     }
 }
 
@@ -42,9 +64,9 @@ impl Log {
     }
 
     /// Logs an event and shows it as a notice.
-    pub fn add(&mut self, text: &str, updates: u64) {
+    pub fn add(&mut self, text: &str, updates: u64, is_error: bool) {
         self.record(text, updates);
-        self.notice = Some((Instant::now(), self.count));
+        (self.notice, self.is_error) = (Some((Instant::now(), self.count)), is_error);
     }
 
     /// Logs an event.
@@ -62,22 +84,28 @@ impl Log {
         &self.entries
     }
 
-    /// Returns the current notice, and whether it is fading.
-    pub fn notice(&self) -> Option<(&str, bool)> {
+    /// Returns the current notice.
+    pub fn notice(&self) -> Option<Notice<'_>> {
         let (since, count) = self.notice?;
         let entry = self.entries.len().checked_sub(1 + self.count - count).map(|i| &self.entries[i])?;
-        Some((&entry.text, since.elapsed() > NOTICE_DURATION))
+        let fades = since.elapsed() > self.duration();
+        Some(Notice { text: &entry.text, fades, is_error: self.is_error })
+    }
+
+    /// Returns how long the notice is shown before it fades.
+    fn duration(&self) -> Duration {
+        if self.is_error { ERROR_DURATION } else { NOTICE_DURATION }
     }
 
     /// Handles the passing of time; returns whether the notice began to fade or disappeared.
     pub fn on_tick(&mut self) -> bool {
         let Some((since, _)) = self.notice else { return false };
         let age = since.elapsed();
-        if age > NOTICE_DURATION + FADE_DURATION {
+        if age > self.duration() + FADE_DURATION {
             self.notice = None;
             return true;
         }
-        let fading = age > NOTICE_DURATION;
+        let fading = age > self.duration();
         std::mem::replace(&mut self.fading, fading) != fading
     }
 }

@@ -16,6 +16,7 @@
 pub(super) mod chart;
 pub(super) mod curves;
 mod dialog;
+mod edges;
 pub(super) mod footer;
 mod header;
 pub(super) mod help;
@@ -33,11 +34,13 @@ mod walk;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Modifier, Style};
+use ratatui::style::{Color, Modifier, Style};
 
 use super::dialog::Dialog;
 use super::layout::ScreenLayout;
 use super::screen::Screen;
+use super::theme::Theme;
+use crate::map::Grid;
 pub use map::Cache;
 #[cfg(test)]
 pub use side::lines as pane_lines;
@@ -50,6 +53,10 @@ pub(super) const MIN_SCREEN: (u16, u16) = (80, 24);
 const SIDE_WIDTH: u16 = 30;
 const WIDE_SIDE_WIDTH: u16 = 40;
 const MIN_MAP_WIDTH: u16 = 40;
+
+/// Minimum rows for the panel below the map, and how much larger this must make the map.
+const MIN_PANEL_ROWS: u16 = 16;
+const LEAST_GAIN_BELOW: f32 = 1.25;
 
 /// Screen widths from which the panel is wide, and from which it has two columns of panes.
 const WIDE_SCREEN: u16 = 110;
@@ -66,12 +73,27 @@ pub fn draw(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> ScreenLayo
         // Panes below a dialog do not react to clicks.
         layout.forget_clicks();
         match top {
-            Dialog::Help(first) => layout.help_line = Some(help::draw(frame, frame.area(), screen, *first)),
-            Dialog::Pick(picker) => dialog::draw_picker(frame, frame.area(), picker, &mut layout),
-            Dialog::Ask(prompt) => dialog::draw_prompt(frame, frame.area(), prompt, &mut layout),
+            Dialog::Help(help) => help::draw(frame, frame.area(), screen, help, &mut layout),
+            Dialog::Pick(picker) => dialog::draw_picker(frame, frame.area(), screen, picker, &mut layout),
+            Dialog::Ask(prompt) => dialog::draw_prompt(frame, frame.area(), screen, prompt, &mut layout),
         }
     }
+    paint_page(frame, &screen.theme);
     layout
+}
+
+/// Colours what has no colour of its own like the theme's page, if it has one.
+pub fn paint_page(frame: &mut Frame, theme: &Theme) {
+    let Some((ink, ground)) = theme.page else { return };
+    let [ink, ground] = [ink, ground].map(|rgb| theme.colour(rgb));
+    for cell in &mut frame.buffer_mut().content {
+        if cell.fg == Color::Reset {
+            cell.fg = ink;
+        }
+        if cell.bg == Color::Reset {
+            cell.bg = ground;
+        }
+    }
 }
 
 /// Draws everything except dialogs.
@@ -80,28 +102,66 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)]).areas(frame.area());
     header::draw(frame, head, screen, &mut layout);
-    let side = match body.width {
-        w if w >= VERY_WIDE_SCREEN => 2 * WIDE_SIDE_WIDTH,
-        w if w >= WIDE_SCREEN => WIDE_SIDE_WIDTH,
-        w if w >= SIDE_WIDTH + MIN_MAP_WIDTH => SIDE_WIDTH,
-        _ => 0,
-    };
+    let panel = Panel::place(body, screen.map());
+    layout.lacks_panel = panel == Panel::Nowhere;
     if screen.maximised {
         side::draw_maximised(frame, body, screen, &mut layout);
     } else {
-        let [left, right] = Layout::horizontal([Constraint::Min(0), Constraint::Length(side)]).areas(body);
-        layout.map_pane = left;
-        let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(left);
+        let [map_pane, side] = match panel {
+            Panel::Beside(columns) => Layout::horizontal([Constraint::Min(0), Constraint::Length(columns)]).areas(body),
+            Panel::Below(rows) => Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(body),
+            Panel::Nowhere => [body, Rect::default()],
+        };
+        layout.map_pane = map_pane;
+        let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         map::draw(frame, map, screen, &mut layout, cache);
         minimap::draw(frame, map, screen, &mut layout);
         hint::draw(frame, map, screen, &mut layout);
-        info::draw(frame, info, screen);
-        if side > 0 {
-            side::draw(frame, right, screen, &mut layout);
+        info::draw(frame, info, screen, &layout);
+        if !side.is_empty() {
+            side::draw(frame, side, screen, &mut layout);
         }
     }
     footer::draw(frame, foot, screen, &mut layout);
     layout
+}
+
+/// Where the panel with the panes goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Panel {
+    /// Beside the map, with this many columns.
+    Beside(u16),
+    /// Below the map, with this many rows.
+    Below(u16),
+    /// There is no room.
+    Nowhere,
+}
+
+impl Panel {
+    /// Places the panel within `body`: beside the map, or below it if that leaves clearly more room for the map.
+    fn place(body: Rect, map: &Grid) -> Self {
+        let columns = match body.width {
+            w if w >= VERY_WIDE_SCREEN => 2 * WIDE_SIDE_WIDTH,
+            w if w >= WIDE_SCREEN => WIDE_SIDE_WIDTH,
+            w if w >= SIDE_WIDTH + MIN_MAP_WIDTH => SIDE_WIDTH,
+            _ => 0,
+        };
+        let (width, height) = (map.width() as f32, map.height() as f32);
+        // Characters per cell; a character is twice as high as wide.
+        let scale = |columns: u16, rows: u16| (f32::from(columns) / width).min(2.0 * f32::from(rows) / height);
+        // The map and the line below it take what they need, the panel takes the rest.
+        let needed = (height * f32::from(body.width) / width / 2.0).ceil().min(f32::from(u16::MAX)) as u16;
+        let rows = body.height.saturating_sub(needed.saturating_add(1)).max(MIN_PANEL_ROWS);
+        let least_gain = if columns > 0 { LEAST_GAIN_BELOW } else { 1.0 };
+        let beside = scale(body.width - columns, body.height.saturating_sub(1));
+        let below = scale(body.width, body.height.saturating_sub(rows + 1));
+        let is_below = body.height > rows + 1 && body.width >= SIDE_WIDTH && below >= least_gain * beside;
+        match (is_below, columns) {
+            (true, _) => Self::Below(rows),
+            (false, 0) => Self::Nowhere,
+            (false, columns) => Self::Beside(columns),
+        }
+    }
 }
 
 /// Returns the middle of `area`, at most `width` by `height`.

@@ -78,9 +78,11 @@ pub struct Screen {
 impl Screen {
     /// Creates a screen that shows `snapshot` and `view`.
     pub fn new((config, keymap): (&UiConfig, Keymap), snapshot: Arc<Snapshot>, view: Arc<View>) -> Self {
+        let theme = Theme::new(config.theme, ColourDepth::detect());
         Self {
             keymap,
-            theme: Theme::new(config.theme, ColourDepth::detect()),
+            overlays: Overlays::by_default(theme.depth),
+            theme,
             map: snapshot.scene.maze().map,
             editor: Editor::default(),
             snapshot,
@@ -90,7 +92,6 @@ impl Screen {
             hovered: None,
             log: Log::default(),
             field: Field::default(),
-            overlays: Overlays::default(),
             marker: config.marker,
             viewport: Viewport::default(),
             pane: Pane::default(),

@@ -2,9 +2,11 @@
 
 mod actions;
 mod compare;
+mod dialogs;
 mod found;
 mod mouse;
 mod screens;
+mod words;
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -160,7 +162,7 @@ fn every_screen_size_can_be_drawn() {
     for (width, height) in
         [(1, 1), (2, 1), (1, 9), (7, 3), (40, 10), (69, 12), (80, 24), (120, 40), (200, 60), (400, 120)]
     {
-        for dialog in ["", "?", ":", "R"] {
+        for dialog in ["", "?", ":", "R", "o", "T", "e"] {
             type_text(&mut app, dialog);
             draw(&mut app, width, height);
             app.screen.dialogs.clear();
@@ -190,9 +192,7 @@ fn an_80_by_24_screen_shows_everything_important() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
     let shown = text(&draw(&mut app, 80, 24));
-    for part in
-        ["gdg-tui", "rooms", "gdg-bridge", "training", "elapsed", "updates", "success", "bridges", "time", "batches"]
-    {
+    for part in ["gdg-tui", "rooms", "gdg-bridge", "training", "elapsed", "updates", "success", "bridges", "acting"] {
         assert!(shown.contains(part), "{part} is missing:\n{shown}");
     }
     for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(Mode::Watching)) {
@@ -312,7 +312,10 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     assert!(!app.screen.map().is_free(door), "the door is closed");
     wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
     assert!(
-        app.screen.log.notice().is_some_and(|(n, _)| n.contains("walled") && n.contains("2 disconnected components")),
+        app.screen
+            .log
+            .notice()
+            .is_some_and(|n| n.text.contains("walled") && n.text.contains("2 disconnected components")),
         "{:?}",
         app.screen.log
     );
@@ -375,9 +378,16 @@ fn a_setting_can_change_during_training_and_invalid_values_are_reported() {
     press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
     type_text(&mut app, "0.5");
     press(&mut app, KeyCode::Enter);
-    assert!(app.screen.dialogs.is_empty());
+    assert!(matches!(app.screen.dialogs[..], [Dialog::Pick(_)]), "back to the list");
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.run().settings.train.random_actions == 0.5);
+    let marked = |app: &mut App| text(&draw(app, 80, 24)).contains("*random_actions");
+    assert!(marked(&mut app), "it is marked as changed");
+    press(&mut app, KeyCode::Delete);
+    wait_until(&mut app, |app| app.screen.run().settings.train.random_actions == 0.3);
+    assert!(!marked(&mut app), "and back at its default");
+    press(&mut app, KeyCode::Esc);
+    assert!(app.screen.dialogs.is_empty());
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 10);
 }
 

@@ -4,7 +4,7 @@ use anstyle::{Ansi256Color, RgbColor};
 use anstyle_lossy::palette::VGA;
 use anstyle_lossy::{rgb_to_xterm, xterm_to_rgb};
 use colorous::Gradient;
-use ratatui::style::Color;
+use ratatui::style::{Color, Modifier, Style};
 use serde::{Deserialize, Serialize};
 
 pub use crate::view::{Rgb, blend, contour, lightness};
@@ -39,6 +39,16 @@ impl ThemeName {
     /// All themes.
     pub const ALL: [Self; 4] = [Self::Dark, Self::Light, Self::ColourBlindSafe, Self::Mono];
 
+    /// Returns a short description.
+    pub fn about(self) -> &'static str {
+        match self {
+            Self::Dark => "light text on a dark page",
+            Self::Light => "dark text on a light page",
+            Self::ColourBlindSafe => "distinguishable with every kind of colour vision",
+            Self::Mono => "shades and signs instead of colours",
+        }
+    }
+
     /// Returns the name used in the configuration and on the screen.
     pub fn name(self) -> &'static str {
         match self {
@@ -50,6 +60,9 @@ impl ThemeName {
     }
 }
 
+/// How much lighter distances are in the light theme.
+const LIGHT_TINT: f32 = 0.3;
+
 /// The colours in use.
 #[derive(Clone, Copy, Debug)]
 pub struct Theme {
@@ -57,6 +70,8 @@ pub struct Theme {
     pub name: ThemeName,
     /// The colours that the terminal shows.
     pub depth: ColourDepth,
+    /// Text and page, if the theme does not leave them to the terminal.
+    pub page: Option<(Rgb, Rgb)>,
     /// Walls.
     pub wall: Rgb,
     /// Free cells without a known value.
@@ -77,6 +92,8 @@ pub struct Theme {
     pub cursor: Rgb,
     /// Edges: walked successfully, failed, and not walked yet.
     pub edges: [Rgb; 3],
+    /// Messages that something went wrong.
+    pub failure: Rgb,
     /// Points that a bridge search accepted, and those it rejected.
     pub search: [Rgb; 2],
     /// From far (0) to near (1).
@@ -106,6 +123,7 @@ impl Theme {
         let dark = Self {
             name,
             depth: if name == ThemeName::Mono { ColourDepth::Mono } else { depth },
+            page: None,
             wall: (58, 58, 66),
             unknown: (24, 24, 28),
             agent: (255, 255, 255),
@@ -115,7 +133,8 @@ impl Theme {
             goal: (214, 40, 57),
             walker: (255, 140, 30),
             cursor: (240, 240, 240),
-            edges: [(90, 200, 120), (220, 60, 60), (110, 110, 120)],
+            edges: [(200, 255, 200), (220, 60, 60), (110, 110, 120)],
+            failure: (255, 100, 90),
             search: [(255, 80, 200), (150, 90, 140)],
             distance: colorous::VIRIDIS,
             error: colorous::SPECTRAL,
@@ -123,11 +142,13 @@ impl Theme {
         match name {
             ThemeName::Dark | ThemeName::Mono => dark,
             ThemeName::Light => Self {
+                page: Some(((30, 30, 34), (252, 252, 252))),
                 wall: (150, 150, 158),
                 unknown: (238, 238, 240),
                 frontier: (0, 110, 200),
                 cursor: (20, 20, 20),
                 edges: [(0, 120, 50), (190, 30, 30), (130, 130, 140)],
+                failure: (190, 20, 20),
                 ..dark
             },
             // Okabe-Ito colours for signs, Cividis for the field.
@@ -154,9 +175,18 @@ impl Theme {
         }
     }
 
+    /// Returns the style of a message that something went wrong.
+    pub fn failure(&self) -> Style {
+        match self.depth {
+            ColourDepth::Mono => Style::new().add_modifier(Modifier::BOLD | Modifier::REVERSED),
+            _ => Style::new().fg(self.colour(self.failure)).add_modifier(Modifier::BOLD),
+        }
+    }
+
     /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
     pub fn distance_colour(&self, share: f32) -> Rgb {
-        distance_colour(self.distance, share)
+        let rgb = distance_colour(self.distance, share);
+        if self.name == ThemeName::Light { blend(rgb, (255, 255, 255), LIGHT_TINT) } else { rgb }
     }
 
     /// Returns the colour of a relative error from -1 (too short) to 1 (too long).

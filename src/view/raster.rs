@@ -16,8 +16,11 @@ pub struct Raster {
 pub enum Ground {
     /// Nothing: it lies outside the map.
     Outside,
-    /// At least half of what it covers is wall.
+    /// Nothing but wall.
     Wall,
+    /// Several cells, of which at least half are wall, or which a wall crosses from side to side, however thin;
+    /// represented by the free position nearest to its centre.
+    Crossed([f32; 2]),
     /// Free; represented by the free position nearest to its centre.
     Free([f32; 2]),
 }
@@ -47,22 +50,33 @@ impl Raster {
         };
         let xs = span(x0, x, x1, map.width());
         let ys = span(y0, y, y1, map.height());
-        let all = xs.len() * ys.len();
+        let (columns, rows) = (xs.len(), ys.len());
         let cells = ys.flat_map(|y| xs.clone().map(move |x| Cell::new(x, y)));
-        let free: Vec<[f32; 2]> = cells.filter(|c| map.is_free(*c)).map(Cell::centre).collect();
+        let cells: Vec<Cell> = cells.collect();
+        let free: Vec<bool> = cells.iter().map(|c| map.is_free(*c)).collect();
         let off = |c: &[f32; 2]| (c[0] - x).powi(2) + (c[1] - y).powi(2);
-        match free.iter().min_by(|a, b| off(a).total_cmp(&off(b))) {
-            Some(nearest) if 2 * free.len() > all => Ground::Free(*nearest),
-            _ => Ground::Wall,
+        let all_free = cells.iter().zip(&free).filter(|(_, free)| **free).map(|(c, _)| c.centre());
+        let Some(nearest) = all_free.min_by(|a, b| off(a).total_cmp(&off(b))) else { return Ground::Wall };
+        let count = free.iter().filter(|free| **free).count();
+        let mostly_wall = 2 * count <= free.len();
+        if mostly_wall || count < free.len() && is_crossed(&free, (columns, rows)) {
+            Ground::Crossed(nearest)
+        } else {
+            Ground::Free(nearest)
         }
+    }
+
+    /// Returns the number of cells along each axis that a pixel covers, on average.
+    pub fn cells_per_pixel(&self) -> f32 {
+        (self.window[2] / self.pixels.0 as f32).max(self.window[3] / self.pixels.1 as f32)
     }
 
     /// Returns the pixels that show free ground, by index row by row, and the position that represents each.
     pub fn free_ground(&self, map: &Grid) -> (Vec<usize>, Vec<[f32; 2]>) {
         let (columns, rows) = self.pixels;
         let free = (0..columns * rows).filter_map(|i| match self.ground(map, i % columns, i / columns) {
-            Ground::Free(position) => Some((i, position)),
-            _ => None,
+            Ground::Free(position) | Ground::Crossed(position) => Some((i, position)),
+            Ground::Wall | Ground::Outside => None,
         });
         free.unzip()
     }
@@ -74,5 +88,74 @@ impl Raster {
         let row = (y - top) / height * self.pixels.1 as f32;
         let inside = column >= 0.0 && row >= 0.0 && (column as usize) < self.pixels.0 && (row as usize) < self.pixels.1;
         inside.then_some((column as usize, row as usize))
+    }
+}
+
+/// Returns whether a wall crosses a block of cells, given row by row: connects opposite sides, or cuts off a corner.
+fn is_crossed(free: &[bool], (columns, rows): (usize, usize)) -> bool {
+    let mut seen = free.to_vec();
+    for from in 0..free.len() {
+        let (mut cells, mut sides) = (0, [false; 4]);
+        let mut reached = vec![from];
+        while let Some(i) = reached.pop() {
+            if std::mem::replace(&mut seen[i], true) {
+                continue;
+            }
+            let (x, y) = (i % columns, i / columns);
+            cells += 1;
+            for (side, at) in sides.iter_mut().zip([x == 0, y == 0, x + 1 == columns, y + 1 == rows]) {
+                *side |= at;
+            }
+            // Walls that touch at their corners let nobody through.
+            let beside = x.saturating_sub(1)..(x + 2).min(columns);
+            reached.extend(
+                (y.saturating_sub(1)..(y + 2).min(rows)).flat_map(|y| beside.clone().map(move |x| y * columns + x)),
+            );
+        }
+        let [left, top, right, bottom] = sides;
+        if left && right || top && bottom || cells > 1 && (left || right) && (top || bottom) {
+            return true;
+        }
+    }
+    false
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::parse_map;
+
+    /// Returns what the pixels show: `#` wall, `+` crossed, `.` free.
+    fn shown(text: &str, pixels: (usize, usize)) -> String {
+        let map = parse_map("map", text.as_bytes()).expect("a map");
+        let raster = Raster { window: [0.0, 0.0, map.width() as f32, map.height() as f32], pixels };
+        let sign = |i: usize| match raster.ground(&map, i % pixels.0, i / pixels.0) {
+            Ground::Outside => ' ',
+            Ground::Wall => '#',
+            Ground::Crossed(_) => '+',
+            Ground::Free(_) => '.',
+        };
+        (0..pixels.0 * pixels.1).map(sign).collect()
+    }
+
+    #[test]
+    fn a_wall_one_cell_thick_is_never_lost() {
+        let open = ".........\n";
+        // Wherever it lies within the pixels, and whether it is straight or not.
+        for at in 0..9 {
+            let row: String = (0..9).map(|x| if x == at { '#' } else { '.' }).collect();
+            let shown = shown(&format!("{row}\n").repeat(9), (3, 3));
+            assert_eq!(shown.matches('+').count(), 3, "column {at}: {shown}");
+        }
+        let step = ".........\n####.....\n...#.....\n...######\n".to_owned() + &open.repeat(5);
+        assert_eq!(shown(&step, (3, 3)), "++..++...", "a wall with a step");
+    }
+
+    #[test]
+    fn pillars_do_not_make_walls() {
+        assert_eq!(shown("...\n.#.\n...\n", (1, 1)), ".");
+        assert_eq!(shown("#...\n....\n.##.\n....\n", (1, 1)), ".");
+        assert_eq!(shown("###\n###\n...\n", (1, 1)), "+", "mostly wall");
+        assert_eq!(shown("##\n##\n..\n..\n", (1, 2)), "#.");
     }
 }

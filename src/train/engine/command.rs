@@ -31,6 +31,8 @@ pub enum Command {
     Step(Step),
     /// Limit the updates per second; `None` removes the limit.
     LimitSpeed(Option<f64>),
+    /// Evaluate the current networks now.
+    Evaluate,
     /// Follow this agent, or none.
     Follow(Option<usize>),
     /// Save a checkpoint with the front end's event log.
@@ -208,6 +210,11 @@ impl Worker {
                 (self.current.speed, self.next_update_at) = (speed.filter(|s| *s > 0.0), None);
                 Ok(None)
             }
+            Command::Evaluate => match self.start_evaluation() {
+                Ok(true) => Ok(Some("evaluating ...".to_owned())),
+                Ok(false) => Ok(Some("an evaluation is already running".to_owned())),
+                Err(error) => Err(CommandError::Train(error)),
+            },
             Command::Follow(agent) => {
                 self.follow = agent;
                 self.refresh_snapshot(false).map(|()| None).map_err(CommandError::Train)
@@ -221,7 +228,7 @@ impl Worker {
         };
         match outcome {
             Ok(Some(text)) => self.notify(sanitized(&text)),
-            Err(error) => self.notify(sanitized(&error.to_string())),
+            Err(error) => self.report(sanitized(&error.to_string())),
             Ok(None) => {}
         }
         self.publish();

@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use super::EVALUATE_EVERY_UPDATES;
 use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
@@ -42,6 +43,26 @@ impl Phase {
     pub fn is_training(&self) -> bool {
         matches!(self, Self::Running | Self::Stepping(_))
     }
+}
+
+/// When the next evaluation comes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NextEvaluation {
+    /// It is running.
+    Running,
+    /// At about this update.
+    AtUpdate(u64),
+}
+
+/// A message for the user.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Notice {
+    /// The number of notices so far, including this one.
+    pub number: u64,
+    /// The text.
+    pub text: String,
+    /// Whether something went wrong.
+    pub is_error: bool,
 }
 
 /// The state of a run at one moment.
@@ -101,8 +122,10 @@ pub struct Snapshot {
     pub save_failed: (u64, String),
     /// Autosaved files that are still kept.
     pub autosaves: Arc<Vec<PathBuf>>,
-    /// Number of notices so far, and the latest one.
-    pub notice: (u64, String),
+    /// When the next evaluation comes.
+    pub next_evaluation: NextEvaluation,
+    /// The latest notice.
+    pub notice: Notice,
 }
 
 /// The learned networks and the bridge candidates.
@@ -139,6 +162,11 @@ pub struct FollowedAgent {
     pub distances: (f32, f32),
     /// Whether it follows a plan through the bridge graph.
     pub planned: bool,
+}
+
+/// Returns the smallest multiple of `of` above `n`.
+pub(super) fn next_multiple(n: u64, of: u64) -> u64 {
+    (n / of + 1) * of
 }
 
 /// Returns the places at the frontier that agents are heading for, concatenated.
@@ -181,7 +209,11 @@ impl Snapshot {
             saved: None,
             save_failed: (0, String::new()),
             autosaves: Arc::default(),
-            notice: (0, String::new()),
+            next_evaluation: NextEvaluation::AtUpdate(next_multiple(
+                trainer.counters().updates,
+                EVALUATE_EVERY_UPDATES,
+            )),
+            notice: Notice::default(),
         })
     }
 

@@ -5,21 +5,20 @@ use std::sync::Arc;
 use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
+use crate::bridge::EdgeStatus;
 use crate::map::{Cell, Grid};
 use crate::train::{Command, Step};
-use crate::tui::action::Action;
-use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
+use crate::tui::action::{Action, Mode};
+use crate::tui::dialog::{Dialog, Help, Picker, Prompt, Question, lists};
 use crate::tui::editor::offset_cell;
-use crate::tui::layers::Overlay;
+use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::panes::Pane;
-use crate::tui::theme::{Theme, ThemeName};
+use crate::tui::screen::Screen;
+use crate::tui::theme::{ColourDepth, Theme, ThemeName};
 use crate::view::{Field, Request};
 
 /// Selectable speed limits, in updates per second; beyond the last one there is no limit.
 const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600.0];
-
-/// Lines that Page Up and Page Down scroll the help by.
-const PAGE: usize = 10;
 
 impl App {
     /// Performs an action.
@@ -34,8 +33,10 @@ impl App {
             Action::Slower => self.change_speed(false),
             Action::Faster => self.change_speed(true),
             Action::Freeze => self.freeze(!self.screen.frozen),
+            Action::Evaluate => drop(self.command(Command::Evaluate)),
             Action::NewSeed => self.ask_seed(),
-            Action::Settings => self.open_picker(lists::settings(&self.screen.run().settings)),
+            Action::Settings => self.open_picker(lists::settings(self.screen.run())),
+            Action::ResetSetting => self.reset_setting(),
             Action::Method => self.open_picker(lists::methods(&self.screen.run().method)),
             Action::Preset => self.open_picker(lists::presets(self.screen.run().preset)),
             Action::NewGoal => {
@@ -57,7 +58,10 @@ impl App {
                 if overlay == Overlay::Directions {
                     self.viewer.request(Request::Directions(shown));
                 }
-                self.notify(&format!("{} {}", overlay.name(), if shown { "shown" } else { "hidden" }));
+                let tried = self.screen.view.edges.iter().any(|(_, status)| *status != EdgeStatus::Untried);
+                let none = overlay == Overlay::Edges && shown && !tried;
+                let more = if none { ", but agents have not tried any yet" } else { "" };
+                self.notify(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }
             Action::Marker => {
                 let all = crate::tui::raster::Marker::ALL;
@@ -75,12 +79,56 @@ impl App {
             }
             Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),
-            Action::NextPane => self.show(self.screen.pane.next()),
+            Action::NextPane => self.show_next(),
             Action::Maximise => self.screen.maximised = !self.screen.maximised,
             Action::Scroll(by) => self.screen.scrolled = self.screen.scrolled.saturating_add_signed(-by),
             Action::LogScale => self.screen.log_scale = !self.screen.log_scale,
+            Action::ToggleEdit
+            | Action::Tool(_)
+            | Action::Apply
+            | Action::Undo
+            | Action::Redo
+            | Action::SaveMap
+            | Action::OpenMap
+            | Action::RandomMap
+            | Action::NewMap
+            | Action::ResizeMap => self.act_on_map(action),
+            Action::Save => {
+                self.save();
+            }
+            Action::SaveAs => self.ask_save_as(),
+            Action::Load => self.pick_checkpoint(),
+            Action::Resume => self.resume_offered(),
+            Action::Autosave => {
+                let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
+                self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
+            }
+            Action::Export => self.open_picker(lists::exports()),
+            Action::Palette => self.open_picker(lists::actions(&self.screen.keymap, self.screen.offer.is_some())),
+            Action::Help => self.screen.dialogs.push(Dialog::Help(Help::default())),
+            Action::SearchHelp => {
+                if let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() {
+                    help.searching = true;
+                }
+            }
+            Action::Close => self.close_top(),
+            Action::Suspend => self.suspending = true,
+            Action::Quit => self.quit(),
+            // Only a comparison has sides and an axis to choose.
+            Action::NextLarger | Action::Larger(_) | Action::Axis => {}
+        }
+    }
+
+    /// Performs an action of the editor or with map files.
+    fn act_on_map(&mut self, action: Action) {
+        match action {
             Action::ToggleEdit => self.toggle_edit(),
-            Action::Tool(tool) => self.screen.editor.select_tool(tool),
+            Action::Tool(tool) => {
+                if !self.screen.editor.is_open() {
+                    self.toggle_edit();
+                }
+                self.screen.editor.select_tool(tool);
+            }
             Action::Apply => {
                 let new = self.screen.editor.apply(&self.screen.map.clone());
                 self.change_map(new);
@@ -95,26 +143,10 @@ impl App {
             }
             Action::SaveMap => self.ask_map_file(),
             Action::OpenMap => self.pick_map(None),
+            Action::RandomMap => self.open_picker(lists::random_maps()),
             Action::NewMap => self.ask_size(Question::NewMap),
             Action::ResizeMap => self.ask_size(Question::ResizeMap),
-            Action::Save => {
-                self.save();
-            }
-            Action::SaveAs => self.ask_save_as(),
-            Action::Load => self.pick_checkpoint(),
-            Action::Resume => self.resume_offered(),
-            Action::Autosave => {
-                let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
-                self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
-            }
-            Action::Export => self.open_picker(lists::exports()),
-            Action::Palette => self.open_picker(lists::actions(&self.screen.keymap)),
-            Action::Help => self.screen.dialogs.push(Dialog::Help(0)),
-            Action::Close => self.close_top(),
-            Action::Suspend => self.suspending = true,
-            Action::Quit => self.quit(),
-            // Only a comparison has sides and an axis to choose.
-            Action::NextLarger | Action::Larger(_) | Action::Axis => {}
+            _ => {}
         }
     }
 
@@ -185,8 +217,21 @@ impl App {
         self.screen.pane = Pane::Walk;
     }
 
+    /// Shows a pane: instead of the map if there is no room beside it.
     fn show(&mut self, pane: Pane) {
         (self.screen.pane, self.screen.scrolled) = (pane, 0);
+        self.screen.maximised |= self.screen.layout.lacks_panel;
+    }
+
+    /// Shows the next pane. If there is no room beside the map, the map comes after the last one.
+    fn show_next(&mut self) {
+        let Screen { maximised, pane, .. } = self.screen;
+        let last = pane == Pane::ALL[Pane::ALL.len() - 1];
+        match (self.screen.layout.lacks_panel, maximised) {
+            (true, true) if last => self.screen.maximised = false,
+            (true, false) => self.show(Pane::ALL[0]),
+            _ => self.show(pane.next()),
+        }
     }
 
     fn toggle_edit(&mut self) {
@@ -249,7 +294,12 @@ impl App {
 
     /// Changes the theme.
     pub fn set_theme(&mut self, name: ThemeName) {
-        self.screen.theme = Theme::new(name, crate::tui::theme::ColourDepth::detect());
+        let theme = Theme::new(name, ColourDepth::detect());
+        // Overlays that the user has chosen are left alone.
+        if self.screen.overlays == Overlays::by_default(self.screen.theme.depth) {
+            self.screen.overlays = Overlays::by_default(theme.depth);
+        }
+        self.screen.theme = theme;
     }
 
     fn ask_seed(&mut self) {
@@ -258,19 +308,26 @@ impl App {
         self.open_prompt(Prompt::new(Question::Seed, "restart with seed", hint, next));
     }
 
+    /// Handles a key in the help, where the usual keys scroll and close.
     pub(super) fn on_key_in_help(&mut self, key: KeyEvent) {
         let action = self.screen.keymap.action(key, self.screen.mode());
-        let Some(Dialog::Help(first)) = self.screen.dialogs.last_mut() else { return };
+        let own = self.screen.keymap.action(key, Mode::Help);
+        let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() else { return };
         match (key.code, action) {
+            (KeyCode::Up, _) => help.scroll(-1),
+            (KeyCode::Down, _) => help.scroll(1),
+            (KeyCode::PageUp, _) => help.scroll_page(false),
+            (KeyCode::PageDown, _) => help.scroll_page(true),
+            _ if help.searching => help.on_search_key(key),
+            _ if own.is_some() => own.into_iter().for_each(|action| self.act(action)),
+            (_, Some(Action::Close)) if !help.search().is_empty() => help.clear_search(),
             (_, Some(Action::Help | Action::Close | Action::Quit)) => {
                 self.screen.dialogs.pop();
             }
-            (KeyCode::Up, _) | (_, Some(Action::Move(0, -1))) => *first = first.saturating_sub(1),
-            (KeyCode::Down, _) | (_, Some(Action::Move(0, 1))) => *first += 1,
-            (KeyCode::PageUp, _) => *first = first.saturating_sub(PAGE),
-            (KeyCode::PageDown | KeyCode::Char(' '), _) => *first += PAGE,
-            (KeyCode::Home, _) => *first = 0,
-            (KeyCode::End, _) => *first = usize::MAX,
+            (_, Some(Action::Move(0, dy))) => help.scroll(dy),
+            (KeyCode::Char(' '), _) => help.scroll_page(true),
+            (KeyCode::Home, _) => help.first = 0,
+            (KeyCode::End, _) => help.first = usize::MAX,
             _ => {}
         }
     }

@@ -3,6 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use rand::RngExt;
+
 use super::files::checkpoint_file;
 use super::{App, maze_on};
 use crate::map::{Grid, MAX_CELLS};
@@ -50,12 +52,15 @@ impl App {
     pub(super) fn answer(&mut self) {
         match self.screen.dialogs.pop() {
             Some(Dialog::Pick(picker)) => {
-                if let Some(choice) = picker.choice().cloned() {
-                    self.choose(choice);
-                } else {
+                let Some(choice) = picker.choice().cloned() else {
                     self.notify(&format!("nothing in the list fits \"{}\"", picker.typed().0));
-                    self.open_picker(picker);
+                    return self.open_picker(picker);
+                };
+                if matches!(choice, Choice::Setting(_)) {
+                    // The list stays, for the next setting.
+                    self.screen.dialogs.push(Dialog::Pick(picker));
                 }
+                self.choose(choice);
             }
             Some(Dialog::Ask(mut prompt)) => {
                 let (typed, _) = prompt.typed();
@@ -79,13 +84,20 @@ impl App {
             Choice::Preset(preset) => {
                 self.change_run(|run| (run.preset, run.settings) = (preset, preset.settings()));
             }
-            Choice::Theme(name) => self.set_theme(name),
+            Choice::Theme(name) => {
+                self.previewed_over = None;
+                self.set_theme(name);
+            }
             Choice::Folder(folder) => self.pick_map(Some(&folder)),
             Choice::OpenMap(path) => self.open_map(&path),
             Choice::OpenBuiltin(name) => {
                 if let Some(map) = crate::map::builtin(name) {
                     self.offer_map(&Arc::new(map));
                 }
+            }
+            Choice::OpenRandom(kind) => {
+                let seed = self.rng.random_range(0..1_000);
+                self.offer_map(&Arc::new(crate::map::random(kind, None, seed)));
             }
             Choice::StartOn(map) => self.start_run_on(map),
             Choice::ContinueOn(map) => {
@@ -131,6 +143,21 @@ impl App {
             fitted.with_cells(walls)
         });
         self.open_picker(lists::map_switch_choices(map, &self.screen.map, fitted));
+    }
+
+    /// Gives the setting selected in the list the value of the run's preset.
+    pub(super) fn reset_setting(&mut self) {
+        let Some(Dialog::Pick(picker)) = self.screen.dialogs.last() else { return };
+        let Some(Choice::Setting(name)) = picker.choice().cloned() else { return };
+        let defaults = list_settings(&self.screen.run().preset.settings());
+        let Some((_, value)) = defaults.into_iter().find(|(known, _)| *known == name) else { return };
+        match with_setting(&self.screen.run().settings, &name, &value) {
+            Ok(settings) if settings == self.screen.run().settings => {
+                self.notify(&format!("{name} has its default already"));
+            }
+            Ok(settings) => self.change_run(|run| run.settings = settings),
+            Err(error) => self.report(&error.one_line()),
+        }
     }
 
     fn ask_setting(&mut self, name: String) {

@@ -18,6 +18,9 @@ use crate::tui::dialog::{Prompt, Question, lists};
 /// Number of recent maps remembered.
 const MAX_RECENT_MAPS: usize = 8;
 
+/// The largest text that is read to find out whether it is a map, in bytes.
+const MAX_LISTED_BYTES: u64 = 1 << 18;
+
 /// The largest list of recent maps that is read, in bytes.
 const MAX_BYTES: u64 = 1 << 20;
 
@@ -65,11 +68,11 @@ impl App {
     }
 
     /// Lists the maps in `folder`, or by default recent maps, built-in maps and those in the current folder.
-    pub(super) fn pick_map(&mut self, folder: Option<&Path>) {
+    pub fn pick_map(&mut self, folder: Option<&Path>) {
         let here = folder.unwrap_or(Path::new(".")).to_owned();
         let here = here.canonicalize().unwrap_or(here);
         let entries: Vec<(PathBuf, bool)> =
-            files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir())).collect();
+            files_in(&here).into_iter().map(|path| (path.clone(), path.is_dir())).filter(is_folder_or_map).collect();
         let recent = folder.is_none().then(recent_maps);
         self.open_picker(lists::maps(&here, &entries, recent.as_deref()));
     }
@@ -81,7 +84,7 @@ impl App {
                 self.offer_map(&Arc::new(map));
             }
             Err(error) => {
-                self.notify(&format!("{error}: {}", error.help));
+                self.report(&format!("{error}: {}", error.help));
             }
         }
     }
@@ -100,6 +103,13 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
     let mut files: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
     files.sort();
     files
+}
+
+/// Returns whether to list a file (or folder, if `is_folder`) for opening a map: not a text of another kind.
+fn is_folder_or_map((path, is_folder): &(PathBuf, bool)) -> bool {
+    let has = |extension| path.extension().is_some_and(|e| e == extension);
+    let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_LISTED_BYTES);
+    *is_folder || has("map") || has("txt") && small() && load_map(path).is_ok()
 }
 
 /// Returns recently opened or written maps that still exist.

@@ -111,21 +111,18 @@ impl App {
         {
             match self.screen.layout.click(at) {
                 Some(Click::Answer) => return self.answer(),
-                Some(Click::Act(_)) => return,
+                Some(Click::Act(action)) => return self.act(action),
                 None if self.screen.layout.dialog.contains(at) => {}
-                Some(Click::Close) | None => {
-                    self.screen.dialogs.pop();
-                    self.cancel_quit();
-                    return;
-                }
+                Some(Click::Close) | None => return self.dismiss(),
             }
         }
         match (self.screen.dialogs.last_mut(), kind) {
-            (Some(Dialog::Help(line)), MouseEventKind::ScrollUp) => *line = line.saturating_sub(3),
-            (Some(Dialog::Help(line)), MouseEventKind::ScrollDown) => *line += 3,
-            (Some(Dialog::Help(_)), MouseEventKind::Down(_)) => {
-                self.screen.dialogs.pop();
-            }
+            (Some(Dialog::Help(help)), MouseEventKind::ScrollUp) => help.scroll(-3),
+            (Some(Dialog::Help(help)), MouseEventKind::ScrollDown) => help.scroll(3),
+            (Some(Dialog::Help(_)), MouseEventKind::Down(_)) => match self.screen.layout.click(at) {
+                Some(Click::Act(action)) => self.act(action),
+                _ => self.dismiss(),
+            },
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollUp) => picker.move_selection(-1),
             (Some(Dialog::Pick(picker)), MouseEventKind::ScrollDown) => picker.move_selection(1),
             (Some(Dialog::Pick(picker)), MouseEventKind::Down(MouseButton::Left)) if rows.contains(at) => {
@@ -137,6 +134,7 @@ impl App {
             }
             _ => {}
         }
+        self.preview();
     }
 
     /// Describes the cell under the mouse, unless a cursor is shown.

@@ -180,7 +180,7 @@ impl App {
     pub(super) fn on_failures(&mut self) {
         for failure in crate::faults::take_failures() {
             let text = format!("internal error in thread {}: {}", failure.thread, failure.message);
-            self.notify(&text);
+            self.report(&text);
             if self.failures.is_empty() {
                 self.autosave();
                 self.show_failure("internal error", &text);
@@ -191,7 +191,7 @@ impl App {
 
     /// Handles training that stopped without reaching a limit.
     pub(super) fn on_training_failed(&mut self, error: &str) {
-        self.notify(&format!("training stopped: {error}"));
+        self.report(&format!("training stopped: {error}"));
         if self.failures.is_empty() {
             self.show_failure("training has stopped", error);
         }

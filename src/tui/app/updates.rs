@@ -6,6 +6,7 @@ use std::time::Instant;
 use super::App;
 use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
+use crate::tui::dialog::{Dialog, lists};
 use crate::view::{OnArrival, View};
 
 impl App {
@@ -19,13 +20,17 @@ impl App {
         if self.screen.snapshot.generation != before.generation {
             self.start_run();
         }
+        if self.screen.snapshot.run != before.run {
+            self.update_settings_list();
+        }
         self.on_saving(&before);
         if self.screen.snapshot.evaluations.len() > before.evaluations.len() {
             self.log_evaluation();
         }
         self.screen.pausing &= self.screen.snapshot.phase.is_training();
-        if self.screen.snapshot.notice.0 > before.notice.0 {
-            self.notify(&self.screen.snapshot.notice.1.clone());
+        let notice = self.screen.snapshot.notice.clone();
+        if notice.number > before.notice.number {
+            if notice.is_error { self.report(&notice.text) } else { self.notify(&notice.text) }
         }
         if let (Phase::Failed(error), true) = (&self.screen.snapshot.phase, before.phase != self.screen.snapshot.phase)
         {
@@ -36,6 +41,18 @@ impl App {
                 "done: limit reached; {} continues without it",
                 self.screen.keymap.key_of(Action::TogglePause)
             ));
+        }
+    }
+
+    /// Shows the new values in open lists of settings.
+    fn update_settings_list(&mut self) {
+        let run = self.screen.run().clone();
+        for dialog in &mut self.screen.dialogs {
+            if let Dialog::Pick(picker) = dialog
+                && picker.button.is_some()
+            {
+                picker.update(lists::setting_items(&run));
+            }
         }
     }
 

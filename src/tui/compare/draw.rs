@@ -13,7 +13,7 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Alignment, Constraint, Layout, Rect};
-use ratatui::text::{Line, Span};
+use ratatui::text::Span;
 use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 
 use super::facts::{Fact, column, facts, text};
@@ -22,8 +22,9 @@ use crate::train::Phase;
 use crate::tui::action::{Action, Mode};
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{BOLD, DIM, REVERSED, footer, help, info, map, minimap};
+use crate::tui::render::{BOLD, DIM, REVERSED, footer, help, info, map, minimap, paint_page};
 use crate::tui::screen::Screen;
 
 /// The smallest screen with room for everything, in columns and rows.
@@ -73,9 +74,10 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
     curves::draw(frame, below, comparison, &mut layout);
     draw_footer(frame, foot, comparison, &mut layout);
     let screen = &comparison.sides[0].app.screen;
-    if let Some(Dialog::Help(first)) = screen.dialogs.last() {
-        drawn[0].help_line = Some(help::draw_for_comparisons(frame, area, screen, *first));
+    if let Some(Dialog::Help(help)) = screen.dialogs.last() {
+        help::draw_for_comparisons(frame, area, screen, help, &mut drawn[0]);
     }
+    paint_page(frame, &screen.theme);
     comparison.sides.iter_mut().zip(drawn).for_each(|(side, drawn)| side.app.drawn(drawn));
     layout
 }
@@ -135,16 +137,16 @@ fn draw_side(frame: &mut Frame, area: Rect, side: &mut Side, (facts, rows): (&[F
     map::draw(frame, room, screen, &mut layout, cache);
     minimap::draw(frame, room, screen, &mut layout);
     frame.render_widget(Paragraph::new(lines), known);
-    info::draw(frame, meaning, screen);
+    info::draw(frame, meaning, screen, &layout);
     layout
 }
 
 /// Draws a notice, or the available actions and their keys.
 fn draw_footer(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     match comparison.notice() {
-        Some((notice, fades)) => {
-            frame.render_widget(Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD }), area);
+        Some((text, notice)) => {
+            footer::draw_notice(frame, area, training_side(comparison), Notice { text: &text, ..notice });
         }
-        None => footer::keys(training_side(comparison), Mode::Comparing).draw(frame, area, layout),
+        None => footer::keys(training_side(comparison), Mode::Comparing, area.width).draw(frame, area, layout),
     }
 }

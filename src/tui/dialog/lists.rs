@@ -7,35 +7,58 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::{Choice, Item, Picker};
+use crate::bridge::Planner;
 use crate::env::maze;
-use crate::map::{BUILTIN, Grid};
+use crate::learn::LEARNERS;
+use crate::map::{BUILTIN, Grid, RandomMapKind};
+use crate::text::truncated;
 use crate::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, Settings, list_settings,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Run, SETTINGS, Setting, list_settings,
 };
-use crate::tui::action::{Action, Binding, Mode, bindings};
+use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::keymap::Keymap;
 use crate::tui::output::ExportKind;
 use crate::tui::theme::ThemeName;
 
-/// Lists all actions by name.
-pub fn actions(keymap: &Keymap) -> Picker {
-    let named = |b: &&Binding| b.action != Action::Palette && !b.long.is_empty() && !b.long.starts_with("...");
-    let item = |b: &Binding| Item::new(b.long, keymap.display_keys(b).join(" "), Choice::Act(b.action));
-    let here = |b: &&Binding| [Mode::Watching, Mode::Editing, Mode::Offered].into_iter().any(|mode| b.is_active(mode));
-    Picker::new("find an action", bindings().filter(here).filter(named).map(item).collect())
+/// Columns of a setting's value in the list; longer ones are shown in full below it.
+const VALUE_WIDTH: usize = 12;
+
+/// Lists all actions by name, those for an offered run only if one `is_offered`.
+pub fn actions(keymap: &Keymap, is_offered: bool) -> Picker {
+    let modes =
+        if is_offered { &[Mode::Watching, Mode::Editing, Mode::Offered][..] } else { &[Mode::Watching, Mode::Editing] };
+    let here = |b: &&Binding| modes.iter().any(|mode| b.is_active(*mode));
+    let named = |b: &&Binding| b.action != Action::Palette && here(b);
+    let item = |b: &Binding| Item {
+        // The editor's tools are called like other things.
+        name: if b.when == When::Editing { "" } else { b.name },
+        words: format!("{} {}", b.name, b.words),
+        ..Item::new(b.long, keymap.display_keys(b).join(" "), Choice::Act(b.action))
+    };
+    Picker::new("find an action", bindings().filter(named).map(item).collect())
 }
 
 /// Lists the themes.
 pub fn themes(now: ThemeName) -> Picker {
-    let items = ThemeName::ALL.map(|name| Item::new(name.name(), "", Choice::Theme(name))).to_vec();
+    let items = ThemeName::ALL.map(|name| Item::new(name.name(), name.about(), Choice::Theme(name))).to_vec();
     Picker::new("theme", items).selecting(|choice| *choice == Choice::Theme(now))
 }
 
-/// Lists the methods.
+/// Lists the methods: those with a name, then all other combinations.
 pub fn methods(now: &Method) -> Picker {
-    let item = |named: &NamedMethod| Item::new(named.name, named.about, Choice::Method(named.into()));
+    let named = |named: &NamedMethod| {
+        Item::new(named.name, named.about, Choice::Method(named.into())).within("methods with a name")
+    };
+    let all = LEARNERS.iter().flat_map(|learner| Planner::ALL.map(|planner| (learner, planner)));
+    let others = all.filter_map(|(learner, planner)| {
+        let method = Method { learner: learner.name.to_owned(), planner };
+        let about = format!("learner {}, planner {}: {}", learner.name, planner.name(), planner.about());
+        let is_named = METHODS.iter().any(|named| Method::from(named) == method);
+        (!is_named).then(|| Item::new(method.name(), about, Choice::Method(method)).within("LEARNER+PLANNER"))
+    });
     let title = "continue with method (data is kept, networks where they fit)";
-    Picker::new(title, METHODS.iter().map(item).collect()).selecting(|choice| *choice == Choice::Method(now.clone()))
+    let items = METHODS.iter().map(named).chain(others).collect();
+    Picker::new(title, items).selecting(|choice| *choice == Choice::Method(now.clone()))
 }
 
 /// Lists the presets.
@@ -45,18 +68,40 @@ pub fn presets(now: Preset) -> Picker {
     Picker::new(title, items.to_vec()).selecting(|choice| *choice == Choice::Preset(now))
 }
 
-/// Lists the settings by group: their values, what they do, and what changing them costs.
-pub fn settings(settings: &Settings) -> Picker {
-    let values = list_settings(settings).into_iter().zip(list_settings(&Settings::default()));
-    let items = SETTINGS.iter().zip(values).map(|(setting, ((name, value), (_, default)))| {
-        let Setting { group, about, unit, range, effect, former, .. } = setting;
-        let former = former.map_or(String::new(), |former| format!("; was {former}"));
-        let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
-        let changed = if value == default { String::new() } else { format!(" (default {default})") };
-        let detail = format!("{value}{unit}{changed}  {about}; {range}; {}; {}{former}", effect.about(), group.name());
-        Item::new(name.clone(), detail, Choice::Setting(name))
-    });
-    Picker::new("change a setting", items.collect())
+/// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
+pub fn settings(run: &Run) -> Picker {
+    let mut picker = Picker::new("change a setting (* differs from its default)", setting_items(run));
+    picker.button = Some((Action::ResetSetting, "default"));
+    picker
+}
+
+/// Describes the settings of `run`.
+pub fn setting_items(run: &Run) -> Vec<Item> {
+    let values = list_settings(&run.settings).into_iter().zip(list_settings(&run.preset.settings()));
+    let all = SETTINGS.iter().zip(values);
+    all.map(|(setting, ((_, now), (_, default)))| setting_item(setting, &now, &default, run.preset)).collect()
+}
+
+/// Describes a setting: its value, what it does, what it can be and what changing it costs.
+fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> Item {
+    let Setting { name, group, about, unit, range, effect, former, .. } = setting;
+    let unit = if unit.is_empty() { String::new() } else { format!(" {unit}") };
+    let former = former.map_or(String::new(), |former| format!(" Formerly {former}."));
+    let of = if preset == Preset::Default { String::new() } else { format!(" in the preset {}", preset.name()) };
+    let below = vec![
+        format!("{about}.{former}"),
+        format!("Now {now}{unit}; {default} by default{of}. Possible: {range}."),
+        format!("A change {}.", effect.about()),
+    ];
+    let detail = format!("{:<VALUE_WIDTH$}  {about}", truncated(now, VALUE_WIDTH));
+    let choice = Choice::Setting((*name).to_owned());
+    Item { below, marked: now != default, ..Item::new(*name, detail, choice).within(group.name()) }
+}
+
+/// Lists the kinds of random maps.
+pub fn random_maps() -> Picker {
+    let item = |kind: RandomMapKind| Item::new(kind.name(), kind.about(), Choice::OpenRandom(kind));
+    Picker::new("open a random map", RandomMapKind::ALL.map(item).to_vec())
 }
 
 /// Lists the kinds of exports.
@@ -69,22 +114,24 @@ pub fn exports() -> Picker {
 pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
     let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
     let items = vec![
-        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }),
+        Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }).on('y'),
         Item::new(
             "quit without saving",
             format!("{unsaved_updates} unsaved updates are lost{autosaved}"),
             Choice::Quit { save: false },
-        ),
-        Item::new("cancel", "", Choice::Nothing),
+        )
+        .on('n'),
+        Item::new("cancel", "", Choice::Nothing).on('c'),
     ];
-    Picker::new("quit?", items)
+    Picker::new("save before quitting?", items)
 }
 
 /// Asks whether to load a checkpoint although training is unsaved.
 pub fn load_choices(unsaved_updates: u64, file: PathBuf, save_key: &str) -> Picker {
     let items = vec![
-        Item::new("stay", format!("{save_key} saves this run first"), Choice::Nothing),
-        Item::new("load it", format!("{unsaved_updates} unsaved updates are lost"), Choice::LoadUnsaved(file)),
+        Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
+        Item::new("yes, load it", format!("{unsaved_updates} unsaved updates are lost"), Choice::LoadUnsaved(file))
+            .on('y'),
     ];
     Picker::new("load a checkpoint although this run is not saved?", items)
 }
@@ -93,29 +140,29 @@ pub fn load_choices(unsaved_updates: u64, file: PathBuf, save_key: &str) -> Pick
 pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     let items = vec![
         // A long detail is fine: the selected item is shown in full below the list.
-        Item::new("save and quit", format!("to {}; {problem}; {hint}", file.display()), Choice::Quit { save: true }),
-        Item::new("stay", "to inspect, save, change a setting or load a checkpoint", Choice::Nothing),
+        Item::new("save and quit", format!("to {}; {problem}; {hint}", file.display()), Choice::Quit { save: true })
+            .on('y'),
+        Item::new("stay", "to inspect, save, change a setting or load a checkpoint", Choice::Nothing).on('n'),
     ];
     Picker::new(title, items)
 }
 
 /// Asks how to switch from map `now` to `map`; `fitted` is `map` at the size of `now`.
 pub fn map_switch_choices(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
-    let mut items = vec![Item::new(
-        "start a new run on it",
-        "new networks; unsaved training is lost",
-        Choice::StartOn(map.clone()),
-    )];
+    let mut items = vec![
+        Item::new("start a new run on it", "new networks; unsaved training is lost", Choice::StartOn(map.clone()))
+            .on('s'),
+    ];
     let (width, height) = (now.width(), now.height());
     if (map.width(), map.height()) == (width, height) {
         let same = Choice::ContinueOn(map.clone());
-        items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same));
+        items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same).on('c'));
     } else if let Some(fitted) = fitted {
         let label = format!("continue on it, cropped or padded to {width} x {height}");
         let fitted = Choice::ContinueOn(Arc::new(fitted));
-        items.push(Item::new(label, "the networks expect a map of this size", fitted));
+        items.push(Item::new(label, "the networks expect a map of this size", fitted).on('c'));
     }
-    items.push(Item::new("cancel", "", Choice::Nothing));
+    items.push(Item::new("cancel", "", Choice::Nothing).on('n'));
     Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
 }
 
@@ -127,6 +174,7 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf
         let item = |path: &PathBuf| Item::new(path.display().to_string(), "recent", Choice::OpenMap(path.clone()));
         items.extend(recent.iter().map(item));
         items.extend(BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))));
+        items.push(Item::new("random map", "maze, city or perfect maze", Choice::Act(Action::RandomMap)));
     }
     items.push(Item::new("..", "folder", Choice::Folder(folder.join(".."))));
     for (path, is_folder) in entries {

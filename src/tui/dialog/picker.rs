@@ -1,12 +1,12 @@
 //! A list to pick from, narrowed by typing.
 
 use crossterm::event::{Event, KeyCode, KeyEvent};
-use nucleo_matcher::pattern::{CaseMatching, Normalization, Pattern};
-use nucleo_matcher::{Config, Matcher, Utf32Str};
 use tui_input::Input;
 use tui_input::backend::crossterm::EventHandler;
 
 use super::Choice;
+use super::ranking::Ranking;
+use crate::tui::action::Action;
 
 /// Rows that Page Up and Page Down move the selection by.
 const PAGE: isize = 10;
@@ -18,6 +18,18 @@ pub struct Item {
     pub label: String,
     /// Further details.
     pub detail: String,
+    /// The title above the first item of a group; empty for none.
+    pub group: &'static str,
+    /// Further lines below the list while the item is selected.
+    pub below: Vec<String>,
+    /// The name of its action; empty for none.
+    pub name: &'static str,
+    /// Other words that it is found by.
+    pub words: String,
+    /// Whether it is marked, as a setting that differs from its default.
+    pub marked: bool,
+    /// The key that picks it in a question.
+    pub key: Option<char>,
     /// What picking it does.
     pub choice: Choice,
 }
@@ -25,8 +37,30 @@ pub struct Item {
 impl Item {
     /// Creates an item.
     pub fn new(label: impl Into<String>, detail: impl Into<String>, choice: Choice) -> Self {
-        Self { label: label.into(), detail: detail.into(), choice }
+        let (group, below, name, words, marked, key) = ("", Vec::new(), "", String::new(), false, None);
+        Self { label: label.into(), detail: detail.into(), group, below, name, words, marked, key, choice }
     }
+
+    /// Makes a key pick the item.
+    #[must_use]
+    pub fn on(self, key: char) -> Self {
+        Self { key: Some(key), ..self }
+    }
+
+    /// Puts the item into a group.
+    #[must_use]
+    pub fn within(self, group: &'static str) -> Self {
+        Self { group, ..self }
+    }
+}
+
+/// A row of a list.
+#[derive(Clone, Copy, Debug)]
+pub enum Row<'a> {
+    /// The title of a group.
+    Title(&'static str),
+    /// An item, and whether it is selected.
+    Item(&'a Item, bool),
 }
 
 /// A list with its search text and selection.
@@ -34,6 +68,8 @@ impl Item {
 pub struct Picker {
     /// The title.
     pub title: String,
+    /// What else can be done with the selected item.
+    pub button: Option<(Action, &'static str)>,
     items: Vec<Item>,
     typed: Input,
     /// Indices of the items that match the search text, best first.
@@ -42,10 +78,11 @@ pub struct Picker {
 }
 
 impl Picker {
-    /// Creates a list of all `items`, with the first one selected.
+    /// Creates a list of all `items`, with the first one selected. If an item has a key, the list is a question:
+    /// answered by keys instead of being searched.
     pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
         let shown = (0..items.len()).collect();
-        Self { title: title.into(), items, typed: Input::default(), shown, selected: 0 }
+        Self { title: title.into(), button: None, items, typed: Input::default(), shown, selected: 0 }
     }
 
     /// Selects the first item whose choice satisfies `is`.
@@ -55,14 +92,42 @@ impl Picker {
         self
     }
 
+    /// Replaces all items by as many others.
+    pub fn update(&mut self, items: Vec<Item>) {
+        if items.len() == self.items.len() {
+            self.items = items;
+        }
+    }
+
+    /// Returns whether the list is a question.
+    pub fn is_question(&self) -> bool {
+        self.items.iter().any(|item| item.key.is_some())
+    }
+
     /// Returns the search text and the cursor's column in it.
     pub fn typed(&self) -> (&str, usize) {
         (self.typed.value(), self.typed.visual_cursor())
     }
 
-    /// Returns the items shown, best first, and the index of the selected one.
-    pub fn shown(&self) -> (impl Iterator<Item = &Item>, usize) {
-        (self.shown.iter().map(|i| &self.items[*i]), self.selected)
+    /// Returns the rows shown: the best matches first, or all items by group.
+    pub fn rows(&self) -> Vec<Row<'_>> {
+        let mut rows = Vec::new();
+        let mut group = "";
+        for (n, i) in self.shown.iter().enumerate() {
+            let item = &self.items[*i];
+            if self.typed.value().is_empty() && item.group != group {
+                rows.push(Row::Title(item.group));
+                group = item.group;
+            }
+            rows.push(Row::Item(item, n == self.selected));
+        }
+        rows
+    }
+
+    /// Returns the number of rows without a search text.
+    pub fn most_rows(&self) -> usize {
+        let titles = self.items.chunk_by(|a, b| a.group == b.group).filter(|group| !group[0].group.is_empty());
+        self.items.len() + titles.count()
     }
 
     /// Returns all items, shown or not.
@@ -70,16 +135,22 @@ impl Picker {
         self.items.iter()
     }
 
-    /// Returns the selected item's choice.
-    pub fn choice(&self) -> Option<&Choice> {
-        self.shown.get(self.selected).map(|i| &self.items[*i].choice)
+    /// Returns the selected item.
+    pub fn item(&self) -> Option<&Item> {
+        self.shown.get(self.selected).map(|i| &self.items[*i])
     }
 
-    /// Selects the shown item on row `row`; returns whether there is one.
+    /// Returns the selected item's choice.
+    pub fn choice(&self) -> Option<&Choice> {
+        self.item().map(|item| &item.choice)
+    }
+
+    /// Selects the item on a row of [`Self::rows`]; returns whether there is one.
     pub fn select(&mut self, row: usize) -> bool {
-        let there = row < self.shown.len();
+        let rows = self.rows();
+        let there = matches!(rows.get(row), Some(Row::Item(..)));
         if there {
-            self.selected = row;
+            self.selected = rows[..row].iter().filter(|row| matches!(row, Row::Item(..))).count();
         }
         there
     }
@@ -90,43 +161,41 @@ impl Picker {
         self.selected = self.selected.saturating_add_signed(by).min(last);
     }
 
-    /// Handles a key.
-    pub fn on_key(&mut self, key: KeyEvent) {
+    /// Handles a key; returns whether it picks the selected item.
+    pub fn on_key(&mut self, key: KeyEvent) -> bool {
         match key.code {
             KeyCode::Up => self.move_selection(-1),
             KeyCode::Down => self.move_selection(1),
             KeyCode::PageUp => self.move_selection(-PAGE),
             KeyCode::PageDown => self.move_selection(PAGE),
+            KeyCode::Char(c) if self.is_question() => {
+                let at = self.items.iter().position(|item| item.key == Some(c.to_ascii_lowercase()));
+                self.selected = at.unwrap_or(self.selected);
+                return at.is_some();
+            }
+            _ if self.is_question() => {}
             _ => {
+                let before = self.typed.value().to_owned();
                 self.typed.handle_event(&Event::Key(key));
-                self.filter();
+                if self.typed.value() != before {
+                    self.filter();
+                }
             }
         }
+        false
     }
 
     /// Inserts pasted text.
     pub fn paste(&mut self, text: &str) {
-        super::prompt::insert_first_line(&mut self.typed, text);
-        self.filter();
+        if !self.is_question() {
+            super::prompt::insert_first_line(&mut self.typed, text);
+            self.filter();
+        }
     }
 
     fn filter(&mut self) {
-        let pattern = Pattern::parse(self.typed.value(), CaseMatching::Ignore, Normalization::Smart);
-        let mut matcher = Matcher::new(Config::DEFAULT);
-        let mut buffer = Vec::new();
-        let typed = self.typed.value().trim();
-        let mut score = |item: &Item| {
-            if item.label == typed {
-                return Some(u32::MAX);
-            }
-            // A match in the label counts more than one in the detail.
-            let of = |text: &str, matcher: &mut Matcher, buffer: &mut Vec<char>| {
-                pattern.score(Utf32Str::new(text, buffer), matcher)
-            };
-            let label = of(&item.label, &mut matcher, &mut buffer).map(|s| 2 * s);
-            label.max(of(&format!("{} {}", item.label, item.detail), &mut matcher, &mut buffer))
-        };
-        let scored = self.items.iter().enumerate().filter_map(|(i, item)| Some((i, score(item)?)));
+        let mut ranking = Ranking::new(self.typed.value());
+        let scored = self.items.iter().enumerate().filter_map(|(i, item)| Some((i, ranking.score(item)?)));
         let mut scored: Vec<(usize, u32)> = scored.collect();
         scored.sort_by_key(|(i, score)| (std::cmp::Reverse(*score), *i));
         self.shown = scored.into_iter().map(|(i, _)| i).collect();
@@ -154,7 +223,9 @@ mod tests {
     }
 
     fn press(picker: &mut Picker, keys: &str) {
-        keys.chars().for_each(|c| picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE)));
+        for c in keys.chars() {
+            picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE));
+        }
     }
 
     #[test]
@@ -175,10 +246,40 @@ mod tests {
     #[test]
     fn the_selection_stays_within_the_list() {
         let mut picker = picker();
+        let selected = |picker: &Picker| picker.rows().iter().position(|row| matches!(row, Row::Item(_, true)));
         picker.move_selection(-5);
-        assert_eq!(picker.shown().1, 0);
+        assert_eq!(selected(&picker), Some(0));
         picker.move_selection(99);
-        assert_eq!(picker.shown().1, 3);
+        assert_eq!(selected(&picker), Some(3));
         assert!(!picker.select(4));
+    }
+
+    #[test]
+    fn items_are_grouped_until_they_are_searched() {
+        let item = |label: &str, group| Item { group, ..Item::new(label, "", Choice::Nothing) };
+        let mut picker = Picker::new("settings", vec![item("hidden", "networks"), item("tau", "targets")]);
+        let titles = |picker: &Picker| picker.rows().iter().filter(|row| matches!(row, Row::Title(_))).count();
+        assert_eq!((titles(&picker), picker.rows().len()), (2, 4));
+        assert!(!picker.select(2), "a title");
+        assert!(picker.select(3));
+        assert_eq!(picker.item().map(|item| item.label.as_str()), Some("tau"));
+        press(&mut picker, "hid");
+        assert_eq!((titles(&picker), picker.rows().len()), (0, 1));
+    }
+
+    #[test]
+    fn a_question_is_answered_by_a_key() {
+        let items = vec![
+            Item::new("yes", "", Choice::Quit { save: true }).on('y'),
+            Item::new("no", "", Choice::Nothing).on('n'),
+        ];
+        let mut picker = Picker::new("quit?", items);
+        let press = |picker: &mut Picker, c| picker.on_key(KeyEvent::new(KeyCode::Char(c), KeyModifiers::NONE));
+        assert!(!press(&mut picker, 'x'), "no answer");
+        assert!(press(&mut picker, 'n'));
+        assert_eq!(picker.choice(), Some(&Choice::Nothing));
+        assert!(press(&mut picker, 'Y'));
+        assert_eq!(picker.choice(), Some(&Choice::Quit { save: true }));
+        assert!(picker.typed().0.is_empty(), "nothing is searched");
     }
 }

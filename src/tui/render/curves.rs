@@ -12,7 +12,7 @@ use super::{BOLD, DIM, chart};
 use crate::env::DistanceUnit;
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::screen::Screen;
-use crate::tui::theme::ColourDepth;
+use crate::tui::theme::{ColourDepth, blend};
 
 /// Minimum height of a chart, and minimum width for two side by side.
 const MIN_CHART_HEIGHT: u16 = 7;
@@ -218,5 +218,8 @@ pub fn colour(screen: &Screen, i: usize) -> Style {
         return Style::new()
             .fg([Color::Yellow, Color::Cyan, Color::Green, Color::Blue, Color::Magenta, Color::Red][i % 6]);
     };
-    Style::new().fg(screen.theme.colour(screen.theme.distance_colour(at)))
+    let rgb = screen.theme.distance_colour(at);
+    // Thin lines on a light page have to be darker than areas.
+    let rgb = if screen.theme.page.is_some() { blend(rgb, (0, 0, 0), 0.45) } else { rgb };
+    Style::new().fg(screen.theme.colour(rgb))
 }

@@ -4,72 +4,140 @@ use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Position, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::{Block, Borders, Clear, Paragraph, Wrap};
+use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 
+use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED, middle};
-use crate::tui::dialog::{Item, Picker, Prompt};
+use crate::tui::action::Action;
+use crate::tui::dialog::{Item, Picker, Prompt, Row};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::screen::Screen;
 
-/// Maximum sizes of a list and of a question.
-const MAX_LIST_SIZE: (u16, u16) = (96, 24);
-const MAX_PROMPT_SIZE: (u16, u16) = (72, 7);
+/// Maximum sizes of a list, and the maximum width of a question.
+const MAX_LIST_SIZE: (u16, u16) = (112, 40);
+const MAX_PROMPT_WIDTH: u16 = 72;
 
-/// Columns beside an item's label.
+/// Minimum width of a list to search, and the least rows of one above the text on the selected item.
+const MIN_SEARCHED_WIDTH: usize = 40;
+const MIN_ROWS: u16 = 5;
+
+/// Columns before and after an item's label; and more before it in a question, for its key.
 const LABEL_MARGIN: usize = 3;
-
-/// Rows below a list for the full selected item: a line and two rows of text.
-const ROWS_BELOW: u16 = 3;
+const KEY_MARGIN: usize = 2;
 
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the list.
-pub fn draw_picker(frame: &mut Frame, area: Rect, picker: &Picker, layout: &mut ScreenLayout) {
-    let (items, selected) = picker.shown();
-    let items: Vec<_> = items.collect();
-    let (width, height) =
-        (MAX_LIST_SIZE.0.min(area.width.saturating_sub(2)), MAX_LIST_SIZE.1.min(area.height.saturating_sub(2)));
-    let columns = usize::from(width).saturating_sub(2);
-    let widest = picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0).min(columns * 2 / 3);
-    let room_beside = |item: &Item| columns.saturating_sub(item.label.chars().count().max(widest) + LABEL_MARGIN);
-    let fits = |item: &Item| item.detail.chars().count() <= room_beside(item);
-    let below = if picker.items().all(fits) { 0 } else { ROWS_BELOW };
-    let dialog_area = middle(area, width, height.min(picker.items().count() as u16 + 3 + below));
-    let inner = draw_box(frame, dialog_area, &picker.title, layout);
-    let [line, rows, below] =
-        Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(below)]).areas(inner);
-    let (typed, cursor) = picker.typed();
-    let hint = if typed.is_empty() { "type to search" } else { "" };
-    frame.render_widget(
-        Paragraph::new(Line::from(vec![
-            Span::styled("> ", BOLD),
-            Span::raw(typed.to_owned()),
-            Span::styled(hint, DIM),
-        ])),
-        line,
-    );
-    set_cursor(frame, line, 2 + cursor);
-    let height = usize::from(rows.height);
-    let first = (selected + 1).saturating_sub(height);
-    let lines = items.iter().enumerate().skip(first).take(height).map(|(i, item)| {
-        let (label, rest) = (format!(" {:<widest$}  ", item.label), room_beside(item));
-        let text = Line::from(vec![Span::raw(label), Span::styled(format!("{:<rest$}", item.detail), DIM)]);
-        text.style(if i == selected { REVERSED } else { Style::new() })
-    });
-    let mut lines: Vec<Line> = lines.collect();
+pub fn draw_picker(frame: &mut Frame, area: Rect, screen: &Screen, picker: &Picker, layout: &mut ScreenLayout) {
+    let width = list_width(picker, area.width.saturating_sub(2));
+    let columns = width.saturating_sub(2);
+    let labels = label_width(picker, columns);
+    let rows = picker.rows();
+    let search_rows = u16::from(!picker.is_question());
+    let height = MAX_LIST_SIZE.1.min(area.height.saturating_sub(2));
+    let below = rows_below(picker, columns, labels).min(height.saturating_sub(2 + search_rows + MIN_ROWS));
+    let wanted = u16::try_from(picker.most_rows()).unwrap_or(u16::MAX).saturating_add(2 + search_rows + below);
+    let dialog_area = middle(area, width as u16, height.min(wanted));
+    let inner = draw_box(frame, dialog_area, &picker.title, buttons(screen, picker), layout);
+    let [line, list, below] =
+        Layout::vertical([Constraint::Length(search_rows), Constraint::Min(0), Constraint::Length(below)]).areas(inner);
+    if !picker.is_question() {
+        draw_search(frame, line, picker);
+    }
+    let room = usize::from(list.height);
+    let selected = rows.iter().position(|row| matches!(row, Row::Item(_, true))).unwrap_or(0);
+    let first = (selected + 1).saturating_sub(room);
+    // The title of the first group stays in view.
+    let first = if first == 1 && room > 1 && selected + 1 < room { 0 } else { first };
+    let mut lines: Vec<Line> = rows.iter().skip(first).take(room).map(|row| row_line(row, labels, columns)).collect();
     if lines.is_empty() {
         lines.push(Line::styled(" no match", DIM));
     }
-    frame.render_widget(Paragraph::new(lines), rows);
-    if let (Some(item), false) = (items.get(selected), below.is_empty()) {
-        let all = format!("{}: {}", item.label, item.detail);
-        let block = Block::new().borders(Borders::TOP);
-        frame.render_widget(Paragraph::new(all).wrap(Wrap { trim: true }).block(block), below);
+    frame.render_widget(Paragraph::new(lines), list);
+    if let (Some(item), false) = (picker.item(), below.is_empty()) {
+        let text: Vec<Line> = full_text(item, columns).into_iter().map(Line::from).collect();
+        frame.render_widget(Paragraph::new(text).block(Block::new().borders(Borders::TOP)), below);
     }
-    layout.rows = (rows, first);
+    layout.rows = (list, first);
+}
+
+/// Returns the columns that a list needs, its box included, up to `most`.
+fn list_width(picker: &Picker, most: u16) -> usize {
+    let detail = picker.items().map(|item| item.detail.chars().count()).max().unwrap_or(0);
+    let label = picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0);
+    let title = picker.title.chars().count() + 2;
+    let least = if picker.is_question() { title } else { title.max(MIN_SEARCHED_WIDTH) };
+    let key = if picker.is_question() { KEY_MARGIN } else { 0 };
+    (label + LABEL_MARGIN + key + detail + 1).max(least).saturating_add(2).min(usize::from(most.min(MAX_LIST_SIZE.0)))
+}
+
+/// Returns the columns of the labels in a list of `columns`.
+fn label_width(picker: &Picker, columns: usize) -> usize {
+    picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0).min(columns * 2 / 3)
+}
+
+fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
+    let key = if item.key.is_some() { KEY_MARGIN } else { 0 };
+    columns.saturating_sub(item.label.chars().count().max(labels) + LABEL_MARGIN + key)
+}
+
+/// Returns the rows for the full text of any item, and a line above it; none if all items fit on their rows.
+fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
+    let fits = |item: &Item| item.below.is_empty() && item.detail.chars().count() <= room_beside(item, labels, columns);
+    if picker.items().all(fits) {
+        return 0;
+    }
+    picker.items().map(|item| 1 + full_text(item, columns).len() as u16).max().unwrap_or(0)
+}
+
+/// Returns everything about an item, in rows of `columns`.
+fn full_text(item: &Item, columns: usize) -> Vec<String> {
+    if item.below.is_empty() {
+        return wrapped(&format!("{}: {}", item.label, item.detail), columns.max(1));
+    }
+    item.below.iter().flat_map(|line| wrapped(line, columns.max(1))).collect()
+}
+
+fn row_line(row: &Row, labels: usize, columns: usize) -> Line<'static> {
+    let Row::Item(item, selected) = row else {
+        let Row::Title(title) = row else { return Line::default() };
+        return Line::styled((*title).to_owned(), BOLD);
+    };
+    let sign = match (item.key, item.marked) {
+        (Some(key), _) => format!(" {key} "),
+        (None, true) => "*".to_owned(),
+        (None, false) => " ".to_owned(),
+    };
+    let rest = room_beside(item, labels, columns);
+    let mut detail: String = item.detail.chars().take(rest).collect();
+    if detail.chars().count() < item.detail.chars().count() && rest > 3 {
+        detail = detail.chars().take(rest - 3).chain("...".chars()).collect();
+    }
+    let text = Line::from(vec![
+        Span::styled(sign, BOLD),
+        Span::raw(format!("{:<labels$}  ", item.label)),
+        Span::styled(format!("{detail:<rest$}"), DIM),
+    ]);
+    text.style(if *selected { REVERSED } else { Style::new() })
+}
+
+fn draw_search(frame: &mut Frame, line: Rect, picker: &Picker) {
+    let (typed, cursor) = picker.typed();
+    let hint = if typed.is_empty() { "type to search" } else { "" };
+    let text = vec![Span::styled("> ", BOLD), Span::raw(typed.to_owned()), Span::styled(hint, DIM)];
+    frame.render_widget(Paragraph::new(Line::from(text)), line);
+    set_cursor(frame, line, 2 + cursor);
 }
 
 /// Draws a question.
-pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, layout: &mut ScreenLayout) {
-    let dialog_area = middle(area, MAX_PROMPT_SIZE.0.min(area.width.saturating_sub(2)), MAX_PROMPT_SIZE.1);
-    let inner = draw_box(frame, dialog_area, &prompt.title, layout);
+pub fn draw_prompt(frame: &mut Frame, area: Rect, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
+    let width = MAX_PROMPT_WIDTH.min(area.width.saturating_sub(2));
+    let (text, style) = match &prompt.error {
+        Some(error) => (error.as_str(), screen.theme.failure()),
+        None => (prompt.hint.as_str(), DIM),
+    };
+    let text = wrapped(text, usize::from(width.saturating_sub(2)).max(1));
+    let dialog_area = middle(area, width, 4 + text.len() as u16);
+    let buttons = vec![(" Enter: accept ".to_owned(), Click::Answer), (" Esc: close ".to_owned(), Click::Close)];
+    let inner = draw_box(frame, dialog_area, &prompt.title, buttons, layout);
     let [line, _, below] =
         Layout::vertical([Constraint::Length(1), Constraint::Length(1), Constraint::Min(0)]).areas(inner);
     let (typed, cursor) = prompt.typed();
@@ -77,25 +145,42 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, prompt: &Prompt, layout: &mut 
     let room = usize::from(line.width).saturating_sub(3);
     let hidden = cursor.saturating_sub(room);
     let seen: String = typed.chars().skip(hidden).take(room).collect();
-    let style = if prompt.is_untouched() { REVERSED } else { Style::new() };
-    frame.render_widget(Paragraph::new(Line::from(vec![Span::styled("> ", BOLD), Span::styled(seen, style)])), line);
+    let typed_style = if prompt.is_untouched() { REVERSED } else { Style::new() };
+    let typed = Line::from(vec![Span::styled("> ", BOLD), Span::styled(seen, typed_style)]);
+    frame.render_widget(Paragraph::new(typed), line);
     set_cursor(frame, line, 2 + cursor - hidden);
-    let (text, style) = match &prompt.error {
-        Some(error) => (error.as_str(), BOLD),
-        None => (prompt.hint.as_str(), DIM),
-    };
-    frame.render_widget(Paragraph::new(text).style(style).wrap(Wrap { trim: true }), below);
+    let text: Vec<Line> = text.into_iter().map(|line| Line::styled(line, style)).collect();
+    frame.render_widget(Paragraph::new(text), below);
+}
+
+/// Returns the buttons of a list.
+fn buttons(screen: &Screen, picker: &Picker) -> Vec<(String, Click)> {
+    let accept = if picker.button.is_some() { "change" } else { "accept" };
+    let own =
+        |(action, label): (Action, &str)| (format!(" {}: {label} ", screen.keymap.key_of(action)), Click::Act(action));
+    let mut buttons = vec![(format!(" Enter: {accept} "), Click::Answer)];
+    buttons.extend(picker.button.map(own));
+    buttons.push((" Esc: close ".to_owned(), Click::Close));
+    buttons
 }
 
 /// Draws the box around a dialog, with its buttons at the bottom; returns the area inside.
-fn draw_box(frame: &mut Frame, dialog_area: Rect, title: &str, layout: &mut ScreenLayout) -> Rect {
+fn draw_box(
+    frame: &mut Frame,
+    dialog_area: Rect,
+    title: &str,
+    buttons: Vec<(String, Click)>,
+    layout: &mut ScreenLayout,
+) -> Rect {
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(dialog_area);
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
-    bar.push(Span::raw(" Enter: accept "), Click::Answer);
-    bar.push(Span::raw("  Esc: close "), Click::Close);
+    for (n, (label, click)) in buttons.into_iter().enumerate() {
+        bar.push(Span::raw(if n > 0 { " " } else { "" }), None);
+        bar.push(Span::raw(label), click);
+    }
     let width = (bar.width() as u16).min(inner.width);
     bar.draw(frame, Rect { y: dialog_area.bottom().saturating_sub(1), width, height: 1, ..inner }, layout);
     layout.dialog = dialog_area;

@@ -4,57 +4,98 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
-use ratatui::widgets::Clear;
+use ratatui::widgets::{Clear, Paragraph};
 
+use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::editor::Tool;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::log::Notice;
 use crate::tui::screen::Screen;
 
-/// Draws the line.
+/// The most rows of a notice.
+const MAX_NOTICE_ROWS: usize = 4;
+
+/// Keys at the end of the line that are the last to be left out.
+const LAST_KEYS: usize = 3;
+
+/// Draws the line, and the rest of a long notice above it.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    if let Some((notice, fades)) = screen.log.notice() {
-        let notice = Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD });
-        if !screen.editor.is_open() {
-            return frame.render_widget(notice, area);
-        }
-        // The tools stay visible, so the notice goes above them.
-        let above = Rect { y: area.y.saturating_sub(1), ..area };
-        frame.render_widget(Clear, above);
-        frame.render_widget(notice, above);
+    let notice = screen.log.notice();
+    // The tools of the editor stay visible, so notices go above them.
+    let tools = screen.editor.is_open();
+    if let Some(notice) = notice {
+        let last = area.y.saturating_sub(u16::from(tools));
+        draw_notice(frame, Rect { y: last, ..area }, screen, notice);
     }
-    let bar = if screen.editor.is_open() { editing(screen, area.width) } else { keys(screen, Mode::Watching) };
-    bar.draw(frame, area, layout);
+    if tools || notice.is_none() {
+        let bar = if tools { editing(screen, area.width) } else { keys(screen, Mode::Watching, area.width) };
+        bar.draw(frame, area, layout);
+    }
 }
 
-/// Returns the actions of `mode` that have a short name.
-pub fn keys(screen: &Screen, mode: Mode) -> ClickableLine {
-    let mut bar = ClickableLine::default();
+/// Draws a notice whose last row is `last`, wrapped.
+pub fn draw_notice(frame: &mut Frame, last: Rect, screen: &Screen, notice: Notice) {
+    let style = match notice {
+        Notice { is_error: true, .. } => screen.theme.failure(),
+        Notice { fades: true, .. } => DIM,
+        _ => BOLD,
+    };
+    let mut rows = wrapped(notice.text, usize::from(last.width).saturating_sub(2).max(8));
+    rows.truncate(MAX_NOTICE_ROWS.min(usize::from(last.y) + 1));
+    let height = rows.len() as u16;
+    let area = Rect { y: (last.y + 1).saturating_sub(height), height, ..last };
+    let lines: Vec<Line> = rows.into_iter().map(|row| Line::styled(format!(" {row}"), style)).collect();
+    frame.render_widget(Clear, area);
+    frame.render_widget(Paragraph::new(lines), area);
+}
+
+/// Returns the actions of `mode` that have a short name and fit: where room is short, those in the middle are left out.
+pub fn keys(screen: &Screen, mode: Mode, width: u16) -> ClickableLine {
+    let mut keys: Vec<(Action, String)> = Vec::new();
     for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(mode)) {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
-        let short = if idle { "resume" } else { binding.short };
-        key(&mut bar, screen, binding.action, &format!(" {short} "), Style::new());
+        keys.push((binding.action, format!(" {} ", if idle { "resume" } else { binding.short })));
     }
-    bar
+    let line = |keys: &[(Action, String)]| {
+        let mut bar = ClickableLine::default();
+        keys.iter().for_each(|(action, label)| key(&mut bar, screen, *action, label, Style::new()));
+        bar
+    };
+    // The space at the end need not fit.
+    while line(&keys).width() > usize::from(width) + 1 && keys.len() > 1 {
+        let middle = if keys.len() > LAST_KEYS + 1 { keys.len() - LAST_KEYS - 1 } else { 0 };
+        keys.remove(middle);
+    }
+    line(&keys)
 }
 
-/// Returns the editor's tools, followed by as much else as fits.
+/// Returns the editor's tools, followed by as much else as fits. Where room is short, only the selected tool.
 fn editing(screen: &Screen, width: u16) -> ClickableLine {
-    let mut bar = ClickableLine::default();
-    bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
-    for tool in Tool::ALL {
-        let style = if tool == screen.editor.tool { REVERSED } else { Style::new() };
-        key(&mut bar, screen, Action::Tool(tool), tool.name(), style);
-    }
-    bar.push(Span::raw(" "), None);
+    let tools = |tools: &[Tool]| {
+        let mut bar = ClickableLine::default();
+        bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
+        for tool in tools {
+            let style = if *tool == screen.editor.tool { REVERSED } else { Style::new() };
+            key(&mut bar, screen, Action::Tool(*tool), tool.name(), style);
+        }
+        bar.push(Span::raw(" "), None);
+        bar
+    };
+    let width = usize::from(width);
+    let label_width = |action, label: &str| screen.keymap.key_of(action).chars().count() + label.len() + 3;
+    let done = label_width(Action::ToggleEdit, "done");
+    let all = tools(&Tool::ALL);
+    let mut bar = if all.width() + done <= width { all } else { tools(&[screen.editor.tool]) };
     for (action, label) in [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")] {
-        if bar.width() + screen.keymap.key_of(action).len() + label.len() + 3 <= usize::from(width) {
+        let after = if action == Action::ToggleEdit { 0 } else { done };
+        if bar.width() + label_width(action, label) + after <= width {
             key(&mut bar, screen, action, &format!(" {label} "), Style::new());
         }
     }
-    let mouse = " drag: walls  right drag: floor";
-    if bar.width() + mouse.len() <= usize::from(width) {
+    let mouse = format!(" {}", screen.editor.tool.mouse());
+    if bar.width() + mouse.len() <= width {
         bar.push(Span::styled(mouse, DIM), None);
     }
     bar

@@ -1,62 +1,106 @@
-//! The help: every action, and the legend of the map.
+//! The help: every action, the numbers, and the legend of the map.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
-use super::{BOLD, DIM, legend, middle};
-use crate::tui::action::{Binding, Mode, SECTIONS, When};
+use super::text::wrapped;
+use super::{BOLD, DIM, REVERSED, legend, middle, training};
+use crate::tui::action::{Action, Binding, Mode, SECTIONS};
+use crate::tui::dialog::Help;
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
 
-/// Columns of the help, if no line needs more.
-const HELP_WIDTH: u16 = 76;
+/// Columns of the help, if there is room.
+const HELP_WIDTH: u16 = 78;
 
-/// Draws the help in the middle of `area`, from line `first` or early enough to fill it; returns the first line shown.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
-    let intro = [
-        " Colours show the learned distance D to the goal G: light near, dark far.",
-        " The agents see no walls and get no reward. @ walks to G with what it has",
-        " learned so far; click on the map to set another goal.",
-    ];
-    draw_lines(frame, area, lines(screen, &intro, &[Mode::Watching, Mode::Editing, Mode::Offered]), first)
-}
+/// Columns of keys and names, where the help is wide and where it is not.
+const NAME_WIDTH: usize = 15;
+const NARROW_NAME_WIDTH: usize = 8;
 
-/// Draws a help of these lines like [`draw`].
-fn draw_lines(frame: &mut Frame, area: Rect, lines: Vec<Line<'static>>, first: usize) -> usize {
-    let widest = lines.iter().map(Line::width).max().unwrap_or(0) as u16;
-    let dialog_area = middle(area, HELP_WIDTH.max(widest + 2), (lines.len() as u16 + 2).min(area.height));
-    let height = usize::from(dialog_area.height.saturating_sub(2));
-    let first = first.min(lines.len().saturating_sub(height));
-    let more = lines.len() > height;
-    let mut block = Block::bordered().title(" help ");
-    if more {
-        let last = (first + height).min(lines.len());
-        block =
-            block.title_bottom(format!(" {} to {last} of {}: arrows, PgUp, PgDn; Esc closes ", first + 1, lines.len()));
-    }
-    frame.render_widget(Clear, dialog_area);
-    let shown: Vec<Line> = lines.into_iter().skip(first).take(height).collect();
-    frame.render_widget(Paragraph::new(shown).block(block), dialog_area);
-    first
+/// Columns from which the help is wide.
+const WIDE: usize = 60;
+
+/// What the colours of a comparison show.
+const COMPARISON: &str = "Two methods train on the same map with the same seed, A and B. Colours show the distance D that \
+                          each has learned; @ walks to G with what it has learned so far, in both from the same start. \
+                          Click on either map to set the goal of both. Nothing is saved.";
+
+/// What the colours show.
+const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, dark far. The agents see no walls and get \
+                            no reward. @ walks to G with what it has learned so far; click on the map to set another goal.";
+
+/// Draws the help in the middle of `area`, as far down as it is scrolled or early enough to fill it.
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, help: &Help, layout: &mut ScreenLayout) {
+    let modes = [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Settings, Mode::Help];
+    draw_about(frame, area, screen, (help, INTRODUCTION, &modes), layout);
 }
 
 /// Draws the help of comparisons like [`draw`].
-pub fn draw_for_comparisons(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
-    let intro = [
-        " Two methods train on the same map with the same seed, A and B. Colours show",
-        " the distance D that each has learned; @ walks to G with what it has learned",
-        " so far, in both from the same start. Click on either map to set the goal of",
-        " both. Nothing is saved.",
-    ];
-    draw_lines(frame, area, lines(screen, &intro, &[Mode::Comparing]), first)
+pub fn draw_for_comparisons(frame: &mut Frame, area: Rect, screen: &Screen, help: &Help, layout: &mut ScreenLayout) {
+    draw_about(frame, area, screen, (help, COMPARISON, &[Mode::Comparing, Mode::Help]), layout);
 }
 
-/// Returns the introduction, the bindings active in any of `modes`, and the legend.
-fn lines(screen: &Screen, intro: &[&'static str], modes: &[Mode]) -> Vec<Line<'static>> {
-    let mut lines: Vec<Line> = intro.iter().copied().map(Line::raw).collect();
+/// Draws the help on an introduction and the bindings active in any of the modes like [`draw`].
+fn draw_about(
+    frame: &mut Frame,
+    area: Rect,
+    screen: &Screen,
+    (help, introduction, modes): (&Help, &str, &[Mode]),
+    layout: &mut ScreenLayout,
+) {
+    let width = HELP_WIDTH.min(area.width);
+    let text = lines(screen, usize::from(width.saturating_sub(2)), introduction, modes);
+    let all = if help.search().is_empty() { text.clone() } else { matches(&text, help.search()) };
+    // The box keeps its size while lines are searched.
+    let dialog_area = middle(area, width, (text.len() as u16 + 2).min(area.height));
+    let height = usize::from(dialog_area.height.saturating_sub(2));
+    let first = help.first.min(all.len().saturating_sub(height));
+    let last = (first + height).min(all.len());
+    let title = if help.searching || !help.search().is_empty() {
+        format!(" help: {}{} ", help.search(), if help.searching { "_" } else { "" })
+    } else {
+        " help ".to_owned()
+    };
+    frame.render_widget(Clear, dialog_area);
+    let shown: Vec<Line> = all[first..last].to_vec();
+    frame.render_widget(Paragraph::new(shown).block(Block::bordered().title(title)), dialog_area);
+    let key = screen.keymap.key_of(Action::SearchHelp);
+    let mut bar = ClickableLine::default();
+    bar.push(Span::raw(format!(" {key}: search ")), Click::Act(Action::SearchHelp));
+    bar.push(Span::raw(" Esc: close "), Click::Close);
+    if all.len() > height {
+        let (first, all) = (first + 1, all.len());
+        let long = format!(" {first} to {last} of {all}: arrows, PgUp, PgDn ");
+        let room = usize::from(dialog_area.width.saturating_sub(2));
+        let text = if bar.width() + long.len() <= room { long } else { format!(" {last}/{all} ") };
+        bar.push(Span::styled(text, DIM), None);
+    }
+    let foot = Rect { x: dialog_area.x + 1, width: dialog_area.width.saturating_sub(2), ..dialog_area };
+    bar.draw(frame, Rect { y: dialog_area.bottom().saturating_sub(1), height: 1, ..foot }, layout);
+    layout.help_lines = Some(first..first + height);
+}
+
+/// Returns the lines that contain the typed words, in reverse, and the titles above them.
+fn matches(lines: &[Line<'static>], typed: &str) -> Vec<Line<'static>> {
+    let words: Vec<String> = typed.to_lowercase().split_whitespace().map(str::to_owned).collect();
+    let found = |line: &&Line| {
+        let text = line.to_string().to_lowercase();
+        words.iter().all(|word| text.contains(word.as_str()))
+    };
+    let found: Vec<Line> = lines.iter().filter(found).cloned().collect();
+    if found.is_empty() { vec![Line::styled(" no match", REVERSED)] } else { found }
+}
+
+/// Returns all lines, wrapped to `width`.
+fn lines(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> Vec<Line<'static>> {
+    let mut lines: Vec<Line> = wrapped(introduction, width.saturating_sub(2).max(8))
+        .into_iter()
+        .map(|line| Line::raw(format!(" {line}")))
+        .collect();
     for section in SECTIONS {
-        let active = |b: &&Binding| !b.long.is_empty() && modes.iter().any(|mode| b.is_active(*mode));
+        let active = |b: &&Binding| modes.iter().any(|mode| b.is_active(*mode));
         let mut bindings = section.bindings.iter().filter(active).peekable();
         if bindings.peek().is_none() {
             continue;
@@ -66,23 +110,41 @@ fn lines(screen: &Screen, intro: &[&'static str], modes: &[Mode]) -> Vec<Line<'s
         for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
-            let when = match binding.when {
-                When::Editing => " (in the editor)",
-                When::Offered => " (while it is offered)",
-                When::Always | When::Watching | When::Comparing => "",
-            };
-            lines.push(Line::from(vec![
-                Span::styled(format!(" {keys:>15}  "), BOLD),
-                Span::raw(binding.long),
-                Span::styled(when, DIM),
-            ]));
+            lines.extend(entry(&keys, binding.long, binding.when.place(), width));
         }
+    }
+    lines.push(Line::default());
+    lines.push(Line::styled(" the numbers", BOLD));
+    for (name, meaning) in training::MEANINGS {
+        lines.extend(entry(name, meaning, "", width));
     }
     lines.push(Line::default());
     lines.extend(legend::lines(screen));
     if let Some(folder) = crate::logging::folder() {
         lines.push(Line::default());
-        lines.push(Line::raw(format!(" Log files: {}", folder.display())));
+        lines.extend(entry("log files", &folder.display().to_string(), "", width));
     }
     lines
+}
+
+/// Returns a name and what it means, wrapped beside the name.
+fn entry(name: &str, meaning: &str, place: &str, width: usize) -> Vec<Line<'static>> {
+    let names = if width >= WIDE { NAME_WIDTH } else { NARROW_NAME_WIDTH };
+    let room = width.saturating_sub(names + 4).max(8);
+    let mut rows = wrapped(meaning, room);
+    let tail = if rows.last().is_some_and(|row| row.chars().count() + place.len() <= room) { place } else { "" };
+    if tail.is_empty() && !place.is_empty() {
+        rows = wrapped(&format!("{meaning}{place}"), room);
+    }
+    let last = rows.len() - 1;
+    let line = |(n, row): (usize, String)| {
+        let name = if n == 0 { name } else { "" };
+        let tail = if n == last { tail } else { "" };
+        Line::from(vec![
+            Span::styled(format!(" {name:>names$}  "), BOLD),
+            Span::raw(row),
+            Span::styled(tail.to_owned(), DIM),
+        ])
+    };
+    rows.into_iter().enumerate().map(line).collect()
 }

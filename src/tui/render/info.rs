@@ -9,23 +9,38 @@ use ratatui::widgets::Paragraph;
 use super::DIM;
 use super::map::MAX_SHOWN_ERROR;
 use super::text::short;
+use crate::tui::action::Action;
+use crate::tui::canvas::SHADES;
 use crate::tui::layers::Overlay;
+use crate::tui::layout::ScreenLayout;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
 use crate::view::{Field, contour_interval};
 
-/// Width of the colour bar, in characters.
+/// Width of the colour bar, in characters, and where room is short.
 const BAR_WIDTH: usize = 12;
+const SHORT_BAR_WIDTH: usize = 5;
 
 /// Draws the line.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayout) {
     let cell = screen.inspecting.or(screen.hovered);
     let line = if cell.is_some() {
         cell_facts(screen)
     } else {
+        let width = usize::from(area.width);
+        let scaled = scaled_down_texts(screen, layout);
+        let shortest = scaled.last().map_or(0, String::len);
         let mut line = scale(screen, BAR_WIDTH);
-        let interval = contour_text(screen).filter(|text| line.width() + text.len() <= usize::from(area.width));
-        line.extend(interval.map(|text| Span::styled(text, DIM)));
+        if line.width() + shortest > width {
+            line = scale(screen, SHORT_BAR_WIDTH);
+        }
+        let used = line.width();
+        let scaled = scaled.into_iter().find(|text| used + text.len() <= width);
+        for text in scaled.into_iter().chain(contour_text(screen)) {
+            if line.width() + text.len() <= width {
+                line.push_span(Span::styled(text, DIM));
+            }
+        }
         line
     };
     frame.render_widget(Paragraph::new(line), area);
@@ -63,7 +78,8 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
     };
     let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
     if screen.theme.depth == ColourDepth::Mono {
-        line.push_span(Span::raw("to"));
+        let shades = SHADES.iter().flat_map(|shade| [*shade; 2]).collect::<String>();
+        line.push_span(Span::raw(format!("[{shades}]")));
     } else {
         for i in 0..bar {
             let at = i as f32 / (bar - 1) as f32;
@@ -79,8 +95,17 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
     line
 }
 
+/// Says how many cells a dot of the map shows, if it shows several: at length, and in short.
+fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> Vec<String> {
+    let cells = layout.map.as_ref().map_or(0.0, |map| map.raster.cells_per_pixel());
+    let short = format!(", 1 dot = {cells:.1} cells");
+    let key = screen.keymap.key_of(Action::ZoomIn);
+    if cells > 1.01 { vec![format!("{short}: {key} zooms in"), short] } else { Vec::new() }
+}
+
 /// Returns the distance between contour lines, if they are shown.
 fn contour_text(screen: &Screen) -> Option<String> {
     let shown = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
+    let shown = shown && screen.theme.depth != ColourDepth::Mono;
     shown.then(|| format!(", a line every {:.0}", contour_interval(screen.view.farthest.max(1.0))))
 }

@@ -3,7 +3,8 @@
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
-use super::map::FRONTIER_SIGN;
+use super::edges::MAX_EDGES;
+use super::map::{CANDIDATE_MARK, FRONTIER_SIGN};
 use super::text::heading;
 use super::{DIM, info};
 use crate::bridge::EdgeStatus;
@@ -30,23 +31,36 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     }
     lines.push(heading("signs"));
     let theme = &screen.theme;
-    for (symbol, rgb, meaning) in [
-        ('G', theme.goal, "goal"),
-        ('S', theme.walker, "start of @"),
-        ('@', theme.walker, "walking agent"),
-        ('s', theme.cursor, "g: the map's start, goal"),
+    for [(symbol, rgb, meaning), (second, second_rgb, second_meaning)] in [
+        [('G', theme.goal, "goal"), ('S', theme.walker, "start of @")],
+        [('@', theme.walker, "walking agent"), ('s', theme.cursor, "g: map's")],
     ] {
-        lines.push(Line::from(vec![Span::raw(" "), sample(screen, symbol, rgb), Span::raw(format!(" {meaning}"))]));
+        lines.push(Line::from(vec![
+            Span::raw(" "),
+            sample(screen, symbol, rgb),
+            Span::raw(format!(" {meaning}  ")),
+            sample(screen, second, second_rgb),
+            Span::raw(format!(" {second_meaning}")),
+        ]));
+    }
+    if screen.run().method.plans() {
+        let sizes = [' ', '\u{b7}', '\u{2022}', '\u{25cf}'].map(|sign| sample(screen, sign, theme.cursor));
+        let of_sizes = sizes.into_iter().chain([Span::raw(" larger: more edges")]);
+        lines.push(Line::from(of_sizes.collect::<Vec<_>>()));
     }
     if screen.run().method.bridges() {
         let sign = sample(screen, FRONTIER_SIGN, theme.frontier);
         lines.push(Line::from(vec![Span::raw(" "), sign, Span::raw(" frontier goals of agents")]));
     }
     if screen.run().method.plans() {
-        lines.push(heading("edges"));
         let of = |status: EdgeStatus| screen.view.edges.iter().filter(|(_, s)| *s == status).count();
-        let kinds =
-            [(EdgeStatus::Confirmed, "walked"), (EdgeStatus::Demoted, "failed"), (EdgeStatus::Untried, "untried")];
+        let many = of(EdgeStatus::Confirmed) + of(EdgeStatus::Demoted) > MAX_EDGES;
+        lines.push(heading(if many { "edges (near the cursor)" } else { "edges" }));
+        let kinds = [
+            (EdgeStatus::Confirmed, "walked"),
+            (EdgeStatus::Demoted, "failed"),
+            (EdgeStatus::Untried, "untried, not shown"),
+        ];
         for ((status, name), rgb) in kinds.into_iter().zip(theme.edges) {
             let text = format!(" {} {name}", of(status));
             lines.push(Line::from(vec![Span::raw(" "), sample(screen, '\u{2500}', rgb), Span::raw(text)]));
@@ -69,7 +83,7 @@ fn symbol_of(overlay: Overlay, screen: &Screen) -> Vec<Span<'static>> {
         Overlay::Directions => ('\u{2192}', theme.cursor),
         Overlay::Unexplored => (if mono { UNVISITED_MARK } else { '\u{2592}' }, theme.frontier),
         Overlay::Agents => (if mono { 'o' } else { '\u{25a0}' }, theme.agent),
-        Overlay::Candidates => (if mono { ':' } else { '\u{2022}' }, theme.cursor),
+        Overlay::Candidates => (CANDIDATE_MARK, theme.cursor),
         Overlay::Edges => ('\u{2500}', theme.edges[0]),
         Overlay::Search => ('B', theme.search[0]),
         Overlay::Path => (if mono { '+' } else { '\u{25a0}' }, theme.path),

@@ -6,7 +6,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use super::DIM;
-use super::text::{clock, short};
+use super::text::{clock, short, wrapped};
 use crate::tui::screen::Screen;
 
 /// Draws as many entries as fit, wrapped; scrolling moves by half the height.
@@ -26,36 +26,4 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     let back = (screen.scrolled * (height / 2).max(1)).min(most);
     let from = most - back;
     frame.render_widget(Paragraph::new(lines.split_off(from)), area);
-}
-
-/// Wraps text between words, or within words that are too long.
-fn wrapped(text: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
-        let mut rest: Vec<char> = word.chars().collect();
-        while !rest.is_empty() {
-            let line = lines.last_mut().expect("there is always a line");
-            let used = line.chars().count();
-            let gap = usize::from(used > 0);
-            if used + gap + rest.len() <= width {
-                line.extend(std::iter::repeat_n(' ', gap).chain(rest.drain(..)));
-            } else if used == 0 {
-                line.extend(rest.drain(..width));
-            } else {
-                lines.push(String::new());
-            }
-        }
-    }
-    lines
-}
-
-#[cfg(test)]
-mod tests {
-    use super::wrapped;
-
-    #[test]
-    fn text_wraps_between_words_and_within_long_ones() {
-        assert_eq!(wrapped("saved a/b at update 12", 10), ["saved a/b", "at update", "12"]);
-        assert_eq!(wrapped("abcdefghijkl m", 5), ["abcde", "fghij", "kl m"]);
-    }
 }

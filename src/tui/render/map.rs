@@ -7,26 +7,30 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 use ratatui::style::{Color, Modifier, Style};
 
+use super::edges;
 use super::unexplored::Unexplored;
-use crate::bridge::EdgeStatus;
 use crate::map::Grid;
-use crate::tui::canvas::{Canvas, WALL_MARK};
+use crate::tui::canvas::{Canvas, WALL_MARK, shade};
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
-use crate::view::{Exploration, Field, Ground, Raster, ShownEdge, contour_at, contour_interval};
+use crate::view::{Exploration, Field, Ground, Raster, contour_at, contour_interval};
 
 /// Minimum characters per cell for drawing bridge candidates and labels, and for drawing candidates in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;
 const MIN_SIZED_CANDIDATE_SCALE: f32 = 2.0;
 
-/// Longest untried edges that are drawn, in spacings of the candidates.
-const MAX_UNTRIED_EDGE_SPACINGS: f32 = 1.5;
+/// Share of the colour of walls in a pixel that a wall crosses.
+const CROSSED_WALL_SHARE: f32 = 0.65;
 
 /// The sign of a goal at the frontier.
 pub const FRONTIER_SIGN: char = '\u{25c6}';
+
+/// What candidates and the trail of the walking agent look like without colours.
+pub const CANDIDATE_MARK: char = '\u{2022}';
+const TRAIL_MARK: char = '\u{b7}';
 
 /// Relative error from which the colour is the strongest.
 pub const MAX_SHOWN_ERROR: f32 = 0.5;
@@ -52,7 +56,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
 #[derive(Default)]
 pub struct Cache(Option<Base>);
 
-/// Map, field and edges only, which change far less often than what moves on them.
+/// Map and field only, which change far less often than what moves on them.
 #[derive(Clone)]
 struct Base {
     map_frame: MapFrame,
@@ -60,7 +64,6 @@ struct Base {
     overlays: Overlays,
     map: Arc<Grid>,
     field: Option<Arc<Vec<f32>>>,
-    edges: Arc<Vec<ShownEdge>>,
     exploration: Arc<Exploration>,
     cut_off: Arc<Vec<bool>>,
     canvas: Canvas,
@@ -73,33 +76,18 @@ struct Base {
 impl Base {
     fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
         let mut canvas = Canvas::new(map_frame);
-        terrain(&mut canvas, &map_frame.raster, screen);
+        let columns = canvas.columns();
+        let grounds: Vec<Ground> =
+            (0..canvas.len()).map(|i| map_frame.raster.ground(screen.map(), i % columns, i / columns)).collect();
+        terrain(&mut canvas, &grounds, &screen.theme);
         let field = Self::field_on(&map_frame.raster, screen).cloned();
-        let unexplored = Unexplored::new(map_frame, screen);
+        let unexplored = Unexplored::new(&grounds, screen);
         let mut labels = Vec::new();
         if let Some(field) = &field {
-            labels = colour(&mut canvas, map_frame, field, &unexplored, screen);
+            labels = colour(&mut canvas, map_frame, (field, &grounds), &unexplored, screen);
         }
         unexplored.draw(&mut canvas, map_frame, screen);
-        if screen.overlays.has(Overlay::Edges) {
-            // The most informative kind goes on top, and each kind is blended with the ground only once.
-            let [confirmed, demoted, untried] = screen.theme.edges;
-            let spacing = screen.snapshot.networks.candidates.spacing();
-            for (kind, rgb, share, mark) in [
-                (EdgeStatus::Untried, untried, 0.4, '-'),
-                (EdgeStatus::Confirmed, confirmed, 0.6, '='),
-                (EdgeStatus::Demoted, demoted, 0.9, 'x'),
-            ] {
-                // Of the untried edges, only those between neighbours: all of them would hide the map.
-                let longest =
-                    if kind == EdgeStatus::Untried { MAX_UNTRIED_EDGE_SPACINGS * spacing } else { f32::INFINITY };
-                let short = |[a, b]: [[f32; 2]; 2]| (a[0] - b[0]).hypot(a[1] - b[1]) <= longest;
-                let own = screen.view.edges.iter().filter(|(_, status)| *status == kind);
-                let ends = own.map(|(ends, _)| *ends).filter(|ends| short(*ends));
-                canvas.lines(map_frame, ends, (rgb, share, mark));
-            }
-        }
-        let (edges, exploration) = (screen.view.edges.clone(), screen.view.exploration.clone());
+        let exploration = screen.view.exploration.clone();
         let mut painted = Buffer::empty(map_frame.area);
         canvas.paint(&mut painted, map_frame, &screen.theme);
         Self {
@@ -109,7 +97,6 @@ impl Base {
             overlays: screen.overlays,
             map: screen.map().clone(),
             field,
-            edges,
             exploration,
             cut_off: screen.view.cut_off.clone(),
             canvas,
@@ -128,20 +115,18 @@ impl Base {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
             (own, now) => own.is_none() && now.is_none(),
         };
-        let same_edges = !screen.overlays.has(Overlay::Edges) || Arc::ptr_eq(&self.edges, &screen.view.edges);
         let same_map = Arc::ptr_eq(&self.map, screen.map());
         let same_exploration = Arc::ptr_eq(&self.exploration, &screen.view.exploration)
             && Arc::ptr_eq(&self.cut_off, &screen.view.cut_off);
         let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.map_frame == *map_frame && same_field && same_edges && same_map && same_exploration && same_style
+        self.map_frame == *map_frame && same_field && same_map && same_exploration && same_style
     }
 }
 
 /// Draws walls and floor.
-fn terrain(canvas: &mut Canvas, raster: &Raster, screen: &Screen) {
-    for i in 0..canvas.len() {
-        let ground = raster.ground(screen.map(), i % canvas.columns(), i / canvas.columns());
-        let (rgb, mark) = ground_style(ground, &screen.theme);
+fn terrain(canvas: &mut Canvas, grounds: &[Ground], theme: &Theme) {
+    for (i, ground) in grounds.iter().enumerate() {
+        let (rgb, mark) = ground_style(*ground, theme);
         canvas.set(i, rgb, mark);
     }
 }
@@ -151,6 +136,7 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     match ground {
         Ground::Outside => (None, ' '),
         Ground::Wall => (Some(theme.wall), WALL_MARK),
+        Ground::Crossed(_) => (Some(blend(theme.unknown, theme.wall, CROSSED_WALL_SHARE)), WALL_MARK),
         Ground::Free(_) => (Some(theme.unknown), ' '),
     }
 }
@@ -160,31 +146,45 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
 fn colour(
     canvas: &mut Canvas,
     map_frame: &MapFrame,
-    field: &[f32],
+    (field, grounds): (&[f32], &[Ground]),
     unexplored: &Unexplored,
     screen: &Screen,
 ) -> Vec<([f32; 2], f32)> {
     let (theme, farthest) = (&screen.theme, screen.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
     let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
+    let mono = theme.depth == ColourDepth::Mono;
+    // Lines would follow the walls that cross pixels, as distances differ on both sides.
+    let level_field: Vec<f32> = field
+        .iter()
+        .zip(grounds)
+        .map(|(value, ground)| if matches!(ground, Ground::Free(_)) { *value } else { f32::NAN })
+        .collect();
     let columns = canvas.columns();
     let goal = canvas.at(map_frame, screen.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
     // Label each line at its point nearest to the goal, which moves least as the field changes.
     let mut labels: Vec<(f32, usize, usize)> = Vec::new();
-    for i in 0..canvas.len() {
-        if canvas.is_wall(i) || !field[i].is_finite() {
+    for (i, value) in field.iter().copied().enumerate().filter(|(_, value)| value.is_finite()) {
+        let share = match screen.field {
+            Field::Error => value.abs() / MAX_SHOWN_ERROR,
+            Field::Visits => 1.0 - (1.0 + value).ln() / (1.0 + farthest).ln(),
+            _ => value / farthest,
+        };
+        let rgb = match screen.field {
+            Field::Error => theme.error_colour(value / MAX_SHOWN_ERROR),
+            _ => theme.distance_colour(share),
+        };
+        if canvas.is_wall(i) {
+            canvas.set(i, Some(blend(rgb, theme.wall, CROSSED_WALL_SHARE)), WALL_MARK);
             continue;
         }
-        let rgb = match screen.field {
-            Field::Error => theme.error_colour(field[i] / MAX_SHOWN_ERROR),
-            Field::Visits => theme.distance_colour(1.0 - (1.0 + field[i]).ln() / (1.0 + farthest).ln()),
-            _ => theme.distance_colour(field[i] / farthest),
-        };
-        let Some(level) = contour_at(field, columns, apart, i).filter(|_| lines && !unexplored.hides(i)) else {
-            canvas.set(i, Some(rgb), ' ');
+        // Without colours, the edges of shades show where distances are equal.
+        let mark = if mono { shade(share) } else { ' ' };
+        let Some(level) = contour_at(&level_field, columns, apart, i).filter(|_| lines && !unexplored.hides(i)) else {
+            canvas.set(i, Some(rgb), mark);
             continue;
         };
-        canvas.set(i, Some(contour(rgb)), '\u{b7}');
+        canvas.set(i, Some(contour(rgb)), mark);
         let off = (i % columns).abs_diff(goal.0).pow(2) + (i / columns).abs_diff(goal.1).pow(2);
         match labels.iter_mut().find(|(known, ..)| *known == level) {
             Some(label) if off < label.2 => *label = (level, i, off),
@@ -205,13 +205,19 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
     let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
     // On a map scaled down, candidates would hide the rest; on a large one they are drawn as signs.
     let scale = map_frame.scale();
+    if shows(Overlay::Edges) {
+        edges::draw(canvas, map_frame, screen);
+    }
     if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale) {
         for candidate in screen.view.candidates.iter() {
             // The better connected, the darker.
-            canvas.faint_dot(map_frame, candidate.at, theme.candidate, 0.25 + 0.5 * candidate.degree);
-            if theme.depth == ColourDepth::Mono {
-                canvas.ground_dot(map_frame, candidate.at, theme.candidate, ':');
-            }
+            canvas.faint_dot(
+                map_frame,
+                candidate.at,
+                theme.candidate,
+                0.25 + 0.5 * candidate.degree,
+                Some(CANDIDATE_MARK),
+            );
         }
     }
     if shows(Overlay::Path) {
@@ -234,13 +240,19 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         }
     }
     for (i, at) in screen.view.trail.iter().enumerate() {
-        canvas.faint_dot(map_frame, *at, theme.walker, 0.8 * (i + 1) as f32 / screen.view.trail.len() as f32);
+        canvas.faint_dot(
+            map_frame,
+            *at,
+            theme.walker,
+            0.8 * (i + 1) as f32 / screen.view.trail.len() as f32,
+            Some(TRAIL_MARK),
+        );
     }
     if shows(Overlay::Agents) {
         for trail in screen.snapshot.trails.iter() {
             let (positions, _) = trail.as_chunks::<2>();
             for (i, at) in positions.iter().enumerate() {
-                canvas.faint_dot(map_frame, *at, theme.agent, 0.5 * (i + 1) as f32 / positions.len() as f32);
+                canvas.faint_dot(map_frame, *at, theme.agent, 0.5 * (i + 1) as f32 / positions.len() as f32, None);
             }
         }
         for at in screen.snapshot.agents.chunks_exact(2) {

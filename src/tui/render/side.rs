@@ -17,8 +17,8 @@ use crate::tui::screen::Screen;
 const TWO_PANE_ROWS: u16 = 30;
 const THREE_PANE_ROWS: u16 = 48;
 
-/// Minimum columns for two columns of panes.
-const TWO_COLUMN_WIDTH: u16 = 70;
+/// Minimum width of each column of panes.
+const MIN_COLUMN_WIDTH: u16 = 36;
 
 /// Draws the panel.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
@@ -28,7 +28,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let mut others = [Pane::Training, Pane::Curves, Pane::Walk, Pane::Legend, Pane::Log].into_iter();
     let chosen = screen.pane;
     let mut next = move || others.find(|pane| *pane != chosen);
-    let columns = if body.width >= TWO_COLUMN_WIDTH { 2 } else { 1 };
+    let columns = usize::from(body.width / MIN_COLUMN_WIDTH).clamp(1, Pane::ALL.len());
     let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(body);
     let mut first = Some(chosen);
     for area in areas.iter() {
@@ -47,7 +47,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
 /// Returns the areas of panes below each other: text takes what it needs, from the top; curves and log share the rest.
 fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
     let mut left = area.height;
-    let height = |pane: &Pane| match lines(*pane, screen) {
+    let height = |pane: &Pane| match lines(*pane, screen, area.width.saturating_sub(1)) {
         Some(lines) if panes.len() > 1 => {
             let rows = (lines.len() as u16 + 1).min(left);
             left -= rows;
@@ -58,10 +58,10 @@ fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
     Layout::vertical(panes.iter().map(height)).split(area).to_vec()
 }
 
-/// Returns a pane's lines, if it consists of lines.
-pub fn lines(pane: Pane, screen: &Screen) -> Option<Vec<Line<'static>>> {
+/// Returns a pane's lines for `width` columns, if it consists of lines.
+pub fn lines(pane: Pane, screen: &Screen, width: u16) -> Option<Vec<Line<'static>>> {
     match pane {
-        Pane::Training => Some(training::lines(screen)),
+        Pane::Training => Some(training::lines(screen, usize::from(width))),
         Pane::Walk => Some(walk::lines(screen)),
         Pane::Legend => Some(legend::lines(screen)),
         Pane::Curves | Pane::Log => None,
@@ -92,7 +92,15 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
     match pane {
         Pane::Curves => curves::draw(frame, inner, screen),
         Pane::Log => log::draw(frame, inner, screen),
-        _ => frame.render_widget(Paragraph::new(lines(pane, screen).unwrap_or_default()), inner),
+        _ => frame.render_widget(Paragraph::new(lines(pane, screen, inner.width).unwrap_or_default()), inner),
+    }
+    if pane == Pane::Training {
+        // The lines on evaluations ask for one.
+        let of_evaluations = |line: &Line| line.to_string().trim_start().starts_with("next ");
+        let row = lines(pane, screen, inner.width).unwrap_or_default().iter().position(of_evaluations);
+        for row in row.into_iter().filter_map(|row| inner.rows().nth(row)) {
+            layout.add(row, Click::Act(Action::Evaluate));
+        }
     }
     if pane == Pane::Legend {
         for (row, overlay) in inner.rows().skip(legend::FIRST_OVERLAY).zip(Overlay::ALL) {

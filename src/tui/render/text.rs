@@ -28,3 +28,35 @@ pub fn clock(seconds: f64) -> String {
     let whole = seconds as u64;
     format!("{}:{:02}:{:02}", whole / 3600, whole / 60 % 60, whole % 60)
 }
+
+/// Wraps text between words, or within words that are too long.
+pub fn wrapped(text: &str, width: usize) -> Vec<String> {
+    let mut lines = vec![String::new()];
+    for word in text.split_whitespace() {
+        let mut rest: Vec<char> = word.chars().collect();
+        while !rest.is_empty() {
+            let line = lines.last_mut().expect("there is always a line");
+            let used = line.chars().count();
+            let gap = usize::from(used > 0);
+            if used + gap + rest.len() <= width {
+                line.extend(std::iter::repeat_n(' ', gap).chain(rest.drain(..)));
+            } else if used == 0 {
+                line.extend(rest.drain(..width));
+            } else {
+                lines.push(String::new());
+            }
+        }
+    }
+    lines
+}
+
+#[cfg(test)]
+mod tests {
+    use super::wrapped;
+
+    #[test]
+    fn text_wraps_between_words_and_within_long_ones() {
+        assert_eq!(wrapped("saved a/b at update 12", 10), ["saved a/b", "at update", "12"]);
+        assert_eq!(wrapped("abcdefghijkl m", 5), ["abcde", "fghij", "kl m"]);
+    }
+}

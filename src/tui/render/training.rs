@@ -1,44 +1,107 @@
 //! Training progress: counters, rates, success, and where the time goes.
 
-use ratatui::text::Line;
+use ratatui::text::{Line, Span};
 
-use super::text::{clock, fact, heading, short};
-use crate::learn;
+use super::text::{clock, fact, short};
+use super::{BOLD, DIM};
+use crate::learn::Stage;
 use crate::text::grouped;
-use crate::train::{DistanceScore, Score};
+use crate::train::{DistanceScore, NextEvaluation, Score};
+use crate::tui::action::Action;
 use crate::tui::screen::Screen;
 
-/// Returns the pane's lines.
-pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
+/// What the numbers mean, by their names in the pane.
+pub const MEANINGS: [(&str, &str); 20] = [
+    ("elapsed", "time spent training"),
+    ("left", "time until the run reaches its limit"),
+    ("updates", "gradient steps so far, and per second"),
+    ("steps", "steps of all agents so far, and per second"),
+    ("episodes", "episodes of all agents so far"),
+    ("replay", "transitions stored, of those that fit"),
+    ("D loss", "critic: error of the distance D it learns"),
+    ("f loss", "model f: error of the next state it predicts"),
+    ("mu loss", "actor mu: mean D after its actions"),
+    ("success", "test walks that arrive: all, and near to far"),
+    ("planned", "with waypoints planned over bridge points"),
+    ("greedy", "by the actor alone"),
+    ("D error", "mean error of D against the true steps"),
+    ("via graph", "the same for D along the bridge graph"),
+    ("evaluated", "when success and errors were measured"),
+    ("next", "when they are measured again"),
+    ("explored", "cells of the map that agents have visited"),
+    ("bridges", "bridge candidates, and edges between them"),
+    ("search", "candidates tried, and steps a bridge saves"),
+    ("learning", "time spent on updates, and on agents' steps"),
+];
+
+/// Columns from which the numbers are explained beside them, and the column of the explanation.
+const EXPLAINED_WIDTH: usize = 79;
+const EXPLANATION_COLUMN: usize = 33;
+
+/// Columns of a number before those by distance: a name and `0.95 `.
+const NUMBER_WIDTH: usize = 17;
+
+/// Returns the pane's lines for `width` columns.
+pub fn lines(screen: &Screen, width: usize) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     let (updates, steps) = snapshot.rates;
     let updates = match (snapshot.learns, snapshot.updates()) {
-        (true, now) => format!("{} {}/s", count(screen, now), short(updates)),
+        (true, now) => format!("{}, {}/s", count(screen, now), short(updates)),
         (false, 0) => "none: random steps".to_owned(),
         (false, before) => format!("{}, now none", count(screen, before)),
     };
     let (used, room) = snapshot.replay;
-    let mut lines = vec![
-        fact("elapsed", clock(snapshot.seconds)),
+    let explained = width >= EXPLAINED_WIDTH;
+    let width = if explained { EXPLANATION_COLUMN } else { width };
+    let mut lines = vec![fact("elapsed", clock(snapshot.seconds))];
+    lines.extend(seconds_left(screen).map(|seconds| fact("left", clock(seconds))));
+    lines.extend([
         fact("updates", updates),
-        fact("steps", format!("{} {}/s", count(screen, snapshot.counters.env_steps), short(steps))),
+        fact("steps", format!("{}, {}/s", count(screen, snapshot.counters.env_steps), short(steps))),
         fact("episodes", count(screen, snapshot.counters.episodes)),
         fact("replay", format!("{} of {}", short(used as f64), short(room as f64))),
-        fact("D loss", format!("{:.4}", snapshot.losses.critic)),
-        fact("f loss", format!("{:.4}", snapshot.losses.model)),
-        fact("mu loss", format!("{:.1} steps", snapshot.losses.actor)),
-        heading("success"),
-    ];
-    lines.splice(1..1, seconds_left(screen).map(|seconds| fact("remaining", clock(seconds))));
-    lines.extend(success(screen));
+    ]);
+    lines.extend(losses(screen));
+    lines.extend(success(screen, width));
     lines.extend(bridges(screen));
     lines.extend(time(screen));
+    if explained {
+        lines.iter_mut().for_each(explain);
+    }
     lines
 }
 
 /// Formats a count: exactly if it stands still.
 fn count(screen: &Screen, n: u64) -> String {
     if screen.snapshot.phase.is_training() { short(n as f64) } else { grouped(n) }
+}
+
+/// Adds what a number means.
+fn explain(line: &mut Line<'static>) {
+    let name = line.spans.first().map(|span| span.content.trim().to_owned()).unwrap_or_default();
+    let name = name.split_whitespace().next().filter(|first| *first == "success").map_or(name.clone(), str::to_owned);
+    if let Some((_, meaning)) = MEANINGS.iter().find(|(known, _)| *known == name) {
+        let gap = EXPLANATION_COLUMN.saturating_sub(line.width()).max(2);
+        line.push_span(Span::styled(format!("{:gap$}{meaning}", ""), DIM));
+    }
+}
+
+/// Returns the losses of what the learner has: it reports 0 for networks that it lacks.
+fn losses(screen: &Screen) -> Vec<Line<'static>> {
+    let snapshot = &screen.snapshot;
+    if !snapshot.learns {
+        return Vec::new();
+    }
+    if snapshot.counters.updates == 0 {
+        let starts = screen.run().settings.train.learning_starts;
+        return vec![fact("learning", format!("from step {}", short(starts as f64)))];
+    }
+    let losses = [
+        ("D loss", format!("{:.4}", snapshot.losses.critic), snapshot.losses.critic),
+        ("f loss", format!("{:.4}", snapshot.losses.model), snapshot.losses.model),
+        ("mu loss", format!("{:.1} steps", snapshot.losses.actor), snapshot.losses.actor),
+    ];
+    losses.into_iter().filter(|(_, _, loss)| *loss != 0.0).map(|(name, text, _)| fact(name, text)).collect()
 }
 
 /// Returns the seconds until the run ends, if known.
@@ -55,30 +118,74 @@ fn seconds_left(screen: &Screen) -> Option<f64> {
     [updates, seconds, episodes].into_iter().flatten().min_by(f64::total_cmp)
 }
 
-fn success(screen: &Screen) -> Vec<Line<'static>> {
-    let Some((updates, evaluation)) = screen.snapshot.evaluation() else {
-        return vec![fact("evaluated", "not yet")];
-    };
+fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
     let mut lines = Vec::new();
-    let score = |name: &str, score: &Score| match score.success {
-        Some(success) => fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance))),
-        None => fact(name, "no tasks"),
-    };
-    lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
-    lines.push(score("greedy", &evaluation.greedy));
-    if let Some(error) = evaluation.distance_error {
-        let graph = error.graph.map_or(String::new(), |g| format!(", graph {:.0} %", 100.0 * g.mape));
-        lines.push(fact("D error", format!("{:.0} %{graph}", 100.0 * error.mape)));
+    if let Some((updates, evaluation)) = screen.snapshot.evaluation() {
+        let (title, columns) = distances(&evaluation.greedy.by_distance, width);
+        lines.push(Line::styled(format!(" {:<10}all   {title}", "success"), BOLD));
+        let score = |name: &str, score: &Score| match score.success {
+            Some(success) => fact(name, format!("{success:.2}  {}", success_bars(&score.by_distance, &columns))),
+            None => fact(name, "no tasks"),
+        };
+        lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
+        lines.push(score("greedy", &evaluation.greedy));
+        if let Some(error) = evaluation.distance_error {
+            let percent = |mape: f64| format!("{:.0} % of the truth", 100.0 * mape);
+            lines.push(fact("D error", percent(error.mape)));
+            lines.extend(error.graph.map(|graph| fact("via graph", percent(graph.mape))));
+        }
+        lines.push(fact("evaluated", format!("at update {}", short(screen.snapshot.learned(*updates) as f64))));
+        lines.push(next(screen));
+        lines.extend(evaluation.coverage.map(|seen| fact("explored", format!("{:.0} % of the map", 100.0 * seen))));
+    } else {
+        lines.push(Line::styled(" success", BOLD));
+        lines.push(next(screen));
     }
-    let seen = evaluation.coverage.map_or(String::new(), |coverage| format!(", {:.0} % seen", 100.0 * coverage));
-    lines.push(fact("at update", format!("{}{seen}", short(screen.snapshot.learned(*updates) as f64))));
     lines
 }
 
-/// Returns one bar per distance that has tasks, near to far. Even the tallest bar leaves a gap to the line above.
-fn success_bars(by_distance: &[DistanceScore]) -> String {
-    const BARS: [char; 8] = [' ', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
-    by_distance.iter().filter_map(|d| d.success).map(|success| BARS[(success * 7.0).round() as usize]).collect()
+/// Says when the next evaluation comes, and which key asks for one now.
+fn next(screen: &Screen) -> Line<'static> {
+    let when = match screen.snapshot.next_evaluation {
+        NextEvaluation::Running => return fact("next", "running now"),
+        NextEvaluation::AtUpdate(_) if !screen.snapshot.phase.is_training() => "paused".to_owned(),
+        NextEvaluation::AtUpdate(updates) => format!("at {}", short(updates as f64)),
+    };
+    fact("next", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))
+}
+
+/// Returns the title of success by distance in a pane of `width` columns, and the width of each distance's bar: each
+/// distance by itself if there is room, or else the nearest and the farthest.
+fn distances(by_distance: &[DistanceScore], width: usize) -> (String, Vec<usize>) {
+    let in_cm = by_distance.iter().any(|d| d.distance_cm.is_some());
+    let unit = if in_cm { "cm" } else { "steps" };
+    let tested = by_distance.iter().filter(|d| d.success.is_some());
+    let names: Vec<String> = tested
+        .map(|d| d.distance_steps.or(d.distance_cm).map_or("all".to_owned(), |distance| format!("{distance:.0}")))
+        .collect();
+    let each = format!("{} {unit}", names.join(" "));
+    let room = width.saturating_sub(NUMBER_WIDTH);
+    if each.len() <= room {
+        return (each, names.iter().map(String::len).collect());
+    }
+    let ends = match (names.first(), names.last()) {
+        (Some(near), Some(far)) => format!("{near}-{far} {unit}"),
+        _ => String::new(),
+    };
+    (ends, Vec::new())
+}
+
+/// Returns one bar per distance that has tasks, near to far; as wide as `columns` says, with gaps, or one column each.
+/// Even the tallest bar leaves a gap to the line above.
+fn success_bars(by_distance: &[DistanceScore], columns: &[usize]) -> String {
+    const BARS: [char; 8] = ['_', '\u{2581}', '\u{2582}', '\u{2583}', '\u{2584}', '\u{2585}', '\u{2586}', '\u{2587}'];
+    let scores = by_distance.iter().filter_map(|d| d.success);
+    let bars = scores.map(|success| BARS[(success * 7.0).round() as usize]);
+    let wide = |(n, bar): (usize, char)| match columns.get(n) {
+        Some(columns) => bar.to_string().repeat(*columns) + " ",
+        None => bar.to_string(),
+    };
+    bars.enumerate().map(wide).collect()
 }
 
 fn bridges(screen: &Screen) -> Vec<Line<'static>> {
@@ -86,30 +193,30 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
         return Vec::new();
     }
     let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
-        Some(bridge) => format!("{} tried, gain {:.0}", s.tried(), bridge.gain),
+        Some(bridge) => format!("{} tried, saves {:.0}", s.tried(), bridge.gain),
         None => format!("{} tried, none", s.tried()),
     });
     let edges = screen.view.edges.len() as f64;
-    vec![
-        heading("bridges"),
-        fact("nodes", format!("{}, {} edges", screen.view.candidates.len(), short(edges))),
-        fact("search", search),
-    ]
+    vec![fact("bridges", format!("{}, {} edges", screen.view.candidates.len(), short(edges))), fact("search", search)]
 }
 
-/// Returns lines on where the time goes.
-fn time(screen: &Screen) -> Vec<Line<'static>> {
-    use learn::Stage::{
-        ActorGradient, ActorStep, CriticModelGradients, CriticModelSteps, Explore, Graph, Sample, Tape,
-    };
-
+/// Says where the time goes.
+fn time(screen: &Screen) -> Option<Line<'static>> {
     let spent = |phase| screen.snapshot.profile.spent(phase).as_secs_f64();
-    let all: f64 = learn::Stage::ALL.into_iter().map(spent).sum();
-    let share = |phases: &[learn::Stage]| 100.0 * phases.iter().map(|p| spent(*p)).sum::<f64>() / all.max(1e-9);
-    let learning = share(&[CriticModelGradients, ActorGradient, Tape]);
-    vec![
-        heading("time"),
-        fact("gradients", format!("{learning:.0} %, steps {:.0} %", share(&[CriticModelSteps, ActorStep]))),
-        fact("exploring", format!("{:.0} %, batches {:.0} %", share(&[Explore]), share(&[Sample, Graph]))),
-    ]
+    let all: f64 = Stage::ALL.into_iter().map(spent).sum();
+    let exploring = spent(Stage::Explore);
+    let percent = |seconds: f64| format!("{:.0} %", 100.0 * seconds / all);
+    (all > 0.0).then(|| fact("learning", format!("{}, acting {}", percent(all - exploring), percent(exploring))))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn meanings_fit_beside_their_numbers() {
+        for (name, meaning) in MEANINGS {
+            assert!(name.len() < 10 && EXPLANATION_COLUMN + meaning.len() <= EXPLAINED_WIDTH, "{name}: {meaning}");
+        }
+    }
 }

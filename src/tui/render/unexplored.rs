@@ -17,8 +17,9 @@ const CUT_OFF_FADES: [f32; 2] = [0.75, 0.35];
 
 const HATCH: f32 = 0.5;
 
-/// Pixels between two lines of hatching.
+/// Pixels between two lines of hatching with colours, and characters between two signs without.
 const HATCH_SPACING: usize = 4;
+const MONO_HATCH_SPACING: usize = 8;
 
 /// How strongly the edge is tinted.
 const TINT: f32 = 0.65;
@@ -34,19 +35,18 @@ pub struct Unexplored {
 
 impl Unexplored {
     /// Looks up each pixel's cell.
-    pub fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
-        let (raster, map, exploration) = (&map_frame.raster, screen.map(), &screen.view.exploration);
-        let cut_off = cut_off(map_frame, screen);
+    pub fn new(grounds: &[Ground], screen: &Screen) -> Self {
+        let (map, exploration) = (screen.map(), &screen.view.exploration);
+        let cut_off = cut_off(grounds, screen);
         if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
             return Self { known: Vec::new(), cut_off, fades: false };
         }
-        let (columns, rows) = raster.pixels;
-        let known = |i: usize| match raster.ground(map, i % columns, i / columns) {
-            Ground::Free(at) => exploration.at(at),
-            Ground::Wall | Ground::Outside => Knowledge::Known,
+        let known = |ground: &Ground| match ground {
+            Ground::Free(at) => exploration.at(*at),
+            Ground::Wall | Ground::Crossed(_) | Ground::Outside => Knowledge::Known,
         };
         let fades = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
-        Self { known: (0..columns * rows).map(known).collect(), cut_off, fades }
+        Self { known: grounds.iter().map(known).collect(), cut_off, fades }
     }
 
     /// Returns whether values at pixel `i` mean nothing, as it shows a cell beyond the known world.
@@ -79,19 +79,31 @@ impl Unexplored {
         // A pixel that shows several cells may show the edge without being represented by a cell at the edge.
         let coarse = map_frame.raster.window[2] > map_frame.raster.pixels.0 as f32;
         let mono = theme.depth == ColourDepth::Mono;
+        let (across, down) = map_frame.marker.pixels();
+        let is_hatched = |i: usize| {
+            let (column, row) = (i % columns, i / columns);
+            if mono {
+                // By characters, and few of them: signs are louder than colours.
+                (column / across + MONO_HATCH_SPACING / 2 * (row / down)).is_multiple_of(MONO_HATCH_SPACING)
+            } else {
+                (column + row).is_multiple_of(HATCH_SPACING)
+            }
+        };
         for (i, known) in self.known.iter().enumerate() {
             let Some(ground) = canvas.colour(i) else { continue };
             match known {
                 Knowledge::Beyond if self.fades => {
-                    let hatched = (i % columns + i / columns).is_multiple_of(HATCH_SPACING);
+                    let hatched = is_hatched(i);
                     let faded = blend(ground, theme.unknown, FADE);
                     let rgb = if hatched { blend(faded, theme.wall, HATCH) } else { faded };
-                    canvas.set(i, Some(rgb), UNVISITED_MARK);
+                    canvas.set(i, Some(rgb), if hatched { UNVISITED_MARK } else { ' ' });
                 }
                 Knowledge::Pocket if self.fades => {
                     canvas.set(i, Some(blend(ground, theme.unknown, POCKET_FADE)), canvas.mark(i));
                 }
-                Knowledge::Beyond => canvas.set(i, Some(ground), UNVISITED_MARK),
+                Knowledge::Beyond => {
+                    canvas.set(i, Some(ground), if is_hatched(i) { UNVISITED_MARK } else { canvas.mark(i) });
+                }
                 Knowledge::Pocket => {}
                 Knowledge::Edge | Knowledge::Known => {
                     let edge = *known == Knowledge::Edge || coarse && !canvas.is_wall(i);
@@ -112,17 +124,16 @@ impl Unexplored {
 }
 
 /// Returns whether no path leads from each pixel's cell to the goal, if the colours show distances to it.
-fn cut_off(map_frame: &MapFrame, screen: &Screen) -> Vec<bool> {
-    let (raster, map, cells) = (&map_frame.raster, screen.map(), &screen.view.cut_off);
+fn cut_off(grounds: &[Ground], screen: &Screen) -> Vec<bool> {
+    let (map, cells) = (screen.map(), &screen.view.cut_off);
     let to_goal = matches!(screen.field, Field::Learned | Field::Composed | Field::True | Field::Error);
     // The trainer may not know the map's latest edit yet.
     if !to_goal || cells.len() != map.free().len() {
         return Vec::new();
     }
-    let (columns, rows) = raster.pixels;
-    let is = |i: usize| match raster.ground(map, i % columns, i / columns) {
-        Ground::Free([x, y]) => cells[y as usize * map.width() + x as usize],
-        Ground::Wall | Ground::Outside => false,
+    let is = |ground: &Ground| match ground {
+        Ground::Free([x, y]) => cells[*y as usize * map.width() + *x as usize],
+        Ground::Wall | Ground::Crossed(_) | Ground::Outside => false,
     };
-    (0..columns * rows).map(is).collect()
+    grounds.iter().map(is).collect()
 }

@@ -2,6 +2,7 @@
 
 use super::*;
 use crate::tui::action::{Action, Binding, Mode, When};
+use crate::tui::dialog::Choice;
 
 /// Returns whether the trainer has a binding, not only comparisons.
 fn is_of_trainer(binding: &Binding) -> bool {
@@ -28,19 +29,10 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
     let mut app = app();
     let help = help(&mut app);
     for binding in bindings().filter(|b| is_of_trainer(b)) {
-        let when = match binding.when {
-            When::Editing if !binding.long.is_empty() => " (in the editor)",
-            When::Offered => " (while it is offered)",
-            _ => "",
-        };
-        assert!(help.contains(&format!("{}{when}", binding.long)), "{} is missing", binding.name);
-        assert!(
-            app.screen
-                .keymap
-                .display_keys(binding)
-                .iter()
-                .all(|key| binding.long.is_empty() || help.contains(key.as_str()))
-        );
+        let words = format!("{}{}", binding.long, binding.when.place());
+        // Long descriptions are wrapped.
+        assert!(words.split_whitespace().all(|word| help.contains(word)), "{} is missing", binding.name);
+        assert!(app.screen.keymap.display_keys(binding).iter().all(|key| help.contains(key.as_str())));
     }
     for symbol in [
         "goal",
@@ -82,7 +74,14 @@ fn state(app: &App) -> String {
 /// Returns whether an action changes nothing on this screen at once, or has nothing to act on here.
 fn is_quiet(binding: &Binding) -> bool {
     let quiet = [Action::Undo, Action::Redo, Action::Close, Action::ZoomOff, Action::ZoomOut, Action::Scroll(1)];
-    let of_others = [Action::StartHere, Action::NewStart, Action::GoalHere, Action::StepUpdate, Action::StepEpisode];
+    let of_others = [
+        Action::StartHere,
+        Action::NewStart,
+        Action::GoalHere,
+        Action::StepUpdate,
+        Action::StepEpisode,
+        Action::Evaluate,
+    ];
     quiet.contains(&binding.action)
         || of_others.contains(&binding.action)
         || matches!(binding.action, Action::Pan(..) | Action::Move(..) | Action::Show(_) | Action::Tool(_))
@@ -121,7 +120,7 @@ fn every_action_without_a_key_is_found_by_name() {
         press(&mut app, KeyCode::Char(':'));
         type_text(&mut app, binding.long);
         let Some(Dialog::Pick(picker)) = app.screen.dialogs.last() else { panic!("the list is open") };
-        assert_eq!(picker.choice(), Some(&super::super::dialog::Choice::Act(binding.action)), "{}", binding.name);
+        assert_eq!(picker.choice(), Some(&Choice::Act(binding.action)), "{}", binding.name);
         press(&mut app, KeyCode::Enter);
         assert!(!app.screen.dialogs.is_empty(), "{} asks something", binding.name);
         app.screen.dialogs.clear();

@@ -105,7 +105,7 @@ fn a_goal_without_a_path_is_said_and_drawn() {
 #[test]
 fn what_changes_nothing_is_answered() {
     let mut app = app();
-    let notice = |app: &App| app.screen.log.notice().map(|(text, _)| text.to_owned()).unwrap_or_default();
+    let notice = |app: &App| app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
     press(&mut app, KeyCode::Char('u'));
     assert_eq!(notice(&app), "nothing to undo");
     app.act(Action::Redo);
@@ -125,17 +125,17 @@ fn pausing_and_single_updates_are_answered_exactly() {
     let before = app.screen.snapshot.updates();
     assert_eq!(app.screen.snapshot.rates, (0.0, 0.0));
     let shown = text(&draw(&mut app, 80, 24));
-    let exact = format!("updates   {} 0/s", crate::text::grouped(before));
+    let exact = format!("updates   {}, 0/s", crate::text::grouped(before));
     assert!(shown.contains(&exact), "{exact:?} is not in {shown}");
     press(&mut app, KeyCode::Char('.'));
     wait_until(&mut app, |app| app.screen.snapshot.updates() > before);
     let done = format!("update {} done", crate::text::grouped(before + 1));
-    wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|(text, _)| text == done));
+    wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|notice| notice.text == done));
     let limits = Limits { updates: Some(1), ..Limits::default() };
     let mut app = app_with(rooms(), gdg(), limits);
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Done);
     press(&mut app, KeyCode::Char('.'));
-    wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|(text, _)| text.starts_with("no step")));
+    wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|notice| notice.text.starts_with("no step")));
 }
 
 #[test]

@@ -106,7 +106,7 @@ fn clicks_answer_and_close_dialogs() {
     click(&mut app, SMALL, "Esc: close");
     assert!(app.screen.dialogs.is_empty());
     app.act(Action::Method);
-    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(1, 20));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(0, 23));
     assert!(app.screen.dialogs.is_empty(), "a click outside closes it");
     assert!(!app.screen.editor.is_open(), "and does nothing else");
     app.act(Action::Autosave);
@@ -115,7 +115,7 @@ fn clicks_answer_and_close_dialogs() {
     assert!(app.screen.dialogs.is_empty());
     assert_eq!(app.autosave_minutes, 7.0);
     app.act(Action::Theme);
-    click(&mut app, SMALL, "light");
+    click(&mut app, SMALL, "light   ");
     assert_eq!(app.screen.theme.name, ThemeName::Light);
 }
 

@@ -12,13 +12,13 @@ use jiff::tz::TimeZone;
 use super::*;
 use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
 use crate::train::{
-    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent, Score,
-    Snapshot, Success,
+    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent,
+    NextEvaluation, Score, Snapshot, Success,
 };
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, lists};
 use crate::tui::export::contents;
-use crate::tui::layers::Overlay;
+use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
@@ -53,7 +53,7 @@ pub(super) fn evaluation(at: f64) -> Evaluation {
 }
 
 /// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the given size.
-fn staged_app(width: u16, height: u16) -> App {
+pub fn staged_app(width: u16, height: u16) -> App {
     let mut app = app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
     draw(&mut app, width, height);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
@@ -92,6 +92,7 @@ fn staged_app(width: u16, height: u16) -> App {
             followed: Some(Arc::new(followed.clone())),
             search: Some(Arc::new(search.clone())),
             evaluations: Arc::new(Vec::new()),
+            next_evaluation: NextEvaluation::AtUpdate(updates + 1_000),
             curve: {
                 let mut curve = app.screen.snapshot.curve.to_vec();
                 let coverage = Some(coverage(updates as f64 / 10_000.0) as f32);
@@ -357,7 +358,7 @@ fn nothing_is_cut_off_on_the_smallest_screen() {
             snapshot.evaluations = longest.screen.snapshot.evaluations.clone();
             app.on_snapshot(Arc::new(snapshot));
             for pane in [Pane::Training, Pane::Walk, Pane::Legend] {
-                let lines = pane_lines(pane, &app.screen).expect("lines");
+                let lines = pane_lines(pane, &app.screen, 29).expect("lines");
                 // Header, names and title above, footer below; a border on the left.
                 assert!(lines.len() <= 20, "{} lines in {}", lines.len(), pane.name());
                 for line in lines {
@@ -383,7 +384,7 @@ fn the_line_below_the_map_is_never_cut_off() {
 #[test]
 fn settings_are_found_by_their_former_names() {
     for (former, name) in [("replay_capacity", "buffer_size"), ("warmup_env_steps", "learning_starts")] {
-        let mut picker = lists::settings(&Settings::default());
+        let mut picker = lists::settings(staged_app(80, 24).screen.run());
         picker.paste(former);
         assert_eq!(picker.choice(), Some(&Choice::Setting(name.to_owned())));
     }
@@ -481,4 +482,102 @@ fn fields_match_their_snapshots() {
         let name = field.name().replace(' ', "-").to_lowercase();
         check(&format!("field-{name}-80x24"), &mut app, 80, 24);
     }
+}
+
+/// Sizes of the reviewed screens: small, usual, large, and smaller than intended.
+const SIZES: [(u16, u16); 4] = [(80, 24), (120, 40), (200, 60), (60, 20)];
+
+/// Checks what `prepare` opens at all sizes, with colours and without.
+fn check_everywhere(name: &str, prepare: impl Fn(&mut App)) {
+    for (width, height) in SIZES {
+        for (kind, theme) in [
+            ("", Theme::new(ThemeName::Dark, ColourDepth::True)),
+            ("-mono", Theme::new(ThemeName::Mono, ColourDepth::Mono)),
+        ] {
+            let mut app = staged_app(width, height);
+            app.screen.theme = theme;
+            app.screen.overlays = Overlays::by_default(theme.depth);
+            prepare(&mut app);
+            check(&format!("{name}{kind}-{width}x{height}"), &mut app, width, height);
+        }
+    }
+}
+
+#[test]
+fn the_list_of_settings_matches_its_snapshots() {
+    check_everywhere("settings-changed", |app| {
+        let mut snapshot = (*app.screen.snapshot).clone();
+        Arc::make_mut(&mut snapshot.run).settings.learn.n_step = 5;
+        app.on_snapshot(Arc::new(snapshot));
+        type_text(app, "o");
+        (0..10).for_each(|_| press(app, KeyCode::Down));
+    });
+}
+
+#[test]
+fn a_searched_help_and_errors_match_their_snapshots() {
+    check_everywhere("help-searched", |app| type_text(app, "?/map"));
+    check_everywhere("error", |app| {
+        app.report("cannot write /home/ada/a/long/way/to/a/folder/that/is/not/there/rooms-gdg-bridge-seed1.safetensors: no such file or directory (os error 2)");
+    });
+}
+
+#[test]
+fn maximised_numbers_match_their_snapshots() {
+    check_everywhere("numbers", |app| app.screen.maximised = true);
+}
+
+#[test]
+fn the_light_theme_matches_its_snapshot() {
+    let mut app = staged_app(80, 24);
+    app.screen.theme = Theme::new(ThemeName::Light, ColourDepth::True);
+    let terminal = draw(&mut app, 80, 24);
+    assert!(terminal.backend().buffer().content.iter().all(|cell| cell.bg != Color::Reset), "all of it is light");
+    check("light-80x24", &mut app, 80, 24);
+}
+
+#[test]
+fn long_and_large_maps_match_their_snapshots() {
+    let shape = |width: usize, height: usize| {
+        let row =
+            |y: usize| (0..width).map(|x| if x == width / 2 && y != 1 { '#' } else { '.' }).collect::<String>() + "\n";
+        parse_map("shape", (0..height).map(row).collect::<String>().as_bytes()).expect("a map")
+    };
+    for (name, width, height) in [("long", 200, 3), ("large", 250, 200)] {
+        let mut app = app_with(shape(width, height), gdg(), Limits { updates: Some(0), ..Limits::default() });
+        app.screen.overlays.toggle(Overlay::Unexplored);
+        app.screen.overlays.toggle(Overlay::Agents);
+        app.set_goal(Cell::new(5, 1));
+        for (width, height) in SIZES {
+            let shown = text(&draw(&mut app, width, height));
+            assert_eq!(shown.contains("1 dot ="), name == "large" || width < 200, "{width} x {height}: {shown}");
+            assert_eq!(shown.contains("\u{250c} training"), (width, name) != (60, "large"), "{shown}");
+        }
+    }
+}
+
+#[test]
+fn of_many_edges_only_tried_ones_near_the_cursor_are_drawn() {
+    let mut app = staged_app(120, 40);
+    app.screen.overlays.toggle(Overlay::Edges);
+    let at = |i: usize| [0.5 + (i % 39) as f32 / 2.0, 0.5 + (i / 39 % 9) as f32 / 2.0];
+    let edges = |status| (0..11_000).map(|i| ([at(i), at(i + 40)], status)).collect::<Vec<_>>();
+    let mut cells_changed = |edges, cursor| {
+        app.screen.inspecting = Some(cursor);
+        app.on_view(Arc::new(View { edges: Arc::default(), ..(*app.screen.view).clone() }));
+        let before = draw(&mut app, 120, 40).backend().buffer().clone();
+        app.on_view(Arc::new(View { edges: Arc::new(edges), ..(*app.screen.view).clone() }));
+        let after = draw(&mut app, 120, 40).backend().buffer().clone();
+        // Only the map: the legend counts the edges.
+        let map = app.screen.layout.map.clone().expect("a map").area;
+        let changed: Vec<Position> = map.positions().filter(|at| before[*at] != after[*at]).collect();
+        (changed, map)
+    };
+    let (none, _) = cells_changed(edges(EdgeStatus::Untried), Cell::new(2, 2));
+    assert!(none.is_empty(), "untried edges are not drawn");
+    let (left, map) = cells_changed(edges(EdgeStatus::Confirmed), Cell::new(2, 2));
+    let (right, _) = cells_changed(edges(EdgeStatus::Confirmed), Cell::new(17, 2));
+    let middle = map.x + map.width / 2;
+    assert!(!left.is_empty() && left.iter().all(|at| at.x < middle), "around the cursor");
+    assert!(!right.is_empty() && right.iter().all(|at| at.x > middle), "around the cursor");
 }

@@ -1,0 +1,59 @@
+//! Edges of the bridge graph: those that agents have walked along or failed to, near the cursor if there are many.
+
+use crate::bridge::EdgeStatus;
+use crate::tui::canvas::Canvas;
+use crate::tui::raster::MapFrame;
+use crate::tui::screen::Screen;
+use crate::view::ShownEdge;
+
+/// The most edges drawn: more of them would hide the map.
+pub const MAX_EDGES: usize = 300;
+
+/// Steps in which edges fade with their distance from the cursor, and the least that is left of their opacity.
+const FADES: usize = 5;
+const LEAST_OPACITY: f32 = 0.2;
+
+/// Opacity of walked and of failed edges.
+const WALKED_OPACITY: f32 = 0.85;
+const FAILED_OPACITY: f32 = 0.9;
+
+/// Draws the edges.
+pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
+    let edges = shown(screen, map_frame.raster.window);
+    let fades = if edges.len() < MAX_EDGES { 1 } else { FADES };
+    let chunk = edges.len().div_ceil(fades).max(1);
+    let [walked, failed, _] = screen.theme.edges;
+    // The nearest go on top, and failed ones over walked ones; each kind is blended with the ground only once.
+    for (n, edges) in edges.chunks(chunk).enumerate().collect::<Vec<_>>().into_iter().rev() {
+        let fade = 1.0 - (1.0 - LEAST_OPACITY) * n as f32 / fades as f32;
+        for (status, rgb, opacity, mark) in
+            [(EdgeStatus::Confirmed, walked, WALKED_OPACITY, '='), (EdgeStatus::Demoted, failed, FAILED_OPACITY, 'x')]
+        {
+            let own = edges.iter().filter(|(_, own)| *own == status).map(|(ends, _)| *ends);
+            canvas.lines(map_frame, own, (rgb, fade * opacity, mark));
+        }
+    }
+}
+
+/// Returns the walked and failed edges within `window` (left, top, width, height) that are nearest to the cursor, the
+/// mouse or else the goal, nearest first.
+fn shown(screen: &Screen, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge> {
+    let [x, y] = screen.inspecting.or(screen.hovered).unwrap_or(screen.goal).centre();
+    let middle = |[a, b]: [[f32; 2]; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
+    let off = |edge: &ShownEdge| {
+        let at = middle(edge.0);
+        (at[0] - x).hypot(at[1] - y)
+    };
+    let inside = |edge: &ShownEdge| {
+        let at = middle(edge.0);
+        at[0] >= left && at[1] >= top && at[0] <= left + width && at[1] <= top + height
+    };
+    let tried = screen.view.edges.iter().filter(|edge| edge.1 != EdgeStatus::Untried && inside(edge));
+    let mut edges: Vec<ShownEdge> = tried.copied().collect();
+    if edges.len() > MAX_EDGES {
+        edges.select_nth_unstable_by(MAX_EDGES, |a, b| off(a).total_cmp(&off(b)));
+        edges.truncate(MAX_EDGES);
+    }
+    edges.sort_by(|a, b| off(a).total_cmp(&off(b)));
+    edges
+}

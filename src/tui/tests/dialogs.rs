@@ -1,0 +1,166 @@
+//! Dialogs, notices and what is left of the screen where room is short.
+
+use super::screens::staged_app;
+use super::*;
+use crate::tui::dialog::{Choice, lists};
+use crate::tui::panes::Pane;
+
+#[test]
+fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
+    let mut app = app();
+    press(&mut app, KeyCode::Char('T'));
+    press(&mut app, KeyCode::Down);
+    assert_eq!(app.screen.theme.name, ThemeName::Light, "shown at once");
+    press(&mut app, KeyCode::Down);
+    press(&mut app, KeyCode::Esc);
+    assert_eq!(app.screen.theme.name, ThemeName::Dark, "as before");
+    press(&mut app, KeyCode::Char('T'));
+    press(&mut app, KeyCode::Down);
+    press(&mut app, KeyCode::Enter);
+    assert_eq!(app.screen.theme.name, ThemeName::Light);
+}
+
+#[test]
+fn questions_are_answered_by_their_keys_and_have_no_search_field() {
+    let mut app = staged_app(80, 24);
+    app.act(Action::Quit);
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains(" y save and quit") && !shown.contains("type to search"), "{shown}");
+    press(&mut app, KeyCode::Char('c'));
+    assert!(app.screen.dialogs.is_empty() && !app.is_done());
+    app.act(Action::Quit);
+    press(&mut app, KeyCode::Char('n'));
+    assert!(app.is_done());
+}
+
+#[test]
+fn errors_are_shown_in_full_and_in_their_own_colour() {
+    let mut app = app();
+    let end = "the very end of it";
+    app.report(&format!("/a/rather/long/path/{} cannot be written: {end}", "folder/".repeat(12)));
+    for width in [60, 80, 120] {
+        let terminal = draw(&mut app, width, 24);
+        assert!(text(&terminal).contains(end), "{width} columns");
+        let colour = app.screen.theme.failure().fg;
+        let cells = terminal.backend().buffer().content.iter();
+        assert!(cells.filter(|cell| Some(cell.fg) == colour).count() > 100);
+    }
+}
+
+#[test]
+fn the_footer_keeps_its_ends_where_room_is_short() {
+    let mut app = app();
+    for (width, shown) in [(60, ["Space pause", "? help", "q quit"]), (40, ["Space pause", "? help", "q quit"])] {
+        let terminal = draw(&mut app, width, 20);
+        let footer = text(&terminal).lines().last().expect("a footer").to_owned();
+        assert!(shown.iter().all(|part| footer.contains(part)), "{width} columns: {footer}");
+    }
+}
+
+#[test]
+fn every_tool_says_what_the_mouse_does() {
+    let mut app = app();
+    type_text(&mut app, "e7");
+    let shown = text(&draw(&mut app, 140, 30));
+    assert!(shown.contains("click: add or remove G") && !shown.contains("walls"), "{shown}");
+    for width in [40, 60, 80] {
+        let shown = text(&draw(&mut app, width, 20));
+        assert!(shown.contains("done"), "{width} columns: {shown}");
+    }
+}
+
+#[test]
+fn the_help_wraps_scrolls_by_pages_and_can_be_searched() {
+    let mut app = app();
+    press(&mut app, KeyCode::Char('?'));
+    let shown = text(&draw(&mut app, 40, 12));
+    assert!(shown.contains("the learned distance") && shown.contains("G:"), "{shown}");
+    let first = |app: &App| match app.screen.dialogs.last() {
+        Some(Dialog::Help(help)) => help.first,
+        _ => panic!("the help is open"),
+    };
+    for (width, height) in [(40, 12), (80, 40)] {
+        let before = first(&app);
+        press(&mut app, KeyCode::PageDown);
+        draw(&mut app, width, height);
+        draw(&mut app, width, height);
+        press(&mut app, KeyCode::PageDown);
+        draw(&mut app, width, height);
+        assert!(first(&app) > before, "{width} x {height}");
+    }
+    press(&mut app, KeyCode::Home);
+    draw(&mut app, 80, 40);
+    press(&mut app, KeyCode::PageDown);
+    assert_eq!(first(&app), 37, "a page of 38 lines, of which one stays");
+    press(&mut app, KeyCode::Char('/'));
+    type_text(&mut app, "undo");
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("undo an edit") && !shown.contains("pause or resume"), "{shown}");
+    press(&mut app, KeyCode::Esc);
+    assert!(text(&draw(&mut app, 80, 24)).contains("pause or resume"));
+    press(&mut app, KeyCode::Esc);
+    assert!(app.screen.dialogs.is_empty());
+}
+
+#[test]
+fn panes_take_the_place_of_the_map_where_there_is_no_room_beside_it() {
+    let mut app = app();
+    draw(&mut app, 60, 20);
+    let mut seen = Vec::new();
+    for _ in 0..=Pane::ALL.len() {
+        press(&mut app, KeyCode::Tab);
+        draw(&mut app, 60, 20);
+        seen.push((app.screen.maximised, app.screen.pane));
+    }
+    let panes = Pane::ALL.map(|pane| (true, pane));
+    assert_eq!(seen[..Pane::ALL.len()], panes);
+    assert!(!seen[Pane::ALL.len()].0, "the map again");
+    press(&mut app, KeyCode::Char('5'));
+    assert!(app.screen.maximised && app.screen.pane == Pane::Log);
+}
+
+#[test]
+fn the_methods_include_every_combination() {
+    let mut list = lists::methods(&Method::default());
+    list.paste("her+sorb");
+    let method: Method = "her+sorb".parse().expect("a method");
+    assert_eq!(list.choice(), Some(&Choice::Method(method)));
+}
+
+#[test]
+fn only_texts_that_are_maps_are_offered() {
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("rooms.txt"), ROOMS).expect("written");
+    std::fs::write(folder.path().join("notes.txt"), "Buy milk, 2 bottles.\n").expect("written");
+    let mut app = app();
+    app.pick_map(Some(folder.path()));
+    let Some(Dialog::Pick(list)) = app.screen.dialogs.last() else { panic!("a list") };
+    let names: Vec<&str> = list.items().map(|item| item.label.as_str()).collect();
+    assert_eq!(names, ["..", "rooms.txt"]);
+}
+
+#[test]
+fn an_evaluation_can_be_asked_for_even_while_training_is_paused() {
+    let mut app = app();
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Paused);
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("next      paused, y: now"), "{shown}");
+    let (before, updates) = (app.screen.snapshot.evaluations.len(), app.screen.snapshot.counters.updates);
+    press(&mut app, KeyCode::Char('y'));
+    wait_until(&mut app, |app| app.screen.snapshot.evaluations.len() > before);
+    assert_eq!(app.screen.snapshot.evaluations.last().map(|(at, _)| *at), Some(updates));
+}
+
+#[test]
+fn learners_show_only_the_losses_they_have() {
+    let shown = |method: &str| {
+        let mut app = app_on(rooms(), method.parse().expect("a method"));
+        wait_until(&mut app, |app| app.screen.snapshot.losses.critic > 0.0);
+        text(&draw(&mut app, 80, 24))
+    };
+    assert!(shown("gdg").contains("f loss"));
+    let her = shown("her");
+    assert!(her.contains("D loss") && !her.contains("f loss"), "{her}");
+}

@@ -1,0 +1,106 @@
+//! What the list of actions finds for users' own words.
+
+use super::*;
+use crate::tui::dialog::{Choice, lists};
+use crate::tui::editor::Tool;
+use crate::tui::layers::Overlay;
+use crate::tui::panes::Pane;
+
+/// Words, and the action that must come first for them.
+const WORDS: [(&str, Action); 62] = [
+    ("resume", Action::TogglePause),
+    ("pause", Action::TogglePause),
+    ("stop", Action::TogglePause),
+    ("continue", Action::TogglePause),
+    ("play", Action::TogglePause),
+    ("speed", Action::Faster),
+    ("fast", Action::Faster),
+    ("slow", Action::Slower),
+    ("step", Action::StepUpdate),
+    ("freeze", Action::Freeze),
+    ("evaluate", Action::Evaluate),
+    ("test", Action::Evaluate),
+    ("success rate", Action::Evaluate),
+    ("restart", Action::NewSeed),
+    ("reset", Action::NewSeed),
+    ("seed", Action::NewSeed),
+    ("settings", Action::Settings),
+    ("options", Action::Settings),
+    ("learning rate", Action::Settings),
+    ("hyperparameters", Action::Settings),
+    ("method", Action::Method),
+    ("algorithm", Action::Method),
+    ("her", Action::Method),
+    ("preset", Action::Preset),
+    ("goal", Action::NewGoal),
+    ("zoom", Action::ZoomIn),
+    ("zoom out", Action::ZoomOut),
+    ("whole map", Action::ZoomOff),
+    ("theme", Action::Theme),
+    ("colors", Action::Theme),
+    ("dark", Action::Theme),
+    ("view", Action::Field(true)),
+    ("heatmap", Action::Field(true)),
+    ("arrows", Action::Toggle(Overlay::Directions)),
+    ("contours", Action::Toggle(Overlay::Contours)),
+    ("edges", Action::Toggle(Overlay::Edges)),
+    ("agents", Action::Toggle(Overlay::Agents)),
+    ("plan", Action::Toggle(Overlay::Path)),
+    ("cursor", Action::Inspect),
+    ("braille", Action::Marker),
+    ("plots", Action::Show(Pane::Curves)),
+    ("legend", Action::Show(Pane::Legend)),
+    ("messages", Action::Show(Pane::Log)),
+    ("fullscreen", Action::Maximise),
+    ("edit", Action::ToggleEdit),
+    ("draw", Action::Tool(Tool::Pencil)),
+    ("undo", Action::Undo),
+    ("redo", Action::Redo),
+    ("save map", Action::SaveMap),
+    ("random map", Action::RandomMap),
+    ("maze", Action::RandomMap),
+    ("new map", Action::NewMap),
+    ("open map", Action::OpenMap),
+    ("save", Action::Save),
+    ("save as", Action::SaveAs),
+    ("load", Action::Load),
+    ("autosave", Action::Autosave),
+    ("export", Action::Export),
+    ("screenshot", Action::Export),
+    ("keys", Action::Help),
+    ("exit", Action::Quit),
+    ("quit", Action::Quit),
+];
+
+#[test]
+fn users_words_find_what_they_mean() {
+    let app = app();
+    let mut wrong = Vec::new();
+    for (word, action) in WORDS {
+        let mut list = lists::actions(&app.screen.keymap, false);
+        list.paste(word);
+        if list.choice() != Some(&Choice::Act(action)) {
+            wrong.push(format!("{word:?}: {:?} instead of {action:?}", list.choice()));
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn settings_are_found_by_words_of_their_description() {
+    let app = app();
+    for (word, name) in [
+        ("Polyak", "tau"),
+        ("width", "hidden"),
+        ("gpu", "backend"),
+        ("noise environment", "env_noise"),
+        ("frontier", "frontier_epsilon"),
+        ("learning rate", "learning_rate"),
+        ("parallel", "agents"),
+        ("warmup_env_steps", "learning_starts"),
+    ] {
+        let mut list = lists::settings(app.screen.run());
+        list.paste(word);
+        assert_eq!(list.choice(), Some(&Choice::Setting(name.to_owned())), "{word}");
+    }
+}
