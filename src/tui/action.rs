@@ -1,8 +1,8 @@
 //! User actions. Keys, footer, help and command palette all come from this one table.
 
-use super::editor::Tool;
 use super::layers::Overlay;
 use super::panes::Pane;
+use super::scene::Tool;
 
 /// A user action.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,6 +57,10 @@ pub enum Action {
     Pan(isize, isize),
     /// Show or hide a cursor that describes its cell.
     Inspect,
+    /// Choose the next projection of an arm.
+    Projection,
+    /// Show the chosen projection alone, or all of them.
+    Alone,
     /// Change the colours.
     Theme,
     /// Select a pane.
@@ -319,6 +323,8 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Pan(1, 0), "pan-right", &["shift-right", "alt-right"], "", ""),
             bind(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", ""),
             bind(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", ""),
+            bind(Action::Projection, "projection", &["shift-p"], "turn", "choose the next projection").watching(),
+            bind(Action::Alone, "alone", &["shift-z"], "", "show the chosen projection alone, or all").watching(),
             bind(Action::Marker, "marker", &["m"], "", "half blocks, quadrants or braille").watching(),
             bind(Action::Theme, "theme", &["shift-t"], "", "dark, light, colour-blind-safe, or no colours").watching(),
         ],

@@ -46,6 +46,10 @@ pub enum Choice {
     OpenMap(PathBuf),
     /// Opens a built-in map.
     OpenBuiltin(&'static str),
+    /// Asks whether to start a new run in the world called so, which needs no file.
+    OpenWorld(&'static str),
+    /// Starts a new run in that world.
+    StartIn(&'static str),
     /// Starts a new run on a map.
     StartOn(Arc<Grid>),
     /// Continues with the same networks on another map of the current size.

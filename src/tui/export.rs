@@ -43,8 +43,8 @@ pub enum ExportError {
 
 /// Writes an export to a new file; returns the notice for the user.
 pub fn write(kind: ExportKind, screen: &Screen) -> String {
-    let (map, updates) = (screen.map().name(), screen.snapshot.counters.updates);
-    let name = format!("{map}-{updates}-{}", kind.stem());
+    let (world, updates) = (screen.title(), screen.snapshot.counters.updates);
+    let name = format!("{world}-{updates}-{}", kind.stem(screen.scene()));
     let path = unused_export_path(Path::new(EXPORT_FOLDER), &name, kind.file_type());
     let written = contents(kind, screen).and_then(|bytes| Ok(write_atomically(&path, &bytes)?));
     match written {

@@ -5,7 +5,7 @@
 //! | map, method, preset, seed, phase, unsaved updates        |  header
 //! +---------------------------------------+------------------+
 //! |                                       | pane names       |
-//! | map                                   | pane             |
+//! | map or arm                            | pane             |
 //! |                                       | (more panes if   |
 //! | meaning of colours, or facts of a cell|  there is room)  |  info
 //! +---------------------------------------+                  |
@@ -20,16 +20,11 @@ pub(super) mod footer;
 mod header;
 pub(super) mod help;
 mod hint;
-pub(super) mod info;
-mod legend;
 mod log;
-pub(super) mod map;
-pub(super) mod minimap;
+pub(super) mod scale;
 mod side;
 pub(super) mod text;
 mod training;
-mod unexplored;
-mod walk;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -37,8 +32,9 @@ use ratatui::style::{Modifier, Style};
 
 use super::dialog::Dialog;
 use super::layout::ScreenLayout;
+use super::scene;
+pub use super::scene::Cache;
 use super::screen::Screen;
-pub use map::Cache;
 #[cfg(test)]
 pub use side::lines as pane_lines;
 
@@ -92,10 +88,8 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
         let [left, right] = Layout::horizontal([Constraint::Min(0), Constraint::Length(side)]).areas(body);
         layout.map_pane = left;
         let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(left);
-        map::draw(frame, map, screen, &mut layout, cache);
-        minimap::draw(frame, map, screen, &mut layout);
+        scene::draw(frame, [map, info], screen, &mut layout, cache);
         hint::draw(frame, map, screen, &mut layout);
-        info::draw(frame, info, screen);
         if side > 0 {
             side::draw(frame, right, screen, &mut layout);
         }

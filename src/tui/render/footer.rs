@@ -7,16 +7,16 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Clear;
 
 use super::{BOLD, DIM, REVERSED};
-use crate::tui::action::{Action, Mode, bindings};
-use crate::tui::editor::Tool;
+use crate::tui::action::{Action, Binding, Mode, bindings};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::scene::Tool;
 use crate::tui::screen::Screen;
 
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     if let Some((notice, fades)) = screen.log.notice() {
         let notice = Line::styled(format!(" {notice}"), if fades { DIM } else { BOLD });
-        if !screen.editor.is_open() {
+        if !screen.maze.editor.is_open() {
             return frame.render_widget(notice, area);
         }
         // The tools stay visible, so the notice goes above them.
@@ -24,14 +24,15 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         frame.render_widget(Clear, above);
         frame.render_widget(notice, above);
     }
-    let bar = if screen.editor.is_open() { editing(screen, area.width) } else { keys(screen, Mode::Watching) };
+    let bar = if screen.maze.editor.is_open() { editing(screen, area.width) } else { keys(screen, Mode::Watching) };
     bar.draw(frame, area, layout);
 }
 
 /// Returns the actions of `mode` that have a short name.
 pub fn keys(screen: &Screen, mode: Mode) -> ClickableLine {
     let mut bar = ClickableLine::default();
-    for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(mode)) {
+    let here = |b: &&Binding| b.is_active(mode) && screen.scene().offers(b.action);
+    for binding in bindings().filter(|b| !b.short.is_empty()).filter(here) {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         let short = if idle { "resume" } else { binding.short };
         key(&mut bar, screen, binding.action, &format!(" {short} "), Style::new());
@@ -44,7 +45,7 @@ fn editing(screen: &Screen, width: u16) -> ClickableLine {
     let mut bar = ClickableLine::default();
     bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
     for tool in Tool::ALL {
-        let style = if tool == screen.editor.tool { REVERSED } else { Style::new() };
+        let style = if tool == screen.maze.editor.tool { REVERSED } else { Style::new() };
         key(&mut bar, screen, Action::Tool(tool), tool.name(), style);
     }
     bar.push(Span::raw(" "), None);

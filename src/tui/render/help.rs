@@ -5,8 +5,9 @@ use ratatui::layout::Rect;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
-use super::{BOLD, DIM, legend, middle};
+use super::{BOLD, DIM, middle};
 use crate::tui::action::{Binding, Mode, SECTIONS, When};
+use crate::tui::scene;
 use crate::tui::screen::Screen;
 
 /// Columns of the help, if no line needs more.
@@ -14,11 +15,7 @@ const HELP_WIDTH: u16 = 76;
 
 /// Draws the help in the middle of `area`, from line `first` or early enough to fill it; returns the first line shown.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, first: usize) -> usize {
-    let intro = [
-        " Colours show the learned distance D to the goal G: light near, dark far.",
-        " The agents see no walls and get no reward. @ walks to G with what it has",
-        " learned so far; click on the map to set another goal.",
-    ];
+    let intro = screen.scene().introduction();
     draw_lines(frame, area, lines(screen, &intro, &[Mode::Watching, Mode::Editing, Mode::Offered]), first)
 }
 
@@ -54,9 +51,11 @@ pub fn draw_for_comparisons(frame: &mut Frame, area: Rect, screen: &Screen, firs
 
 /// Returns the introduction, the bindings active in any of `modes`, and the legend.
 fn lines(screen: &Screen, intro: &[&'static str], modes: &[Mode]) -> Vec<Line<'static>> {
+    let kind = screen.scene();
     let mut lines: Vec<Line> = intro.iter().copied().map(Line::raw).collect();
     for section in SECTIONS {
-        let active = |b: &&Binding| !b.long.is_empty() && modes.iter().any(|mode| b.is_active(*mode));
+        let active =
+            |b: &&Binding| !b.long.is_empty() && kind.offers(b.action) && modes.iter().any(|mode| b.is_active(*mode));
         let mut bindings = section.bindings.iter().filter(active).peekable();
         if bindings.peek().is_none() {
             continue;
@@ -73,13 +72,13 @@ fn lines(screen: &Screen, intro: &[&'static str], modes: &[Mode]) -> Vec<Line<'s
             };
             lines.push(Line::from(vec![
                 Span::styled(format!(" {keys:>15}  "), BOLD),
-                Span::raw(binding.long),
+                Span::raw(kind.wording(binding)),
                 Span::styled(when, DIM),
             ]));
         }
     }
     lines.push(Line::default());
-    lines.extend(legend::lines(screen));
+    lines.extend(scene::legend_lines(screen));
     if let Some(folder) = crate::logging::folder() {
         lines.push(Line::default());
         lines.push(Line::raw(format!(" Log files: {}", folder.display())));

@@ -6,6 +6,7 @@ use super::text::{clock, fact, heading, short};
 use crate::learn;
 use crate::text::grouped;
 use crate::train::{DistanceScore, Score};
+use crate::tui::scene;
 use crate::tui::screen::Screen;
 
 /// Returns the pane's lines.
@@ -89,12 +90,8 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
         Some(bridge) => format!("{} tried, gain {:.0}", s.tried(), bridge.gain),
         None => format!("{} tried, none", s.tried()),
     });
-    let edges = screen.view.edges.len() as f64;
-    vec![
-        heading("bridges"),
-        fact("nodes", format!("{}, {} edges", screen.view.candidates.len(), short(edges))),
-        fact("search", search),
-    ]
+    let (nodes, edges) = scene::graph_size(screen);
+    vec![heading("bridges"), fact("nodes", format!("{nodes}, {} edges", short(edges as f64))), fact("search", search)]
 }
 
 /// Returns lines on where the time goes.

@@ -1,0 +1,50 @@
+//! The line below the map: facts about a cell, or what the colours mean.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::Paragraph;
+
+use crate::tui::layers::Overlay;
+use crate::tui::render::DIM;
+use crate::tui::render::scale::{BAR_WIDTH, scale};
+use crate::tui::render::text::short;
+use crate::tui::screen::Screen;
+use crate::view::contour_interval;
+
+/// Draws the line.
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
+    let cell = screen.maze.inspecting.or(screen.maze.hovered);
+    let line = if cell.is_some() {
+        cell_facts(screen)
+    } else {
+        let mut line = scale(screen, BAR_WIDTH);
+        let interval = contour_text(screen).filter(|text| line.width() + text.len() <= usize::from(area.width));
+        line.extend(interval.map(|text| Span::styled(text, DIM)));
+        line
+    };
+    frame.render_widget(Paragraph::new(line), area);
+}
+
+fn cell_facts(screen: &Screen) -> Line<'static> {
+    let Some(cell) = screen.maze.inspecting.or(screen.maze.hovered) else { return Line::default() };
+    let place = format!(" cell {},{}", cell.x, cell.y);
+    if !screen.maze.map.is_free(cell) {
+        return Line::from(format!("{place}: wall"));
+    }
+    let Some(facts) = screen.maze.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
+    let (learned, visits) = (facts.learned, short(f64::from(facts.visits)));
+    Line::from(match facts.truth {
+        Some(truth) => {
+            let error = 100.0 * (learned - truth as f32) / (truth as f32).max(1.0);
+            format!("{place}: D {learned:.1}, true {truth} ({error:+.0} %), {visits} visits")
+        }
+        None => format!("{place}: D {learned:.1}, no path to G"),
+    })
+}
+
+/// Returns the distance between contour lines, if they are shown.
+fn contour_text(screen: &Screen) -> Option<String> {
+    let shown = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
+    shown.then(|| format!(", a line every {:.0}", contour_interval(screen.maze.view.farthest.max(1.0))))
+}
