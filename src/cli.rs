@@ -43,7 +43,7 @@ Examples:
   gdg-tui --resume                           resume the run that was saved last; gdg-tui runs lists all
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
-  gdg-tui --no-ui fetch-reach --method gdg --max-updates 1000
+  gdg-tui fetch-reach --method gdg           watch a 7-joint arm learn to reach for points in space
   gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
   gdg-tui suite maps/ --seeds 3              train on every map of a folder: a table, and a report with pictures
   gdg-tui reproduce all                      the paper's figures, with our default beside its methods
@@ -196,7 +196,7 @@ pub struct FramesArgs {
 /// Options of a training run.
 #[derive(Debug, Args)]
 pub struct TrainArgs {
-    /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall (with --no-ui) [default: fourrooms]
+    /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall [default: fourrooms]
     #[arg(value_name = "MAP")]
     pub map: Option<String>,
 

@@ -17,7 +17,7 @@ use serde_json::{Map, Value};
 
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
-pub use fetch_reach::FetchReach;
+pub use fetch_reach::{ArmScene, FetchReach};
 pub use maze::PointMaze;
 pub(crate) use task::{BUDGET_FACTOR, MIN_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
@@ -273,6 +273,8 @@ pub enum Scene {
     Nothing,
     /// A grid map seen from above; states begin with the position (x, y) in cells, y down.
     Maze(MazeScene),
+    /// An arm and what is around it; states begin with the position (x, y, z) of its grip in metres.
+    Arm(ArmScene),
 }
 
 impl Scene {
@@ -280,7 +282,7 @@ impl Scene {
     pub fn maze(&self) -> MazeScene {
         match self {
             Self::Maze(maze) => maze.clone(),
-            Self::Nothing => MazeScene::default(),
+            Self::Nothing | Self::Arm(_) => MazeScene::default(),
         }
     }
 }

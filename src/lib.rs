@@ -28,7 +28,7 @@
 //! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints; and
 //!   [`train::Engine`], which runs a trainer on its own thread. [`train::Registry`] lists worlds and learners.
 //! * [`view`]: what the screen shows of a run, computed on its own thread: distance fields, the bridge graph, an agent that
-//!   walks to the goal; colours, contours and pictures.
+//!   walks to the goal; a folder for each kind of scene; colours, contours and pictures.
 //! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in parallel, whose results
 //!   are kept: benchmark suites, the paper's figures): the front ends.
 //!   [`cli`], [`setup`], [`runs`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
@@ -39,8 +39,11 @@
 //!
 //! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
 //! and are saved; where available, tasks, true distances, coverage and a scene) and its [`env::WorldKind`]. Then one line in
-//! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME --no-ui`. Settings that suit it better
-//! than the preset's are its [`env::WorldKind::defaults`]. For the interface to draw it, add a variant to [`env::Scene`]. [`env::fetch_reach`] is a world without maps.
+//! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME`, or `gdg-tui NAME --no-ui` if nothing
+//! draws it. Settings that suit it better than the preset's are its [`env::WorldKind::defaults`]. For the interface to draw
+//! it, add a variant to [`env::Scene`], what is computed of it (`src/view/NAME/`, a line in `worker_for` of `src/view.rs`)
+//! and how it is drawn and reacts (`src/tui/scene/NAME/`, its lines in `src/tui/scene.rs`). [`env::fetch_reach`] is a world
+//! without maps.
 //!
 //! # Add a learner
 //!

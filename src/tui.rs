@@ -5,11 +5,13 @@
 //! No thread waits for another: each reads the latest state that the others have published.
 //!
 //! * `action`, `keymap`, `config`: the actions, their keys, and the user's configuration.
-//! * `screen`: the state a frame is drawn from; `dialog`, `editor` and `log` are parts of it.
+//! * `screen`: the state a frame is drawn from; `dialog` and `log` are parts of it.
 //! * `app`: the controller, which applies events to the screen, the trainer and the viewer.
 //! * `event_loop`: forwards events and draws frames, for the trainer and for comparisons.
 //! * `compare`: two runs side by side, each with its own `app`.
-//! * `render`: the panes; `raster`, `canvas`, `layers` and `theme` turn the map into characters.
+//! * `scene`: what is drawn in the place of the map and how it reacts, a folder for each kind of world; `raster`, `canvas`,
+//!   `glyphs`, `layers` and `theme` turn it into characters.
+//! * `render`: the panes and everything else around it.
 //! * `export`: writes what is shown to files; `terminal`: the terminal itself; `record`: recordings of it.
 
 mod action;
@@ -18,9 +20,9 @@ mod canvas;
 mod compare;
 mod config;
 mod dialog;
-mod editor;
 mod event_loop;
 mod export;
+mod glyphs;
 mod keymap;
 mod layers;
 mod layout;
@@ -31,6 +33,7 @@ mod panes;
 mod raster;
 mod record;
 mod render;
+mod scene;
 mod screen;
 mod terminal;
 #[cfg(test)]

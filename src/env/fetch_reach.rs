@@ -14,22 +14,23 @@ mod dynamics;
 mod kinematics;
 mod linear;
 mod model;
+mod scene;
 mod solver;
 mod wall;
 
-use glam::DVec3;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
-use super::{DistanceUnit, EnvSettings, Environment, Spec, Task, TaskSet, WorldKind};
+use super::{DistanceUnit, EnvSettings, Environment, Scene, Spec, Task, TaskSet, WorldKind};
 use crate::store::Store;
 use arm::{Arm, STEP_SECS};
 use constraints::Rows;
 use model::GOAL_CENTRE;
-pub use wall::WALL;
-use wall::Wall;
+pub use scene::{ArmScene, Corners, Pose};
+use scene::{guide, random_goal};
+pub use wall::{WALL, Wall};
 
 /// Registry entry of the arm.
 pub const KIND: WorldKind = WorldKind {
@@ -144,23 +145,12 @@ impl FetchReach {
         self.wall.is_some_and(|wall| y > wall.middle())
     }
 
-    /// Draws a goal, in metres.
-    fn random_goal(&self, rng: &mut ChaCha8Rng) -> DVec3 {
-        loop {
-            let goal =
-                GOAL_CENTRE + DVec3::from_array(std::array::from_fn(|_| rng.random_range(-GOAL_RANGE..GOAL_RANGE)));
-            if self.wall.is_none_or(|wall| (goal.y - wall.middle()).abs() > WALL_CLEARANCE) {
-                return goal;
-            }
-        }
-    }
-
     /// Draws a task: any goal from the start; with the wall, one on its other side.
     fn random_task(&self, rng: &mut ChaCha8Rng) -> (f64, Task) {
         let start = &self.starts[rng.random_range(0..self.starts.len())];
         let from = start.frames().grip();
         let goal = loop {
-            let goal = self.random_goal(rng);
+            let goal = random_goal(self.wall.as_ref(), rng);
             if self.wall.is_none() || self.is_left(goal.y) != self.is_left(from.y) {
                 break goal;
             }
@@ -197,10 +187,7 @@ fn starts(wall: Option<&Wall>) -> Vec<Arm> {
     let beside = [1.0, -1.0].map(|side| {
         let (mut arm, mut to) = (Arm::at_reset(), GOAL_CENTRE);
         to.y = wall.middle() + side * WALL_START;
-        for _ in 0..EPISODE_STEPS {
-            let action = ((to - arm.frames().grip()) * 15.0).clamp(DVec3::NEG_ONE, DVec3::ONE);
-            arm.step(action, None, &mut rows);
-        }
+        guide(&mut arm, to, None, &mut rows);
         arm
     });
     beside.to_vec()
@@ -244,7 +231,7 @@ impl Environment for FetchReach {
     }
 
     fn sample_goal(&self, _: usize, rng: &mut ChaCha8Rng, goal: &mut [f32]) {
-        goal.copy_from_slice(&self.random_goal(rng).as_vec3().to_array());
+        goal.copy_from_slice(&random_goal(self.wall.as_ref(), rng).as_vec3().to_array());
     }
 
     /// Steps all arms. Noise is added to the action's first three components.
@@ -295,6 +282,10 @@ impl Environment for FetchReach {
             facts["tasks"] = json!("from one side of the wall to the other");
         }
         Map::from_iter([("arm".to_owned(), facts)])
+    }
+
+    fn scene(&self) -> Scene {
+        Scene::Arm(ArmScene::new(self.wall))
     }
 
     fn episode_steps(&self) -> Option<u32> {

@@ -2,9 +2,9 @@
 
 mod table;
 
-use super::editor::Tool;
 use super::layers::Overlay;
 use super::panes::Pane;
+use super::scene::Tool;
 pub use table::SECTIONS;
 
 /// A user action.
@@ -64,6 +64,10 @@ pub enum Action {
     Pan(isize, isize),
     /// Show or hide a cursor that describes its cell.
     Inspect,
+    /// Choose the next projection of an arm.
+    Projection,
+    /// Show the chosen projection alone, or all of them.
+    Alone,
     /// Change the colours.
     Theme,
     /// Select a pane.

@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
-use rand::{RngExt, SeedableRng};
+use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 use ratatui::Frame;
 use ratatui::layout::Position;
@@ -26,13 +26,12 @@ use super::export;
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::output::ExportKind;
-use super::raster::Viewport;
 use super::render::{self, Cache};
 use super::screen::Screen;
 use super::theme::ThemeName;
 use crate::env::PointMaze;
 use crate::faults::Failure;
-use crate::map::{Cell, Grid};
+use crate::map::Grid;
 use crate::train::{Command, Engine, MakeWorld, Snapshot};
 use crate::view::{Field, OnArrival, Request, View, Viewer};
 pub use offer::{Offer, Search, search};
@@ -42,15 +41,15 @@ pub use saving::{ClosedRun, Files};
 /// Forwards user input to trainer and viewer, and what they publish to the screen.
 pub struct App {
     engine: Engine,
-    viewer: Viewer,
+    pub(super) viewer: Viewer,
     /// The state a frame is drawn from.
     pub screen: Screen,
     /// The number of the latest goal request.
-    goal_requests: u64,
+    pub(super) goal_requests: u64,
     /// The goal request and the cells cut off from it of which the user was told.
     warned_of: Option<(u64, Arc<Vec<bool>>)>,
     /// The mouse position the map is being dragged from.
-    dragged_from: Option<Position>,
+    pub(super) dragged_from: Option<Position>,
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
@@ -59,14 +58,14 @@ pub struct App {
     pub search: Option<Search>,
     /// Internal errors so far.
     failures: Vec<Failure>,
-    rng: ChaCha8Rng,
+    pub(super) rng: ChaCha8Rng,
     done: bool,
     /// Whether to suspend the program until the shell resumes it.
     suspending: bool,
     /// The pending export.
     export: Option<ExportKind>,
     /// The engine's snapshots and the viewer's views.
-    feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<Arc<View>>),
+    feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<View>),
     /// What the next frame can reuse.
     cache: Cache,
     /// The theme in use, while others are shown that are selected in the list of themes.
@@ -77,7 +76,6 @@ impl App {
     /// Opens the screen, with the map's own goal or a random one.
     pub fn new(engine: Engine, viewer: Viewer, (config, keymap): (UiConfig, Keymap), files: Files) -> Self {
         let snapshot = engine.snapshots().borrow().clone();
-        let view = viewer.views().borrow().clone();
         let mut app = Self {
             goal_requests: 0,
             warned_of: None,
@@ -94,7 +92,7 @@ impl App {
             feed: (engine.snapshots(), viewer.views()),
             cache: Cache::default(),
             previewed_over: None,
-            screen: Screen::new((&config, keymap), snapshot, view),
+            screen: Screen::new((&config, keymap), snapshot),
             engine,
             viewer,
         };
@@ -104,24 +102,18 @@ impl App {
 
     /// Resets the screen for a new run.
     fn start_run(&mut self) {
-        let snapshot = self.screen.snapshot.clone();
-        let (run, map) = (&snapshot.run, snapshot.scene.maze().map);
-        self.screen.map = map.clone();
         self.saving.start_run(&self.screen.snapshot);
         self.screen.log.start_run(&self.screen.snapshot.log);
-        self.screen.editor.clear_history();
-        (self.screen.viewport, self.screen.following) = (Viewport::default(), None);
+        self.screen.following = None;
         self.screen.offer = None;
-        self.inspect(None);
-        if self.screen.field == Field::Composed && !run.method.plans() {
+        self.screen.layout = ScreenLayout::default();
+        if !self.screen.has_field(self.screen.field) {
             self.screen.field = Field::default();
-            self.viewer.request(Request::Field(self.screen.field));
         }
-        let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
-        self.screen.log.record(&text, self.screen.snapshot.updates());
-        let first = self.screen.map.goals().first().copied();
-        let goal = first.unwrap_or_else(|| self.random_cell());
-        self.set_goal(goal);
+        // Another kind of scene has a worker of its own, which does not know these yet.
+        self.viewer.request(Request::Field(self.screen.field));
+        self.viewer.request(Request::OnArrival(self.screen.on_arrival));
+        self.start_scene();
     }
 
     /// Returns the engine's snapshots.
@@ -130,7 +122,7 @@ impl App {
     }
 
     /// Returns the viewer's views.
-    pub fn views(&self) -> watch::Receiver<Arc<View>> {
+    pub fn views(&self) -> watch::Receiver<View> {
         self.viewer.views()
     }
 
@@ -225,20 +217,6 @@ impl App {
         }
     }
 
-    fn random_cell(&mut self) -> Cell {
-        let cells: Vec<Cell> = self.screen.map.free_cells().collect();
-        cells[self.rng.random_range(0..cells.len())]
-    }
-
-    /// Puts the goal at `cell`, or at the free cell nearest to it.
-    pub fn set_goal(&mut self, cell: Cell) {
-        if let Some(cell) = self.screen.map.nearest_free(cell) {
-            self.screen.goal = cell;
-            self.goal_requests += 1;
-            self.viewer.request(Request::Goal(cell, self.goal_requests));
-        }
-    }
-
     /// Returns the number of the latest goal request.
     pub fn goal_request(&self) -> u64 {
         self.goal_requests
@@ -248,24 +226,6 @@ impl App {
     pub fn set_on_arrival(&mut self, on_arrival: OnArrival) {
         self.screen.on_arrival = on_arrival;
         self.viewer.request(Request::OnArrival(on_arrival));
-    }
-
-    /// Starts inspecting a cell, or stops with `None`.
-    fn inspect(&mut self, cell: Option<Cell>) {
-        self.screen.inspecting = cell;
-        self.viewer.request(Request::Inspect(cell.or(self.screen.hovered)));
-    }
-
-    /// Switches to `map`, if given.
-    fn change_map(&mut self, map: Option<Arc<Grid>>) {
-        let Some(map) = map else { return };
-        if !self.command(Command::ChangeWorld(maze_on(map.clone()))) {
-            return;
-        }
-        self.screen.map = map;
-        if !self.screen.map.is_free(self.screen.goal) {
-            self.set_goal(self.screen.goal);
-        }
     }
 
     /// Shows a notice and logs it.
@@ -278,21 +238,15 @@ impl App {
         self.screen.log.add(text, self.screen.snapshot.updates(), true);
     }
 
-    /// Handles a drawn frame: stores its places for clicks, and has the viewer compute the field for the map's pixels.
+    /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its pixels show.
     pub fn drawn(&mut self, layout: ScreenLayout) {
         let before = std::mem::replace(&mut self.screen.layout, layout);
-        let layout = &mut self.screen.layout;
-        if let (Some(Dialog::Help(help)), Some(lines)) = (self.screen.dialogs.last_mut(), &layout.help_lines) {
+        if let (Some(Dialog::Help(help)), Some(lines)) =
+            (self.screen.dialogs.last_mut(), &self.screen.layout.help_lines)
+        {
             (help.first, help.page) = (lines.start, lines.len());
         }
-        match &layout.map {
-            Some(frame) if before.map.as_ref() != Some(frame) => {
-                self.viewer.request(Request::Frame(frame.raster, Arc::new(frame.arrows())));
-            }
-            Some(_) => {}
-            // The map is hidden behind a maximised pane.
-            None => layout.map = before.map,
-        }
+        self.scene_drawn(before);
     }
 }
 
@@ -357,7 +311,7 @@ impl Interface for App {
 }
 
 /// Makes the maze on `map` that takes the place of the run's: with its settings and scenario.
-fn maze_on(map: Arc<Grid>) -> MakeWorld {
+pub(super) fn maze_on(map: Arc<Grid>) -> MakeWorld {
     Box::new(|world| match PointMaze::downcast_ref(world) {
         Some(maze) => Box::new(maze.with_map(map)),
         None => Box::new(PointMaze::new(map, 0)),

@@ -34,6 +34,9 @@ pub const UNVISITED_MARK: char = '/';
 /// What a cell from which no path leads to the goal looks like without colours.
 pub const CUT_OFF_MARK: char = '\\';
 
+/// What bridge candidates look like without colours.
+pub const CANDIDATE_MARK: char = '\u{2022}';
+
 impl Canvas {
     /// Creates an empty canvas for `map_frame`.
     pub fn new(map_frame: &MapFrame) -> Self {

@@ -102,7 +102,7 @@ impl Side {
     /// Takes note of what trainer and viewer have published, even if the screen is frozen.
     fn follow(&mut self, own: usize, race: &mut Race, snapshot: &Snapshot, view: &View) {
         self.pace.add(snapshot);
-        race.observe(own, view);
+        observe(race, own, view);
         // Nothing of a comparison is saved, so a run that fails has nothing to ask: its title says what happened.
         self.app.screen.dialogs.retain(|dialog| matches!(dialog, Dialog::Help(_)));
     }
@@ -121,7 +121,7 @@ impl Comparison {
     /// Opens the screen; both agents walk to the map's own goal, or to a random one.
     fn new(sides: [Side; 2]) -> Self {
         let screen = &sides[0].app.screen;
-        let (goal, race) = (screen.goal, Race::new(screen.map().clone(), screen.run().seed));
+        let (goal, race) = (screen.maze.goal, Race::new(screen.maze.map.clone(), screen.run().seed));
         let mut comparison = Self {
             race,
             axis: Axis::default(),
@@ -171,6 +171,13 @@ impl Comparison {
             self.log.add(&format!("internal error in thread {}: {}", failure.thread, failure.message), 0, true);
             self.failed = true;
         }
+    }
+}
+
+/// Shows a view to the race; both sides show mazes.
+fn observe(race: &mut Race, side: usize, view: &View) {
+    if let View::Maze(view) = view {
+        race.observe(side, view);
     }
 }
 
@@ -264,9 +271,9 @@ impl Comparison {
     }
 
     /// Shows a view on a side.
-    pub fn on_view(&mut self, side: usize, view: &std::sync::Arc<View>) {
+    pub fn on_view(&mut self, side: usize, view: &View) {
         self.sides[side].app.on_view(view.clone());
-        self.race.observe(side, view);
+        observe(&mut self.race, side, view);
     }
 
     /// Shows the latest snapshots and views.

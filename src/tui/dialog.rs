@@ -51,6 +51,10 @@ pub enum Choice {
     OpenBuiltin(&'static str),
     /// Opens a random map.
     OpenRandom(RandomMapKind),
+    /// Asks whether to start a new run in the world called so, which needs no file.
+    OpenWorld(&'static str),
+    /// Starts a new run in that world.
+    StartIn(&'static str),
     /// Starts a new run on a map.
     StartOn(Arc<Grid>),
     /// Continues with the same networks on another map of the current size.

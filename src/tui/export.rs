@@ -46,8 +46,8 @@ pub enum ExportError {
 /// # Errors
 /// The notice that the file cannot be written.
 pub fn write(kind: ExportKind, screen: &Screen) -> Result<String, String> {
-    let (map, updates) = (screen.map().name(), screen.snapshot.counters.updates);
-    let name = format!("{map}-{updates}-{}", kind.stem());
+    let (world, updates) = (screen.title(), screen.snapshot.counters.updates);
+    let name = format!("{world}-{updates}-{}", kind.stem(screen.scene()));
     let path = unused_export_path(Path::new(EXPORT_FOLDER), &name, kind.file_type());
     let written = contents(kind, screen).and_then(|bytes| Ok(write_atomically(&path, &bytes)?));
     match written {

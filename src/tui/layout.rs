@@ -8,6 +8,7 @@ use ratatui::text::{Line, Span};
 
 use super::action::Action;
 use super::raster::MapFrame;
+use super::scene::Projection;
 
 /// What a click does.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -27,6 +28,8 @@ pub struct ScreenLayout {
     pub screen: Rect,
     /// The map.
     pub map: Option<MapFrame>,
+    /// The projections of an arm.
+    pub projections: Vec<Projection>,
     /// The pane with the map and the line below it.
     pub map_pane: Rect,
     /// The minimap in the corner, if shown.

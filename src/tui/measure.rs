@@ -23,7 +23,7 @@ pub struct MeasuredInterface {
     app: App,
     terminal: Terminal<CrosstermBackend<Sink>>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
-    views: watch::Receiver<Arc<View>>,
+    views: watch::Receiver<View>,
 }
 
 /// Measurements of a watched run.

@@ -1,11 +1,13 @@
 //! What can be exported to files.
 
+use super::scene::SceneKind;
+
 /// A kind of export.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum ExportKind {
-    /// The map pane as a bitmap.
+    /// The pane with map or arm as a bitmap.
     MapPng,
-    /// The map pane as a vector drawing.
+    /// The pane with map or arm as a vector drawing.
     MapSvg,
     /// The whole screen as a bitmap.
     ScreenPng,
@@ -23,21 +25,19 @@ impl ExportKind {
         [Self::MapPng, Self::MapSvg, Self::ScreenPng, Self::ScreenSvg, Self::CurvesSvg, Self::CurvesCsv];
 
     /// Returns the name shown on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::MapPng => "map as bitmap",
-            Self::MapSvg => "map as vector graphic",
-            Self::ScreenPng => "screen as bitmap",
-            Self::ScreenSvg => "screen as vector graphic",
-            Self::CurvesSvg => "curves as vector graphic",
-            Self::CurvesCsv => "curves as table",
-        }
+    pub fn name(self, scene: SceneKind) -> String {
+        let form = match self {
+            Self::MapPng | Self::ScreenPng => "bitmap",
+            Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "vector graphic",
+            Self::CurvesCsv => "table",
+        };
+        format!("{} as {form}", self.stem(scene))
     }
 
-    /// Returns the part of the file name that follows map and update.
-    pub fn stem(self) -> &'static str {
+    /// Returns the part of the file name that follows world and update.
+    pub fn stem(self, scene: SceneKind) -> &'static str {
         match self {
-            Self::MapPng | Self::MapSvg => "map",
+            Self::MapPng | Self::MapSvg => scene.noun(),
             Self::ScreenPng | Self::ScreenSvg => "screen",
             Self::CurvesSvg | Self::CurvesCsv => "curves",
         }

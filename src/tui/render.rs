@@ -5,7 +5,7 @@
 //! | map, method, preset, seed, phase, unsaved updates        |  header
 //! +---------------------------------------+------------------+
 //! |                                       | pane names       |
-//! | map                                   | pane             |
+//! | map or arm                            | pane             |
 //! |                                       | (more panes if   |
 //! | meaning of colours, or facts of a cell|  there is room)  |  info
 //! +---------------------------------------+                  |
@@ -16,21 +16,15 @@
 pub(super) mod chart;
 pub(super) mod curves;
 mod dialog;
-mod edges;
 pub(super) mod footer;
 mod header;
 pub(super) mod help;
 mod hint;
-pub(super) mod info;
-mod legend;
 mod log;
-pub(super) mod map;
-pub(super) mod minimap;
+pub(super) mod scale;
 mod side;
 pub(super) mod text;
 mod training;
-mod unexplored;
-mod walk;
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
@@ -38,10 +32,10 @@ use ratatui::style::{Color, Modifier, Style};
 
 use super::dialog::Dialog;
 use super::layout::ScreenLayout;
+use super::scene;
+pub use super::scene::Cache;
 use super::screen::Screen;
 use super::theme::Theme;
-use crate::map::Grid;
-pub use map::Cache;
 #[cfg(test)]
 pub use side::lines as pane_lines;
 
@@ -102,7 +96,7 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
     let [head, body, foot] =
         Layout::vertical([Constraint::Length(1), Constraint::Min(0), Constraint::Length(1)]).areas(frame.area());
     header::draw(frame, head, screen, &mut layout);
-    let panel = Panel::place(body, screen.map());
+    let panel = Panel::place(body, scene::proportions(screen));
     layout.lacks_panel = panel == Panel::Nowhere;
     if screen.maximised {
         side::draw_maximised(frame, body, screen, &mut layout);
@@ -114,10 +108,8 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
         };
         layout.map_pane = map_pane;
         let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
-        map::draw(frame, map, screen, &mut layout, cache);
-        minimap::draw(frame, map, screen, &mut layout);
+        scene::draw(frame, [map, info], screen, &mut layout, cache);
         hint::draw(frame, map, screen, &mut layout);
-        info::draw(frame, info, screen, &layout);
         if !side.is_empty() {
             side::draw(frame, side, screen, &mut layout);
         }
@@ -138,15 +130,14 @@ enum Panel {
 }
 
 impl Panel {
-    /// Places the panel within `body`: beside the map, or below it if that leaves clearly more room for the map.
-    fn place(body: Rect, map: &Grid) -> Self {
+    /// Places the panel within `body`: beside a map of that width and height, or below it if that leaves clearly more room for the map.
+    fn place(body: Rect, (width, height): (f32, f32)) -> Self {
         let columns = match body.width {
             w if w >= VERY_WIDE_SCREEN => 2 * WIDE_SIDE_WIDTH,
             w if w >= WIDE_SCREEN => WIDE_SIDE_WIDTH,
             w if w >= SIDE_WIDTH + MIN_MAP_WIDTH => SIDE_WIDTH,
             _ => 0,
         };
-        let (width, height) = (map.width() as f32, map.height() as f32);
         // Characters per cell; a character is twice as high as wide.
         let scale = |columns: u16, rows: u16| (f32::from(columns) / width).min(2.0 * f32::from(rows) / height);
         // The map and the line below it take what they need, the panel takes the rest.

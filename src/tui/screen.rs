@@ -6,18 +6,17 @@ use super::action::Mode;
 use super::app::Offer;
 use super::config::UiConfig;
 use super::dialog::Dialog;
-use super::editor::Editor;
 use super::keymap::Keymap;
 use super::layers::Overlays;
 use super::layout::ScreenLayout;
 use super::log::Log;
 use super::panes::Pane;
-use super::raster::{Marker, Viewport};
+use super::raster::Marker;
+use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
-use crate::map::{Cell, Grid};
 use crate::text::grouped;
 use crate::train::{Phase, Run, Snapshot, Success};
-use crate::view::{Field, OnArrival, View};
+use crate::view::{Field, OnArrival};
 
 /// Everything that the screen shows.
 pub struct Screen {
@@ -25,20 +24,12 @@ pub struct Screen {
     pub keymap: Keymap,
     /// Colours.
     pub theme: Theme,
-    /// The map as the user last edited it; the trainer follows.
-    pub map: Arc<Grid>,
-    /// The map editor.
-    pub editor: Editor,
     /// The training state shown.
     pub snapshot: Arc<Snapshot>,
-    /// The view shown.
-    pub view: Arc<View>,
-    /// The goal that distances are measured to.
-    pub goal: Cell,
-    /// The cursor whose cell is described.
-    pub inspecting: Option<Cell>,
-    /// The cell under the mouse.
-    pub hovered: Option<Cell>,
+    /// What is shown of a maze.
+    pub maze: MazeState,
+    /// What is shown of an arm.
+    pub arm: ArmState,
     /// The log.
     pub log: Log,
     /// The field shown by the colours.
@@ -47,8 +38,6 @@ pub struct Screen {
     pub overlays: Overlays,
     /// The characters the map is drawn with.
     pub marker: Marker,
-    /// The visible part of the map.
-    pub viewport: Viewport,
     /// The selected pane.
     pub pane: Pane,
     /// Whether that pane fills the screen.
@@ -76,24 +65,19 @@ pub struct Screen {
 }
 
 impl Screen {
-    /// Creates a screen that shows `snapshot` and `view`.
-    pub fn new((config, keymap): (&UiConfig, Keymap), snapshot: Arc<Snapshot>, view: Arc<View>) -> Self {
+    /// Creates a screen that shows `snapshot`.
+    pub fn new((config, keymap): (&UiConfig, Keymap), snapshot: Arc<Snapshot>) -> Self {
         let theme = Theme::new(config.theme, ColourDepth::detect());
         Self {
             keymap,
             overlays: Overlays::by_default(theme.depth),
             theme,
-            map: snapshot.scene.maze().map,
-            editor: Editor::default(),
+            maze: MazeState::new(snapshot.scene.maze().map),
+            arm: ArmState::default(),
             snapshot,
-            view,
-            goal: Cell::new(0, 0),
-            inspecting: None,
-            hovered: None,
             log: Log::default(),
             field: Field::default(),
             marker: config.marker,
-            viewport: Viewport::default(),
             pane: Pane::default(),
             maximised: false,
             scrolled: 0,
@@ -109,15 +93,36 @@ impl Screen {
         }
     }
 
-    /// Returns the map.
-    pub fn map(&self) -> &Arc<Grid> {
-        &self.map
+    /// Returns the kind of world that is shown.
+    pub fn scene(&self) -> SceneKind {
+        SceneKind::of(&self.snapshot.scene)
+    }
+
+    /// Returns whether the colours can show `field`.
+    pub fn has_field(&self, field: Field) -> bool {
+        self.scene().shows(field) && (field != Field::Composed || self.run().method.plans())
+    }
+
+    /// Returns the world's title: of a map, its name as last edited.
+    pub fn title(&self) -> &str {
+        match self.scene() {
+            SceneKind::Maze => self.maze.map.name(),
+            SceneKind::Arm => &self.snapshot.title,
+        }
+    }
+
+    /// Returns the largest value that the colours show, at least 1.
+    pub fn farthest(&self) -> f32 {
+        match self.scene() {
+            SceneKind::Maze => self.maze.view.farthest.max(1.0),
+            SceneKind::Arm => self.arm.view.farthest.max(1.0),
+        }
     }
 
     /// Returns what the screen is used for.
     pub fn mode(&self) -> Mode {
         match self.offer {
-            _ if self.editor.is_open() => Mode::Editing,
+            _ if self.maze.editor.is_open() => Mode::Editing,
             Some(_) => Mode::Offered,
             None => Mode::Watching,
         }
@@ -162,7 +167,7 @@ impl Screen {
         let text = format!(
             "{} on {}, seed {}: {} updates and {} steps in {:.0} s, {} episodes",
             self.run().method.name(),
-            self.map().name(),
+            self.title(),
             self.run().seed,
             self.snapshot.updates(),
             counters.env_steps,

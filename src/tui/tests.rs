@@ -1,6 +1,7 @@
 //! Tests of the interface on a buffer instead of a terminal.
 
 mod actions;
+mod arm;
 mod compare;
 mod dialogs;
 mod found;
@@ -19,7 +20,7 @@ use ratatui::backend::TestBackend;
 use ratatui::layout::Position;
 use ratatui::style::Color;
 
-use super::action::{Action, Mode, bindings};
+use super::action::{Action, Binding, Mode, bindings};
 use super::app::{App, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
@@ -28,7 +29,7 @@ use super::keymap::Keymap;
 use super::render;
 use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
-use crate::env::PointMaze;
+use crate::env::{Environment, PointMaze};
 use crate::map::{Cell, Grid, parse_map};
 use crate::train::{
     self, Description, Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer,
@@ -48,14 +49,17 @@ fn app_with(map: Grid, method: Method, limits: Limits) -> App {
 }
 
 fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
+    app_in(&PointMaze::new(Arc::new(map), 0), method, limits, save)
+}
+
+fn app_in(world: &dyn Environment, method: Method, limits: Limits, save: Option<PathBuf>) -> App {
     let files = Files { save: save.map(SaveTo::CreateNew) };
     let mut settings = Settings::default();
     settings.learn.hidden = 16;
     settings.learn.buffer_size = 20_000;
     settings.bridge.candidates = 40;
     let run = Run { method, preset: Preset::Default, seed: 1, settings };
-    let world = PointMaze::new(Arc::new(map), 0);
-    let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
+    let trainer = Trainer::new(run, world, &Registry::builtin(), 1).expect("a trainer");
     let engine = Engine::start(trainer, limits).expect("an engine");
     let viewer = Viewer::start(&engine).expect("a viewer");
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
@@ -67,7 +71,7 @@ fn app_saving_to(map: Grid, method: Method, limits: Limits, save: Option<PathBuf
 /// Saves what `app` trains to a file in `folder` and describes it.
 fn saved_run(folder: &Path, app: &App) -> Description {
     let run = Run { method: gdg(), ..app.screen.run().clone() };
-    let world = PointMaze::new(app.screen.map().clone(), 0);
+    let world = PointMaze::new(app.screen.maze.map.clone(), 0);
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
     let path = train::save(&trainer, &SaveTo::CreateNew(folder.join("saved.safetensors"))).expect("a file");
     train::describe(&path).expect("a checkpoint")
@@ -146,7 +150,7 @@ fn a_screen_is_drawn_from_its_state_alone() {
     let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
     let snapshot = Arc::new(Snapshot::capture(&trainer).expect("a snapshot"));
     let keymap = Keymap::new(&BTreeMap::new()).expect("the table's keys");
-    let screen = Screen::new((&UiConfig::default(), keymap), snapshot, Arc::default());
+    let screen = Screen::new((&UiConfig::default(), keymap), snapshot);
     let drawn = || {
         let mut terminal = Terminal::new(TestBackend::new(80, 24)).expect("a buffer");
         let draw = |frame: &mut ratatui::Frame| drop(render::draw(frame, &screen, &mut render::Cache::default()));
@@ -195,7 +199,8 @@ fn an_80_by_24_screen_shows_everything_important() {
     for part in ["gdg-tui", "rooms", "gdg-bridge", "training", "elapsed", "updates", "success", "bridges", "acting"] {
         assert!(shown.contains(part), "{part} is missing:\n{shown}");
     }
-    for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(Mode::Watching)) {
+    let here = |b: &&Binding| b.is_active(Mode::Watching) && app.screen.scene().offers(b.action);
+    for binding in bindings().filter(|b| !b.short.is_empty()).filter(here) {
         assert!(shown.contains(binding.short), "{} is missing:\n{shown}", binding.short);
     }
 }
@@ -203,15 +208,15 @@ fn an_80_by_24_screen_shows_everything_important() {
 #[test]
 fn arrow_keys_move_the_goal_and_jump_over_walls() {
     let mut app = app();
-    assert_eq!(app.screen.goal, Cell::new(19, 4), "the map's own goal");
+    assert_eq!(app.screen.maze.goal, Cell::new(19, 4), "the map's own goal");
     for _ in 0..9 {
         press(&mut app, KeyCode::Left);
     }
-    assert_eq!(app.screen.goal, Cell::new(9, 4), "over the wall at column 10");
+    assert_eq!(app.screen.maze.goal, Cell::new(9, 4), "over the wall at column 10");
     press(&mut app, KeyCode::Down);
-    assert_eq!(app.screen.goal, Cell::new(9, 4), "the map ends here");
+    assert_eq!(app.screen.maze.goal, Cell::new(9, 4), "the map ends here");
     press(&mut app, KeyCode::Char('k'));
-    assert_eq!(app.screen.goal, Cell::new(9, 3));
+    assert_eq!(app.screen.maze.goal, Cell::new(9, 3));
 }
 
 #[test]
@@ -222,21 +227,21 @@ fn left_click_sets_the_goal_and_right_click_the_walking_agent() {
         for cell in [Cell::new(0, 0), Cell::new(13, 3)] {
             let at = character_of(&app, cell);
             mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-            assert_eq!(app.screen.goal, cell, "at {width} x {height}");
+            assert_eq!(app.screen.maze.goal, cell, "at {width} x {height}");
         }
     }
     let at = character_of(&app, Cell::new(5, 1));
     mouse(&mut app, MouseEventKind::Down(MouseButton::Right), at);
-    wait_until(&mut app, |app| app.screen.view.walk.start == [5.5, 1.5]);
+    wait_until(&mut app, |app| app.screen.maze.view.walk.start == [5.5, 1.5]);
 }
 
 #[test]
 fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 3_000 && !app.screen.view.field.is_empty());
-    let field = app.screen.view.field.clone();
-    let raster = app.screen.view.raster.expect("a raster");
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 3_000 && !app.screen.maze.view.field.is_empty());
+    let field = app.screen.maze.view.field.clone();
+    let raster = app.screen.maze.view.raster.expect("a raster");
     assert_eq!(field.len(), raster.pixels.0 * raster.pixels.1);
     // The goal is in the lower right corner, the wall in the middle.
     let at = |position: [f32; 2]| {
@@ -252,16 +257,16 @@ fn the_field_grows_away_from_the_goal_and_is_undefined_on_walls() {
 fn every_field_can_be_shown() {
     let mut app = app();
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 1_000 && !app.screen.view.edges.is_empty());
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 1_000 && !app.screen.maze.view.edges.is_empty());
     let mut seen = Vec::new();
     for _ in 0..7 {
         let asked = app.screen.field;
         wait_until(&mut app, |app| {
-            app.screen.view.kind == asked && (asked == Field::Plain || !app.screen.view.field.is_empty())
+            app.screen.maze.view.kind == asked && (asked == Field::Plain || !app.screen.maze.view.field.is_empty())
         });
         assert!(text(&draw(&mut app, 80, 24)).contains(asked.name()), "{asked:?} is named");
         seen.push(asked);
-        let (field, raster) = (app.screen.view.field.clone(), app.screen.view.raster.expect("a raster"));
+        let (field, raster) = (app.screen.maze.view.field.clone(), app.screen.maze.view.raster.expect("a raster"));
         let (column, row) = raster.pixel_of([0.5, 4.5]).expect("on the map");
         let value = field[row * raster.pixels.0 + column];
         match asked {
@@ -283,17 +288,17 @@ fn the_cursor_and_the_mouse_show_facts_about_a_cell() {
     press(&mut app, KeyCode::Char('i'));
     (0..3).for_each(|_| press(&mut app, KeyCode::Left));
     let cell = Cell::new(16, 4);
-    wait_until(&mut app, |app| app.screen.view.inspected.is_some_and(|facts| facts.cell == cell));
-    let facts = app.screen.view.inspected.expect("facts");
+    wait_until(&mut app, |app| app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == cell));
+    let facts = app.screen.maze.view.inspected.expect("facts");
     assert_eq!(facts.truth, Some(3));
     assert!(text(&draw(&mut app, 120, 40)).contains("cell 16,4: D "));
     press(&mut app, KeyCode::Enter);
-    assert_eq!(app.screen.goal, cell);
+    assert_eq!(app.screen.maze.goal, cell);
     press(&mut app, KeyCode::Esc);
     // Hovering with the mouse does the same.
     let at = character_of(&app, Cell::new(2, 2));
     mouse(&mut app, MouseEventKind::Moved, at);
-    wait_until(&mut app, |app| app.screen.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2)));
+    wait_until(&mut app, |app| app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == Cell::new(2, 2)));
 }
 
 #[test]
@@ -307,9 +312,12 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     let at = character_of(&app, door);
     let below = Position::new(at.x, at.y + 1);
     mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
-    assert_eq!(app.screen.editor.preview().map(|(cells, free)| (cells.contains(&door), free)), Some((true, false)));
+    assert_eq!(
+        app.screen.maze.editor.preview().map(|(cells, free)| (cells.contains(&door), free)),
+        Some((true, false))
+    );
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
-    assert!(!app.screen.map().is_free(door), "the door is closed");
+    assert!(!app.screen.maze.map.is_free(door), "the door is closed");
     wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
     assert!(
         app.screen
@@ -330,14 +338,14 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     mouse(&mut app, MouseEventKind::Up(MouseButton::Right), below);
     wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(door));
     // By keyboard alone, from the goal, where the cursor starts.
-    assert_eq!(app.screen.editor.cursor, Some(Cell::new(19, 4)));
+    assert_eq!(app.screen.maze.editor.cursor, Some(Cell::new(19, 4)));
     (0..9).for_each(|_| press(&mut app, KeyCode::Left));
-    let wall = app.screen.map().is_free(Cell::new(10, 4));
+    let wall = app.screen.maze.map.is_free(Cell::new(10, 4));
     press(&mut app, KeyCode::Char('x'));
     wait_until(&mut app, |app| app.screen.snapshot.scene.maze().map.is_free(Cell::new(10, 4)) != wall);
     press(&mut app, KeyCode::Esc);
-    assert!(!app.screen.editor.is_open());
-    assert_eq!(app.screen.goal, Cell::new(19, 4), "the goal stayed where it was");
+    assert!(!app.screen.maze.editor.is_open());
+    assert_eq!(app.screen.maze.goal, Cell::new(19, 4), "the goal stayed where it was");
 }
 
 #[test]
@@ -409,9 +417,9 @@ fn a_new_run_starts_on_a_map_of_another_size_and_the_screen_follows() {
     // Choose to begin with fresh networks.
     press(&mut app, KeyCode::Enter);
     wait_until(&mut app, |app| app.screen.snapshot.generation == 1);
-    assert_eq!((app.screen.map().width(), app.screen.map().height()), (12, 7));
+    assert_eq!((app.screen.maze.map.width(), app.screen.maze.map.height()), (12, 7));
     draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20 && !app.screen.view.field.is_empty());
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 20 && !app.screen.maze.view.field.is_empty());
     draw(&mut app, 80, 24);
 }
 
@@ -422,8 +430,8 @@ fn the_walking_agent_can_visit_one_goal_after_another() {
     press(&mut app, KeyCode::Char('t'));
     // Starting at the goal, it arrives at once, whatever it has learned.
     press(&mut app, KeyCode::Char('S'));
-    let first = app.screen.goal;
-    wait_until(&mut app, |app| app.screen.view.walk.finished_walks.0 >= 1 && app.screen.goal != first);
+    let first = app.screen.maze.goal;
+    wait_until(&mut app, |app| app.screen.maze.view.walk.finished_walks.0 >= 1 && app.screen.maze.goal != first);
 }
 
 #[test]

@@ -169,9 +169,9 @@ pub fn limits(rows: &mut Rows, angles: &Joints, velocities: &Joints) {
 }
 
 /// The table's top in metres: height, and its range of x and y.
-const TABLE_TOP: f64 = 0.4;
-const TABLE_X: (f64, f64) = (1.05, 1.55);
-const TABLE_Y: (f64, f64) = (0.4, 1.1);
+pub const TABLE_TOP: f64 = 0.4;
+pub const TABLE_X: (f64, f64) = (1.05, 1.55);
+pub const TABLE_Y: (f64, f64) = (0.4, 1.1);
 
 /// Contacts act from this distance in metres.
 const MARGIN: f64 = 0.001;

@@ -1,3 +1,4 @@
+use glam::DVec3;
 use rand::SeedableRng;
 
 use super::arm::FULL_STATE;

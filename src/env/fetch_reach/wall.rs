@@ -7,8 +7,9 @@ use super::kinematics::Frames;
 /// A box that the arm cannot enter.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Wall {
-    /// Lowest and highest corner in metres.
+    /// Lowest corner in metres.
     pub low: DVec3,
+    /// Highest corner in metres.
     pub high: DVec3,
 }
 

@@ -1,9 +1,9 @@
 //! The table of all actions.
 
 use super::{Action, Binding, Section, When};
-use crate::tui::editor::Tool;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
+use crate::tui::scene::Tool;
 
 const fn bind(
     action: Action,
@@ -166,6 +166,12 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", "pan the map upwards").also("scroll"),
             bind(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", "pan the map downwards")
                 .also("scroll"),
+            bind(Action::Projection, "projection", &["shift-p"], "turn", "choose the next projection")
+                .watching()
+                .also("side top front orbit rotate camera angle"),
+            bind(Action::Alone, "alone", &["shift-z"], "", "show the chosen projection alone, or all")
+                .watching()
+                .also("single full"),
             bind(Action::Marker, "marker", &["m"], "", "half blocks, quadrants or braille")
                 .watching()
                 .also("characters symbols pixels resolution font"),

@@ -1,18 +1,14 @@
 //! Executes actions.
 
-use std::sync::Arc;
-
 use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
-use crate::bridge::EdgeStatus;
-use crate::map::{Cell, Grid};
 use crate::train::{Command, Step};
-use crate::tui::action::{Action, Mode};
+use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::dialog::{Dialog, Help, Picker, Prompt, Question, lists};
-use crate::tui::editor::offset_cell;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::panes::Pane;
+use crate::tui::scene::{self, SceneKind};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
 use crate::view::{Field, Request};
@@ -23,6 +19,9 @@ const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600
 impl App {
     /// Performs an action.
     pub fn act(&mut self, action: Action) {
+        if !self.screen.scene().offers(action) {
+            return self.refuse(action);
+        }
         if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
             self.on_first_use();
         }
@@ -39,27 +38,18 @@ impl App {
             Action::ResetSetting => self.reset_setting(),
             Action::Method => self.open_picker(lists::methods(&self.screen.run().method)),
             Action::Preset => self.open_picker(lists::presets(self.screen.run().preset)),
-            Action::NewGoal => {
-                let cell = self.random_cell();
-                self.set_goal(cell);
-            }
-            Action::Move(dx, dy) => self.move_by(dx, dy),
-            Action::GoalHere => self.set_goal(self.screen.inspecting.unwrap_or(self.screen.goal)),
-            Action::StartHere => self.place_walker(Some(self.screen.inspecting.unwrap_or(self.screen.goal))),
-            Action::NewStart => self.place_walker(None),
             Action::OnArrival => {
                 self.set_on_arrival(self.screen.on_arrival.next());
                 self.notify(&format!("at the goal @ will {}", self.screen.on_arrival.name()));
             }
             Action::Follow => self.follow_next(),
-            Action::Field(forward) => self.show_field(self.screen.field.cycle(forward, &self.screen.run().method)),
+            Action::Field(forward) => {
+                self.show_field(self.screen.field.cycle(forward, |field| self.screen.has_field(field)));
+            }
             Action::Toggle(overlay) => {
                 let shown = self.screen.overlays.toggle(overlay);
-                if overlay == Overlay::Directions {
-                    self.viewer.request(Request::Directions(shown));
-                }
-                let tried = self.screen.view.edges.iter().any(|(_, status)| *status != EdgeStatus::Untried);
-                let none = overlay == Overlay::Edges && shown && !tried;
+                self.act_in_scene(action);
+                let none = overlay == Overlay::Edges && shown && !scene::has_tried_edges(&self.screen);
                 let more = if none { ", but agents have not tried any yet" } else { "" };
                 self.notify(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }
@@ -69,30 +59,14 @@ impl App {
                 self.screen.marker = all[(at + 1) % all.len()];
                 self.notify(&format!("marker: {}", self.screen.marker.name()));
             }
-            Action::ZoomIn => self.zoom(1.5, None),
-            Action::ZoomOut => self.zoom(1.0 / 1.5, None),
-            Action::ZoomOff => self.zoom(0.0, None),
-            Action::Pan(dx, dy) => self.pan(dx, dy),
-            Action::Inspect => {
-                let at = self.screen.inspecting.is_none().then_some(self.screen.goal);
-                self.inspect(at);
-            }
             Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),
             Action::NextPane => self.show_next(),
             Action::Maximise => self.screen.maximised = !self.screen.maximised,
             Action::Scroll(by) => self.screen.scrolled = self.screen.scrolled.saturating_add_signed(-by),
             Action::LogScale => self.screen.log_scale = !self.screen.log_scale,
-            Action::ToggleEdit
-            | Action::Tool(_)
-            | Action::Apply
-            | Action::Undo
-            | Action::Redo
-            | Action::SaveMap
-            | Action::OpenMap
-            | Action::RandomMap
-            | Action::NewMap
-            | Action::ResizeMap => self.act_on_map(action),
+            Action::OpenMap => self.pick_map(None),
+            Action::RandomMap => self.open_picker(lists::random_maps()),
             Action::Save => {
                 self.save();
             }
@@ -103,8 +77,8 @@ impl App {
                 let (now, hint) = (self.autosave_minutes.to_string(), "minutes; 0 turns autosave off");
                 self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
             }
-            Action::Export => self.open_picker(lists::exports()),
-            Action::Palette => self.open_picker(lists::actions(&self.screen.keymap, self.screen.offer.is_some())),
+            Action::Export => self.open_picker(lists::exports(self.screen.scene())),
+            Action::Palette => self.open_picker(lists::actions(&self.screen)),
             Action::Help => self.screen.dialogs.push(Dialog::Help(Help::default())),
             Action::SearchHelp => {
                 if let Some(Dialog::Help(help)) = self.screen.dialogs.last_mut() {
@@ -114,58 +88,24 @@ impl App {
             Action::Close => self.close_top(),
             Action::Suspend => self.suspending = true,
             Action::Quit => self.quit(),
-            // Only a comparison has sides and an axis to choose.
-            Action::NextLarger | Action::Larger(_) | Action::Axis => {}
+            _ => self.act_in_scene(action),
         }
     }
 
-    /// Performs an action of the editor or with map files.
-    fn act_on_map(&mut self, action: Action) {
-        match action {
-            Action::ToggleEdit => self.toggle_edit(),
-            Action::Tool(tool) => {
-                if !self.screen.editor.is_open() {
-                    self.toggle_edit();
-                }
-                self.screen.editor.select_tool(tool);
-            }
-            Action::Apply => {
-                let new = self.screen.editor.apply(&self.screen.map.clone());
-                self.change_map(new);
-            }
-            Action::Undo => {
-                let new = self.screen.editor.undo(&self.screen.map.clone());
-                self.change_map_or_say(new, "nothing to undo");
-            }
-            Action::Redo => {
-                let new = self.screen.editor.redo(&self.screen.map.clone());
-                self.change_map_or_say(new, "nothing to redo");
-            }
-            Action::SaveMap => self.ask_map_file(),
-            Action::OpenMap => self.pick_map(None),
-            Action::RandomMap => self.open_picker(lists::random_maps()),
-            Action::NewMap => self.ask_size(Question::NewMap),
-            Action::ResizeMap => self.ask_size(Question::ResizeMap),
-            _ => {}
-        }
-    }
-
-    /// Colours the map by a field.
+    /// Colours the scene by a field.
     pub fn show_field(&mut self, field: Field) {
         self.screen.field = field;
         self.viewer.request(Request::Field(field));
     }
 
-    /// Puts the walking agent at a cell, or at a random place.
-    pub fn place_walker(&mut self, cell: Option<Cell>) {
-        self.viewer.request(Request::Start(cell));
-    }
-
-    fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: &str) {
-        if map.is_none() {
-            self.notify(otherwise);
-        }
-        self.change_map(map);
+    /// Says why an action does nothing here.
+    fn refuse(&mut self, action: Action) {
+        let name = bindings().find(|b| b.action == action).map_or("", |b| b.name);
+        let other = match self.screen.scene() {
+            SceneKind::Maze => SceneKind::Arm,
+            SceneKind::Arm => SceneKind::Maze,
+        };
+        self.notify(&format!("{name} does nothing here: {} has no {}", self.screen.title(), other.noun()));
     }
 
     fn toggle_pause(&mut self) {
@@ -204,7 +144,7 @@ impl App {
     }
 
     fn follow_next(&mut self) {
-        let agents = self.screen.snapshot.agents.len() / 2;
+        let agents = self.screen.run().settings.train.agents;
         self.screen.following = match self.screen.following {
             None => Some(0),
             Some(agent) if agent + 1 < agents => Some(agent + 1),
@@ -234,53 +174,14 @@ impl App {
         }
     }
 
-    fn toggle_edit(&mut self) {
-        if self.screen.editor.is_open() {
-            self.screen.editor.close();
-        } else {
-            self.screen.editor.cursor = Some(self.screen.inspecting.unwrap_or(self.screen.goal));
-            self.inspect(None);
-        }
-    }
-
-    fn move_by(&mut self, dx: isize, dy: isize) {
-        if self.screen.editor.is_open() {
-            self.screen.editor.move_cursor((dx, dy), &self.screen.map.clone());
-        } else if let Some(at) = self.screen.inspecting {
-            self.inspect(Some(offset_cell(at, (dx, dy), &self.screen.map)));
-        } else {
-            self.move_goal(dx, dy);
-        }
-        self.scroll_into_view();
-    }
-
-    /// Moves the goal to the next free cell in that direction, jumping over walls.
-    fn move_goal(&mut self, dx: isize, dy: isize) {
-        let mut at = self.screen.goal;
-        loop {
-            at = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
-            if at.x >= self.screen.map().width() || at.y >= self.screen.map().height() {
-                return;
-            }
-            if self.screen.map().is_free(at) {
-                return self.set_goal(at);
-            }
-        }
-    }
-
     fn close_top(&mut self) {
-        if self.screen.editor.is_open() {
-            self.screen.editor.close();
-        } else if self.screen.inspecting.is_some() {
-            self.inspect(None);
-        } else if self.screen.maximised {
-            self.screen.maximised = false;
-        } else if self.screen.offer.take().is_some() {
-            // Hidden.
-        } else if self.screen.first_run {
+        if self.close_in_scene() || std::mem::take(&mut self.screen.maximised) || self.screen.offer.take().is_some() {
+            return;
+        }
+        if self.screen.first_run {
             self.on_first_use();
-        } else if self.screen.viewport.zoom > 1.0 {
-            self.zoom(0.0, None);
+        } else {
+            self.act_in_scene(Action::ZoomOff);
         }
     }
 

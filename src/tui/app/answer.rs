@@ -7,10 +7,14 @@ use rand::RngExt;
 
 use super::files::checkpoint_file;
 use super::{App, maze_on};
+use crate::env::{WORLDS, WorldKind, maze};
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{Command, ConfigError, Run, Setting, list_settings, with_setting};
+use crate::train::{
+    Command, ConfigError, MakeWorld, Overrides, Run, Setting, list_settings, settings_from, with_setting,
+};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
+use crate::tui::scene::SceneKind;
 
 /// Why an answer is not accepted.
 #[derive(Debug, thiserror::Error)]
@@ -99,9 +103,11 @@ impl App {
                 let seed = self.rng.random_range(0..1_000);
                 self.offer_map(&Arc::new(crate::map::random(kind, None, seed)));
             }
+            Choice::OpenWorld(name) => self.open_picker(lists::world_switch_choices(name)),
+            Choice::StartIn(name) => self.start_run_in(name),
             Choice::StartOn(map) => self.start_run_on(map),
             Choice::ContinueOn(map) => {
-                let new = self.screen.editor.record(&self.screen.map.clone(), (*map).clone());
+                let new = self.screen.maze.editor.record(&self.screen.maze.map.clone(), (*map).clone());
                 self.change_map(new);
             }
             Choice::Load(path) if self.is_worth_saving() => {
@@ -128,21 +134,48 @@ impl App {
         }
     }
 
+    /// Starts a new run in the world called `name`, with the preset's settings for it.
+    fn start_run_in(&mut self, name: &str) {
+        if let Some(kind) = WORLDS.iter().find(|kind| kind.name == name)
+            && let Some(create) = kind.create
+        {
+            let run = self.run_adapted_to(kind);
+            self.command(Command::StartRun(Box::new(run), Box::new(move |_| create())));
+        }
+    }
+
+    /// Starts a new run on `map`: with the settings of this run, if its world is a map too.
     fn start_run_on(&mut self, map: Arc<Grid>) {
-        let run = self.screen.run().clone();
+        let run = match self.screen.scene() {
+            SceneKind::Maze => self.screen.run().clone(),
+            SceneKind::Arm => self.run_adapted_to(&maze::KIND),
+        };
         self.command(Command::StartRun(Box::new(run), maze_on(map)));
+    }
+
+    /// Returns this run with the settings that its preset has in another kind of world.
+    fn run_adapted_to(&self, kind: &WorldKind) -> Run {
+        let run = self.screen.run().clone();
+        let overrides = Overrides { defaults: kind.defaults, config: None, set: &[] };
+        match settings_from(run.preset, &overrides) {
+            Ok(settings) => Run { settings, ..run },
+            Err(_) => run,
+        }
     }
 
     /// Asks the user how to switch to another map.
     pub(super) fn offer_map(&mut self, map: &Arc<Grid>) {
-        let (width, height) = (self.screen.map.width(), self.screen.map.height());
+        if self.screen.scene() != SceneKind::Maze {
+            return self.open_picker(lists::map_switch_choices(map, None, None));
+        }
+        let (width, height) = (self.screen.maze.map.width(), self.screen.maze.map.height());
         // Cells beyond the new map become walls, to keep agents out.
         let fitted = map.resized(width, height).and_then(|fitted| {
             let beyond = |c: &crate::map::Cell| c.x >= map.width() || c.y >= map.height();
             let walls: Vec<_> = fitted.free_cells().filter(beyond).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        self.open_picker(lists::map_switch_choices(map, &self.screen.map, fitted));
+        self.open_picker(lists::map_switch_choices(map, Some(&self.screen.maze.map), fitted));
     }
 
     /// Gives the setting selected in the list the value of the run's preset.
@@ -169,9 +202,9 @@ impl App {
         self.open_prompt(Prompt::new(Question::Setting(name.clone()), name, hint, value));
     }
 
-    pub(super) fn ask_size(&mut self, question: Question) {
+    pub(in crate::tui) fn ask_size(&mut self, question: Question) {
         let title = if question == Question::NewMap { "size of the empty map" } else { "new size of the map" };
-        let now = format!("{} x {}", self.screen.map.width(), self.screen.map.height());
+        let now = format!("{} x {}", self.screen.maze.map.width(), self.screen.maze.map.height());
         self.open_prompt(Prompt::new(question, title, "columns x rows, e.g. 40 x 30", now));
     }
 
@@ -195,14 +228,18 @@ impl App {
             }
             Question::ResizeMap => {
                 let (width, height) = size(typed)?;
-                let resized = self.screen.map.resized(width, height);
+                let resized = self.screen.maze.map.resized(width, height);
                 let map = resized.ok_or(AnswerError::NoFreeCell)?;
                 self.offer_map(&Arc::new(map));
             }
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;
                 let run = Run { seed, ..self.screen.run().clone() };
-                self.command(Command::StartRun(Box::new(run), maze_on(self.screen.map.clone())));
+                let world: MakeWorld = match self.screen.scene() {
+                    SceneKind::Maze => maze_on(self.screen.maze.map.clone()),
+                    SceneKind::Arm => Box::new(|world| world.fork(0)),
+                };
+                self.command(Command::StartRun(Box::new(run), world));
             }
             Question::Autosave => {
                 let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));

@@ -46,8 +46,8 @@ impl App {
         self.open_picker(lists::checkpoints(found, &TimeZone::system()));
     }
 
-    pub(super) fn ask_map_file(&mut self) {
-        let name = format!("{}-edited.txt", self.screen.map.name().trim_end_matches("-edited"));
+    pub(in crate::tui) fn ask_map_file(&mut self) {
+        let name = format!("{}-edited.txt", self.screen.maze.map.name().trim_end_matches("-edited"));
         let hint = "NAME.map: Moving AI format; any other: plain ASCII";
         self.open_prompt(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }
@@ -58,8 +58,8 @@ impl App {
         }
         let path = Path::new(name);
         let movingai = path.extension().is_some_and(|e| e == "map");
-        let marks = self.screen.map.starts().len() + self.screen.map.goals().len();
-        let text = if movingai { print_movingai(&self.screen.map) } else { print_ascii(&self.screen.map) };
+        let marks = self.screen.maze.map.starts().len() + self.screen.maze.map.goals().len();
+        let text = if movingai { print_movingai(&self.screen.maze.map) } else { print_ascii(&self.screen.maze.map) };
         write_atomically(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
         let lost = if movingai && marks > 0 { " (without starts and goals, which the format lacks)" } else { "" };
         self.notify(&format!("wrote {name}{lost}"));

@@ -43,7 +43,7 @@ impl App {
     }
 
     /// Stops saying what there is to see, now and in later runs: the user has found out.
-    pub(super) fn on_first_use(&mut self) {
+    pub(in crate::tui) fn on_first_use(&mut self) {
         if std::mem::take(&mut self.screen.first_run)
             && let Some(path) = used_path()
         {

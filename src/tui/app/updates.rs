@@ -76,23 +76,38 @@ impl App {
     }
 
     /// Handles a new view.
-    pub fn on_view(&mut self, view: Arc<View>) {
+    pub fn on_view(&mut self, view: View) {
         if self.screen.frozen {
             return;
         }
         // Follow goals chosen by the walking agent itself, but not those older than the latest goal request.
-        if let ((Some(goal), number), OnArrival::Visit) = (view.goal, self.screen.on_arrival)
-            && number == self.goal_requests
-        {
-            self.screen.goal = goal;
+        let (visits, latest) = (self.screen.on_arrival == OnArrival::Visit, self.goal_requests);
+        match view {
+            View::Maze(view) => {
+                if let (Some(goal), number) = view.goal
+                    && visits
+                    && number == latest
+                {
+                    self.screen.maze.goal = goal;
+                }
+                self.screen.maze.view = view;
+                self.warn_of_cut_off_goal();
+            }
+            View::Arm(view) => {
+                if let (Some(goal), number) = view.goal
+                    && visits
+                    && number == latest
+                {
+                    self.screen.arm.goal = goal;
+                }
+                self.screen.arm.view = view;
+            }
         }
-        self.screen.view = view;
-        self.warn_of_cut_off_goal();
     }
 
     /// Says so if no path leads from the walking agent to the goal: once for each goal and state of the map.
     fn warn_of_cut_off_goal(&mut self) {
-        let view = self.screen.view.clone();
+        let view = self.screen.maze.view.clone();
         let no_path = view.goal.1 == self.goal_requests && view.walk.shortest.is_none();
         let warned =
             |(goal, cut_off): &(u64, Arc<Vec<bool>>)| *goal == view.goal.1 && Arc::ptr_eq(cut_off, &view.cut_off);

@@ -20,10 +20,10 @@ impl Comparison {
             }
             Action::StartHere => {
                 let screen = &self.sides[0].app.screen;
-                self.start_race(screen.inspecting.unwrap_or(screen.goal), screen.goal);
+                self.start_race(screen.maze.inspecting.unwrap_or(screen.maze.goal), screen.maze.goal);
             }
             Action::NewStart => {
-                let goal = self.sides[0].app.screen.goal;
+                let goal = self.sides[0].app.screen.maze.goal;
                 let start = self.race.random_start(goal);
                 self.start_race(start, goal);
             }
@@ -51,7 +51,7 @@ impl Comparison {
 
     /// Sets the goal of both to that of one side, and starts a race to it if it has changed.
     pub(super) fn goal_from(&mut self, side: usize) {
-        let goal = self.sides[side].app.screen.goal;
+        let goal = self.sides[side].app.screen.maze.goal;
         if goal != self.race.goal() {
             self.start_race(self.race.start(), goal);
         }
@@ -68,9 +68,8 @@ impl Comparison {
 
     /// Colours both maps by the next field that both have.
     fn next_field(&mut self, forward: bool) {
-        let methods = self.sides.each_ref().map(|side| side.app.screen.run().method.clone());
-        let least = methods.iter().find(|method| !method.plans()).unwrap_or(&methods[0]);
-        let field: Field = self.sides[0].app.screen.field.cycle(forward, least);
+        let both_have = |field: Field| self.sides.iter().all(|side| side.app.screen.has_field(field));
+        let field = self.sides[0].app.screen.field.cycle(forward, both_have);
         self.sides.iter_mut().for_each(|side| side.app.show_field(field));
     }
 }

@@ -24,7 +24,8 @@ use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::raster::{MapFrame, Viewport};
-use crate::tui::render::{BOLD, DIM, REVERSED, footer, help, info, map, minimap, paint_page};
+use crate::tui::render::{BOLD, DIM, REVERSED, footer, help, paint_page};
+use crate::tui::scene::maze::{info, map, minimap};
 use crate::tui::screen::Screen;
 
 /// The smallest screen with room for everything, in columns and rows.
@@ -97,7 +98,7 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
     let mut bar = ClickableLine::default();
     let act = |action| Some(Click::Act(action));
     bar.push(Span::styled(" gdg-tui compare ", BOLD.patch(REVERSED)), act(Action::Help));
-    bar.push(Span::styled(format!(" {} ", screen.map().name()), BOLD), None);
+    bar.push(Span::styled(format!(" {} ", screen.maze.map.name()), BOLD), None);
     bar.push(Span::raw(format!("seed {} ", screen.run().seed)), None);
     let phase = if matches!(screen.snapshot.phase, Phase::Failed(_)) { "stopped".to_owned() } else { screen.phase() };
     bar.push(Span::styled(format!(" {phase} "), BOLD), act(Action::TogglePause));
@@ -128,7 +129,7 @@ fn draw_side(frame: &mut Frame, area: Rect, side: &mut Side, (facts, rows): (&[F
     let below = Layout::vertical([Constraint::Min(0), Constraint::Length(rows)]).areas(inner);
     // The map as large as possible.
     let scale = |[room, _]: [Rect; 2]| {
-        let frame = MapFrame::fit(room, screen.map(), screen.marker, Viewport::default());
+        let frame = MapFrame::fit(room, &screen.maze.map, screen.marker, Viewport::default());
         frame.map_or(0.0, |frame| frame.scale())
     };
     let ([room, known], lines) =

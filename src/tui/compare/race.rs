@@ -7,7 +7,7 @@ use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use crate::view::{OnArrival, View};
+use crate::view::{MazeView, OnArrival};
 
 /// How long both rest once a race is over.
 const REST: Duration = Duration::from_millis(1500);
@@ -73,7 +73,7 @@ impl Race {
     }
 
     /// Takes note of how a side's agent is doing.
-    pub fn observe(&mut self, side: usize, view: &View) {
+    pub fn observe(&mut self, side: usize, view: &MazeView) {
         let walk = &view.walk;
         if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {
             return;
@@ -123,10 +123,10 @@ impl Race {
 mod tests {
     use super::*;
     use crate::map::parse_map;
-    use crate::view::Walk;
+    use crate::view::maze::Walk;
 
-    fn view(number: u64, walk: Walk) -> View {
-        View { goal: (None, number), walk, ..View::default() }
+    fn view(number: u64, walk: Walk) -> MazeView {
+        MazeView { goal: (None, number), walk, ..MazeView::default() }
     }
 
     #[test]

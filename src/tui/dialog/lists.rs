@@ -8,7 +8,7 @@ use jiff::tz::TimeZone;
 
 use super::{Choice, Item, Picker};
 use crate::bridge::Planner;
-use crate::env::maze;
+use crate::env::WORLDS;
 use crate::learn::LEARNERS;
 use crate::map::{BUILTIN, Grid, RandomMapKind};
 use crate::text::truncated;
@@ -16,24 +16,27 @@ use crate::train::{
     CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Run, SETTINGS, Setting, list_settings,
 };
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
-use crate::tui::keymap::Keymap;
 use crate::tui::output::ExportKind;
+use crate::tui::scene::SceneKind;
+use crate::tui::screen::Screen;
 use crate::tui::theme::ThemeName;
 
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
-/// Lists all actions by name, those for an offered run only if one `is_offered`.
-pub fn actions(keymap: &Keymap, is_offered: bool) -> Picker {
-    let modes =
-        if is_offered { &[Mode::Watching, Mode::Editing, Mode::Offered][..] } else { &[Mode::Watching, Mode::Editing] };
-    let here = |b: &&Binding| modes.iter().any(|mode| b.is_active(*mode));
-    let named = |b: &&Binding| b.action != Action::Palette && here(b);
+/// Lists all actions that make sense on this screen, by name.
+pub fn actions(screen: &Screen) -> Picker {
+    let (keymap, scene) = (&screen.keymap, screen.scene());
+    let here = |b: &&Binding| {
+        let active = b.is_active(Mode::Watching) || b.is_active(Mode::Editing);
+        active || screen.offer.is_some() && b.is_active(Mode::Offered)
+    };
+    let named = |b: &&Binding| b.action != Action::Palette && scene.offers(b.action) && here(b);
     let item = |b: &Binding| Item {
         // The editor's tools are called like other things.
         name: if b.when == When::Editing { "" } else { b.name },
         words: format!("{} {}", b.name, b.words),
-        ..Item::new(b.long, keymap.display_keys(b).join(" "), Choice::Act(b.action))
+        ..Item::new(scene.wording(b), keymap.display_keys(b).join(" "), Choice::Act(b.action))
     };
     Picker::new("find an action", bindings().filter(named).map(item).collect())
 }
@@ -105,8 +108,8 @@ pub fn random_maps() -> Picker {
 }
 
 /// Lists the kinds of exports.
-pub fn exports() -> Picker {
-    let items = ExportKind::ALL.map(|kind| Item::new(kind.name(), kind.file_type(), Choice::Export(kind)));
+pub fn exports(scene: SceneKind) -> Picker {
+    let items = ExportKind::ALL.map(|kind| Item::new(kind.name(scene), kind.file_type(), Choice::Export(kind)));
     Picker::new("export", items.to_vec())
 }
 
@@ -147,17 +150,17 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     Picker::new(title, items)
 }
 
-/// Asks how to switch from map `now` to `map`; `fitted` is `map` at the size of `now`.
-pub fn map_switch_choices(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> Picker {
+/// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of `now`.
+pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Grid>) -> Picker {
     let mut items = vec![
         Item::new("start a new run on it", "new networks; unsaved training is lost", Choice::StartOn(map.clone()))
             .on('s'),
     ];
-    let (width, height) = (now.width(), now.height());
-    if (map.width(), map.height()) == (width, height) {
+    let size = now.map(|now| (now.width(), now.height()));
+    if size == Some((map.width(), map.height())) {
         let same = Choice::ContinueOn(map.clone());
         items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same).on('c'));
-    } else if let Some(fitted) = fitted {
+    } else if let (Some((width, height)), Some(fitted)) = (size, fitted) {
         let label = format!("continue on it, cropped or padded to {width} x {height}");
         let fitted = Choice::ContinueOn(Arc::new(fitted));
         items.push(Item::new(label, "the networks expect a map of this size", fitted).on('c'));
@@ -166,8 +169,18 @@ pub fn map_switch_choices(map: &Arc<Grid>, now: &Grid, fitted: Option<Grid>) -> 
     Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
 }
 
+/// Asks whether to start a new run in the world called `name`.
+pub fn world_switch_choices(name: &'static str) -> Picker {
+    let start = Item::new(
+        "start a new run in it",
+        "new networks, the preset's settings; unsaved training is lost",
+        Choice::StartIn(name),
+    );
+    Picker::new(name, vec![start, Item::new("cancel", "", Choice::Nothing)])
+}
+
 /// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is given, recent and
-/// built-in maps come first.
+/// built-in maps and other worlds come first.
 pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf]>) -> Picker {
     let mut items = Vec::new();
     if let Some(recent) = recent {
@@ -175,6 +188,8 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf
         items.extend(recent.iter().map(item));
         items.extend(BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))));
         items.push(Item::new("random map", "maze, city or perfect maze", Choice::Act(Action::RandomMap)));
+        let worlds = WORLDS.iter().filter(|kind| kind.create.is_some());
+        items.extend(worlds.map(|kind| Item::new(kind.name, "another world", Choice::OpenWorld(kind.name))));
     }
     items.push(Item::new("..", "folder", Choice::Folder(folder.join(".."))));
     for (path, is_folder) in entries {
@@ -194,7 +209,7 @@ pub fn checkpoints(mut found: Vec<Result<Description, CheckpointError>>, zone: &
     found.sort_by_key(|d| std::cmp::Reverse(d.as_ref().ok().and_then(|d| d.written)));
     let name = |file: &Path| file.file_stem().map(|s| s.to_string_lossy().into_owned()).unwrap_or_default();
     let item = |found: &Result<Description, CheckpointError>| match found {
-        Ok(d) if d.world != maze::KIND.name => {
+        Ok(d) if !SceneKind::draws(&d.world) => {
             let why = format!("cannot be drawn: continue it with --no-ui; {}", about(d, zone));
             Item::new(name(&d.file), why, Choice::Nothing)
         }

@@ -9,9 +9,9 @@ use ratatui::widgets::{Clear, Paragraph};
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED};
 use crate::tui::action::{Action, Mode, bindings};
-use crate::tui::editor::Tool;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
+use crate::tui::scene::Tool;
 use crate::tui::screen::Screen;
 
 /// The most rows of a notice.
@@ -24,7 +24,7 @@ const LAST_KEYS: usize = 3;
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let notice = screen.log.notice();
     // The tools of the editor stay visible, so notices go above them.
-    let tools = screen.editor.is_open();
+    let tools = screen.maze.editor.is_open();
     if let Some(notice) = notice {
         let last = area.y.saturating_sub(u16::from(tools));
         draw_notice(frame, Rect { y: last, ..area }, screen, notice);
@@ -54,7 +54,7 @@ pub fn draw_notice(frame: &mut Frame, last: Rect, screen: &Screen, notice: Notic
 /// Returns the actions of `mode` that have a short name and fit: where room is short, those in the middle are left out.
 pub fn keys(screen: &Screen, mode: Mode, width: u16) -> ClickableLine {
     let mut keys: Vec<(Action, String)> = Vec::new();
-    for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(mode)) {
+    for binding in bindings().filter(|b| !b.short.is_empty() && b.is_active(mode) && screen.scene().offers(b.action)) {
         let idle = binding.action == Action::TogglePause && !screen.snapshot.phase.is_training();
         keys.push((binding.action, format!(" {} ", if idle { "resume" } else { binding.short })));
     }
@@ -77,7 +77,7 @@ fn editing(screen: &Screen, width: u16) -> ClickableLine {
         let mut bar = ClickableLine::default();
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
         for tool in tools {
-            let style = if *tool == screen.editor.tool { REVERSED } else { Style::new() };
+            let style = if *tool == screen.maze.editor.tool { REVERSED } else { Style::new() };
             key(&mut bar, screen, Action::Tool(*tool), tool.name(), style);
         }
         bar.push(Span::raw(" "), None);
@@ -87,14 +87,14 @@ fn editing(screen: &Screen, width: u16) -> ClickableLine {
     let label_width = |action, label: &str| screen.keymap.key_of(action).chars().count() + label.len() + 3;
     let done = label_width(Action::ToggleEdit, "done");
     let all = tools(&Tool::ALL);
-    let mut bar = if all.width() + done <= width { all } else { tools(&[screen.editor.tool]) };
+    let mut bar = if all.width() + done <= width { all } else { tools(&[screen.maze.editor.tool]) };
     for (action, label) in [(Action::Apply, "use"), (Action::Undo, "undo"), (Action::ToggleEdit, "done")] {
         let after = if action == Action::ToggleEdit { 0 } else { done };
         if bar.width() + label_width(action, label) + after <= width {
             key(&mut bar, screen, action, &format!(" {label} "), Style::new());
         }
     }
-    let mouse = format!(" {}", screen.editor.tool.mouse());
+    let mouse = format!(" {}", screen.maze.editor.tool.mouse());
     if bar.width() + mouse.len() <= width {
         bar.push(Span::styled(mouse, DIM), None);
     }

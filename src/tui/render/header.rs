@@ -22,7 +22,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let act = |action| Some(Click::Act(action));
     let mut bar = ClickableLine::default();
     bar.push(Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), act(Action::Help));
-    bar.push(Span::styled(format!(" {} ", screen.map().name()), BOLD), act(Action::OpenMap));
+    bar.push(Span::styled(format!(" {} ", screen.title()), BOLD), act(Action::OpenMap));
     bar.push(Span::raw(format!("{} ", run.method.name())), act(Action::Method));
     bar.push(Span::raw(format!("{} ", run.preset.name())), act(Action::Preset));
     bar.push(Span::raw(format!("seed {} ", run.seed)), act(Action::NewSeed));

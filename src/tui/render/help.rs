@@ -6,10 +6,11 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::text::wrapped;
-use super::{BOLD, DIM, REVERSED, legend, middle, training};
+use super::{BOLD, DIM, REVERSED, middle, training};
 use crate::tui::action::{Action, Binding, Mode, SECTIONS};
 use crate::tui::dialog::Help;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::scene;
 use crate::tui::screen::Screen;
 
 /// Columns of the help, if there is room.
@@ -27,14 +28,10 @@ const COMPARISON: &str = "Two methods train on the same map with the same seed, 
                           each has learned; @ walks to G with what it has learned so far, in both from the same start. \
                           Click on either map to set the goal of both. Nothing is saved.";
 
-/// What the colours show.
-const INTRODUCTION: &str = "Colours show the learned distance D to the goal G: light near, dark far. The agents see no walls and get \
-                            no reward. @ walks to G with what it has learned so far; click on the map to set another goal.";
-
 /// Draws the help in the middle of `area`, as far down as it is scrolled or early enough to fill it.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, help: &Help, layout: &mut ScreenLayout) {
     let modes = [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Settings, Mode::Help];
-    draw_about(frame, area, screen, (help, INTRODUCTION, &modes), layout);
+    draw_about(frame, area, screen, (help, screen.scene().introduction(), &modes), layout);
 }
 
 /// Draws the help of comparisons like [`draw`].
@@ -95,12 +92,13 @@ fn matches(lines: &[Line<'static>], typed: &str) -> Vec<Line<'static>> {
 
 /// Returns all lines, wrapped to `width`.
 fn lines(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> Vec<Line<'static>> {
+    let kind = screen.scene();
     let mut lines: Vec<Line> = wrapped(introduction, width.saturating_sub(2).max(8))
         .into_iter()
         .map(|line| Line::raw(format!(" {line}")))
         .collect();
     for section in SECTIONS {
-        let active = |b: &&Binding| modes.iter().any(|mode| b.is_active(*mode));
+        let active = |b: &&Binding| kind.offers(b.action) && modes.iter().any(|mode| b.is_active(*mode));
         let mut bindings = section.bindings.iter().filter(active).peekable();
         if bindings.peek().is_none() {
             continue;
@@ -110,7 +108,7 @@ fn lines(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> V
         for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
-            lines.extend(entry(&keys, binding.long, binding.when.place(), width));
+            lines.extend(entry(&keys, kind.wording(binding), binding.when.place(), width));
         }
     }
     lines.push(Line::default());
@@ -119,7 +117,7 @@ fn lines(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> V
         lines.extend(entry(name, meaning, "", width));
     }
     lines.push(Line::default());
-    lines.extend(legend::lines(screen));
+    lines.extend(scene::legend_lines(screen));
     if let Some(folder) = crate::logging::folder() {
         lines.push(Line::default());
         lines.extend(entry("log files", &folder.display().to_string(), "", width));

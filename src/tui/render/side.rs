@@ -6,11 +6,11 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
-use super::{BOLD, DIM, REVERSED, curves, legend, log, training, walk};
+use super::{BOLD, DIM, REVERSED, curves, log, training};
 use crate::tui::action::Action;
-use crate::tui::layers::Overlay;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::panes::Pane;
+use crate::tui::scene;
 use crate::tui::screen::Screen;
 
 /// Minimum rows for two panes below each other, and for three.
@@ -62,8 +62,8 @@ fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
 pub fn lines(pane: Pane, screen: &Screen, width: u16) -> Option<Vec<Line<'static>>> {
     match pane {
         Pane::Training => Some(training::lines(screen, usize::from(width))),
-        Pane::Walk => Some(walk::lines(screen)),
-        Pane::Legend => Some(legend::lines(screen)),
+        Pane::Walk => Some(scene::walk_lines(screen)),
+        Pane::Legend => Some(scene::legend_lines(screen)),
         Pane::Curves | Pane::Log => None,
     }
 }
@@ -81,7 +81,7 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
         Pane::Training => "training",
         Pane::Curves => "curves",
         Pane::Walk if screen.following.is_some() => "exploring agent",
-        Pane::Walk => "walk @ \u{2192} G",
+        Pane::Walk => screen.scene().walk_title(),
         Pane::Legend => "legend",
         Pane::Log => "event log",
     };
@@ -103,7 +103,7 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
         }
     }
     if pane == Pane::Legend {
-        for (row, overlay) in inner.rows().skip(legend::FIRST_OVERLAY).zip(Overlay::ALL) {
+        for (row, overlay) in inner.rows().skip(scene::FIRST_OVERLAY).zip(scene::overlays(screen)) {
             layout.add(row, Click::Act(Action::Toggle(overlay)));
         }
     }
@@ -117,7 +117,13 @@ fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayou
         let show = Action::Show(pane);
         let number = if area.width >= 34 { format!("{} ", screen.keymap.key_of(show)) } else { String::new() };
         let style = if pane == screen.pane { REVERSED } else { DIM };
-        bar.push(Span::styled(format!(" {number}{} ", pane.name()), style), Click::Act(show));
+        bar.push(
+            Span::styled(
+                format!(" {number}{} ", if pane == Pane::Legend { screen.scene().noun() } else { pane.name() }),
+                style,
+            ),
+            Click::Act(show),
+        );
     }
     bar.draw(frame, area, layout);
 }

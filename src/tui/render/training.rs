@@ -8,6 +8,7 @@ use crate::learn::Stage;
 use crate::text::grouped;
 use crate::train::{DistanceScore, NextEvaluation, Score};
 use crate::tui::action::Action;
+use crate::tui::scene;
 use crate::tui::screen::Screen;
 
 /// What the numbers mean, by their names in the pane.
@@ -196,8 +197,8 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
         Some(bridge) => format!("{} tried, saves {:.0}", s.tried(), bridge.gain),
         None => format!("{} tried, none", s.tried()),
     });
-    let edges = screen.view.edges.len() as f64;
-    vec![fact("bridges", format!("{}, {} edges", screen.view.candidates.len(), short(edges))), fact("search", search)]
+    let (nodes, edges) = scene::graph_size(screen);
+    vec![fact("bridges", format!("{nodes}, {} edges", short(edges as f64))), fact("search", search)]
 }
 
 /// Says where the time goes.

@@ -28,7 +28,8 @@ fn help(app: &mut App) -> String {
 fn the_help_lists_every_action_and_sign_at_80_by_24() {
     let mut app = app();
     let help = help(&mut app);
-    for binding in bindings().filter(|b| is_of_trainer(b)) {
+    let kind = app.screen.scene();
+    for binding in bindings().filter(|b| is_of_trainer(b) && kind.offers(b.action)) {
         let words = format!("{}{}", binding.long, binding.when.place());
         // Long descriptions are wrapped.
         assert!(words.split_whitespace().all(|word| help.contains(word)), "{} is missing", binding.name);
@@ -59,15 +60,15 @@ fn state(app: &App) -> String {
         app.screen.field,
         app.screen.overlays,
         app.screen.marker,
-        (app.screen.viewport, app.screen.scrolled, app.screen.log_scale),
-        app.screen.editor.cursor,
-        app.screen.editor.tool,
-        app.screen.goal,
-        app.screen.inspecting,
+        (app.screen.maze.viewport, app.screen.scrolled, app.screen.log_scale),
+        app.screen.maze.editor.cursor,
+        app.screen.maze.editor.tool,
+        app.screen.maze.goal,
+        app.screen.maze.inspecting,
         app.screen.on_arrival,
         (app.screen.frozen, app.screen.following, app.screen.pausing, app.is_done(), app.is_suspending()),
         app.screen.log.entries().len(),
-        app.screen.map().free_count(),
+        app.screen.maze.map.free_count(),
     )
 }
 

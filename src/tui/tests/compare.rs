@@ -4,7 +4,7 @@ use super::screens::{check_drawn, evaluation};
 use super::*;
 use crate::train::{Counters, Evaluation};
 use crate::tui::compare::{Comparison, Contestant};
-use crate::view::View;
+use crate::view::{MazeView, View};
 
 fn trainer(method: &str, seed: u64) -> Trainer {
     let method: Method = method.parse().expect("a method");
@@ -90,7 +90,7 @@ fn stage(comparison: &mut Comparison) {
         let [a, b] = comparison.apps();
         let app = if side == 0 { a } else { b };
         let frame = app.screen.layout.map.clone().expect("the map is drawn");
-        let map = app.screen.map().clone();
+        let map = app.screen.maze.map.clone();
         let (columns, rows) = frame.raster.pixels;
         let [_, _, width, height] = frame.raster.window;
         let field = |i: usize| {
@@ -99,25 +99,25 @@ fn stage(comparison: &mut Comparison) {
             if map.is_free_at(x, y) { (1.5 + side as f32) * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
         };
         let values: Vec<f32> = (0..columns * rows).map(field).collect();
-        let view = View {
-            goal: (Some(app.screen.goal), app.goal_request()),
+        let view = MazeView {
+            goal: (Some(app.screen.maze.goal), app.goal_request()),
             kind: Field::Learned,
             farthest: 30.0,
             field: Arc::new(values),
             raster: Some(frame.raster),
-            exploration: Arc::new(crate::view::Exploration::new(&map, &vec![1; map.free().len()])),
+            exploration: Arc::new(crate::view::maze::Exploration::new(&map, &vec![1; map.free().len()])),
             path: if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] },
             trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
-            walk: crate::view::Walk {
+            walk: crate::view::maze::Walk {
                 start: [0.5, 2.5],
                 steps: 4,
                 shortest: Some(19),
                 arrived: side == 0,
-                ..crate::view::Walk::default()
+                ..crate::view::maze::Walk::default()
             },
-            ..View::default()
+            ..MazeView::default()
         };
-        comparison.on_view(side, &Arc::new(view));
+        comparison.on_view(side, &View::Maze(Arc::new(view)));
     }
 }
 
@@ -169,17 +169,19 @@ fn one_click_sets_both_goals_and_starts_both_agents_at_the_same_place() {
     for (side, goal, start) in [(0, Cell::new(2, 1), Cell::new(17, 3)), (1, Cell::new(15, 4), Cell::new(4, 0))] {
         let at = character_of(&mut comparison, side, goal);
         mouse(&mut comparison, MouseEventKind::Down(MouseButton::Left), at);
-        assert_eq!(comparison.apps().map(|app| app.screen.goal), [goal; 2]);
+        assert_eq!(comparison.apps().map(|app| app.screen.maze.goal), [goal; 2]);
         let at = character_of(&mut comparison, side, start);
         mouse(&mut comparison, MouseEventKind::Down(MouseButton::Right), at);
         wait_until(&mut comparison, |apps| {
-            apps.iter().all(|app| app.screen.view.walk.start == start.centre() && app.screen.view.goal.0 == Some(goal))
+            apps.iter().all(|app| {
+                app.screen.maze.view.walk.start == start.centre() && app.screen.maze.view.goal.0 == Some(goal)
+            })
         });
     }
     press(&mut comparison, KeyCode::Left);
-    assert_eq!(comparison.apps().map(|app| app.screen.goal), [Cell::new(14, 4); 2]);
+    assert_eq!(comparison.apps().map(|app| app.screen.maze.goal), [Cell::new(14, 4); 2]);
     press(&mut comparison, KeyCode::Char('n'));
-    let [a, b] = comparison.apps().map(|app| app.screen.goal);
+    let [a, b] = comparison.apps().map(|app| app.screen.maze.goal);
     assert_eq!(a, b);
 }
 
@@ -192,15 +194,15 @@ fn what_is_shown_changes_on_both_sides() {
         draw(&mut comparison, (80, 24));
         let [a, b] = comparison.apps().map(|app| {
             let screen = &app.screen;
-            (screen.field, screen.overlays, screen.viewport, screen.inspecting, screen.frozen)
+            (screen.field, screen.overlays, screen.maze.viewport, screen.maze.inspecting, screen.frozen)
         });
         assert_eq!(a, b, "after {key}");
     }
-    assert!(comparison.apps()[0].screen.viewport.zoom > 1.0);
+    assert!(comparison.apps()[0].screen.maze.viewport.zoom > 1.0);
     // The wheel zooms both at the place under the mouse, also on the other side.
     let at = character_of(&mut comparison, 1, Cell::new(17, 4));
     mouse(&mut comparison, MouseEventKind::ScrollUp, at);
-    let [a, b] = comparison.apps().map(|app| app.screen.viewport);
+    let [a, b] = comparison.apps().map(|app| app.screen.maze.viewport);
     assert!(a == b && a.zoom > 1.5, "{a:?} and {b:?}");
 }
 

@@ -72,8 +72,8 @@ fn the_first_run_says_what_there_is_to_see_until_it_is_used() {
 fn the_first_walk_starts_at_the_maps_own_start() {
     let map = parse_map("start", b"..........\n.......S..\n..........\nG.........\n").expect("a map");
     let mut app = app_on(map, gdg());
-    wait_until(&mut app, |app| app.screen.view.walk.steps > 0);
-    assert_eq!(app.screen.view.walk.start, Cell::new(7, 1).centre());
+    wait_until(&mut app, |app| app.screen.maze.view.walk.steps > 0);
+    assert_eq!(app.screen.maze.view.walk.start, Cell::new(7, 1).centre());
 }
 
 #[test]
@@ -83,7 +83,7 @@ fn a_goal_without_a_path_is_said_and_drawn() {
     app.screen.theme = Theme::new(ThemeName::Mono, ColourDepth::Mono);
     draw(&mut app, 80, 24);
     let said = |app: &App| app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count();
-    wait_until(&mut app, |app| app.screen.view.cut_off.contains(&true) && app.screen.view.walk.steps > 0);
+    wait_until(&mut app, |app| app.screen.maze.view.cut_off.contains(&true) && app.screen.maze.view.walk.steps > 0);
     assert_eq!(said(&app), 0, "@ and G are on the same side");
     // Agents hide some of the marks.
     let marked = |app: &mut App, columns: std::ops::Range<usize>| {
@@ -92,13 +92,13 @@ fn a_goal_without_a_path_is_said_and_drawn() {
         let terminal = draw(app, 80, 24);
         places.into_iter().filter(|at| terminal.backend().buffer()[*at].symbol() == "\\").count()
     };
-    wait_until(&mut app, |app| app.screen.view.raster.is_some());
+    wait_until(&mut app, |app| app.screen.maze.view.raster.is_some());
     assert!(marked(&mut app, 11..14) > 0 && marked(&mut app, 0..10) == 0);
     app.set_goal(Cell::new(12, 0));
-    wait_until(&mut app, |app| app.screen.view.goal.0 == Some(Cell::new(12, 0)));
-    wait_until(&mut app, |app| app.screen.view.walk.steps > 3);
+    wait_until(&mut app, |app| app.screen.maze.view.goal.0 == Some(Cell::new(12, 0)));
+    wait_until(&mut app, |app| app.screen.maze.view.walk.steps > 3);
     assert_eq!(said(&app), 1, "once");
-    wait_until(&mut app, |app| app.screen.view.raster.is_some());
+    wait_until(&mut app, |app| app.screen.maze.view.raster.is_some());
     assert!(marked(&mut app, 0..10) > 0 && marked(&mut app, 11..14) == 0);
 }
 

@@ -22,7 +22,8 @@ use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
-use crate::view::{Candidate, Exploration, View, Walk};
+use crate::view::maze::{Exploration, Walk};
+use crate::view::{Candidate, MazeView, View};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
@@ -110,7 +111,7 @@ pub fn staged_app(width: u16, height: u16) -> App {
         let [left, top, width, height] = frame.raster.window;
         let x = left + (column as f32 + 0.5) / frame.raster.pixels.0 as f32 * width;
         let y = top + (row as f32 + 0.5) / frame.raster.pixels.1 as f32 * height;
-        let free = app.screen.map().is_free_at(x, y);
+        let free = app.screen.maze.map.is_free_at(x, y);
         if free { 2.0 * (x - 19.5).abs().max((y - 4.5).abs()) } else { f32::NAN }
     };
     let candidate = |(i, at): (usize, [f32; 2])| Candidate { at, degree: i as f32 / 4.0 };
@@ -119,11 +120,11 @@ pub fn staged_app(width: u16, height: u16) -> App {
     let edges = candidates.windows(2).zip(standings).map(|(ends, status)| ([ends[0], ends[1]], status));
     let values: Vec<f32> = (0..frame.raster.pixels.0 * frame.raster.pixels.1).map(field).collect();
     // Everything but the right end and a single cell.
-    let map = app.screen.map();
+    let map = &app.screen.maze.map;
     let visited = |i: usize| map.cell(i).x < 15 && map.cell(i) != Cell::new(3, 3);
     let visits: Vec<u32> = (0..map.free().len()).map(|i| u32::from(visited(i))).collect();
-    let view = View {
-        goal: (Some(app.screen.goal), 1),
+    let view = MazeView {
+        goal: (Some(app.screen.maze.goal), 1),
         kind: Field::Learned,
         farthest: values.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max),
         field: Arc::new(values),
@@ -132,7 +133,7 @@ pub fn staged_app(width: u16, height: u16) -> App {
         candidates: Arc::new(candidates.into_iter().enumerate().map(candidate).collect()),
         edges: Arc::new(edges.collect()),
         cut_off: Arc::default(),
-        exploration: Arc::new(Exploration::new(app.screen.map(), &visits)),
+        exploration: Arc::new(Exploration::new(&app.screen.maze.map, &visits)),
         path: vec![[6.5, 1.5], [10.5, 2.5], [14.5, 3.5], [19.5, 4.5]],
         trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
         walk: Walk {
@@ -148,7 +149,7 @@ pub fn staged_app(width: u16, height: u16) -> App {
         inspected: None,
         followed_steps: Some(11),
     };
-    app.on_view(Arc::new(view));
+    app.on_view(View::Maze(Arc::new(view)));
     app
 }
 
@@ -185,7 +186,7 @@ fn picture(terminal: &Terminal<TestBackend>) -> String {
     all
 }
 
-fn check(name: &str, app: &mut App, width: u16, height: u16) {
+pub(super) fn check(name: &str, app: &mut App, width: u16, height: u16) {
     check_drawn(name, &draw(app, width, height));
 }
 
@@ -266,9 +267,9 @@ fn what_is_unexplored_can_be_hidden_and_is_not_drawn_once_everything_is_explored
         assert_ne!(shown, hidden);
         app.screen.overlays.toggle(Overlay::Unexplored);
         assert_eq!(picture(&draw(&mut app, 80, 24)), shown);
-        let map = app.screen.map().clone();
+        let map = app.screen.maze.map.clone();
         let exploration = Arc::new(Exploration::new(&map, &vec![1; map.free().len()]));
-        app.on_view(Arc::new(View { exploration, ..(*app.screen.view).clone() }));
+        app.on_view(View::Maze(Arc::new(MazeView { exploration, ..(*app.screen.maze.view).clone() })));
         assert_eq!(picture(&draw(&mut app, 80, 24)), hidden);
     }
 }
@@ -329,7 +330,7 @@ fn lists_of_files_match_their_snapshots() {
     let lists = [
         ("maps", lists::maps(folder, &entries, Some(&recent))),
         ("checkpoints", lists::checkpoints(found, &TimeZone::UTC)),
-        ("other-map", lists::map_switch_choices(&other, &rooms(), rooms().resized(20, 5))),
+        ("other-map", lists::map_switch_choices(&other, Some(&rooms()), rooms().resized(20, 5))),
     ];
     for (name, list) in lists {
         let mut app = staged_app(80, 24);
@@ -412,9 +413,9 @@ fn lines_over_the_map_match_their_snapshots() {
 #[test]
 fn cells_without_a_path_to_the_goal_match_their_snapshot() {
     let mut app = staged_app(80, 24);
-    let map = app.screen.map().clone();
+    let map = app.screen.maze.map.clone();
     let cut_off = (0..map.free().len()).map(|i| map.free()[i] && map.cell(i).x < 8).collect();
-    app.on_view(Arc::new(View { cut_off: Arc::new(cut_off), ..(*app.screen.view).clone() }));
+    app.on_view(View::Maze(Arc::new(MazeView { cut_off: Arc::new(cut_off), ..(*app.screen.maze.view).clone() })));
     check("cut-off-80x24", &mut app, 80, 24);
 }
 
@@ -478,7 +479,7 @@ fn fields_match_their_snapshots() {
     for field in [Field::FromStart, Field::Composed, Field::True, Field::Error, Field::Visits, Field::Plain] {
         let mut app = staged_app(80, 24);
         app.screen.field = field;
-        app.on_view(Arc::new(View { kind: field, ..(*app.screen.view).clone() }));
+        app.on_view(View::Maze(Arc::new(MazeView { kind: field, ..(*app.screen.maze.view).clone() })));
         let name = field.name().replace(' ', "-").to_lowercase();
         check(&format!("field-{name}-80x24"), &mut app, 80, 24);
     }
@@ -563,10 +564,10 @@ fn of_many_edges_only_tried_ones_near_the_cursor_are_drawn() {
     let at = |i: usize| [0.5 + (i % 39) as f32 / 2.0, 0.5 + (i / 39 % 9) as f32 / 2.0];
     let edges = |status| (0..11_000).map(|i| ([at(i), at(i + 40)], status)).collect::<Vec<_>>();
     let mut cells_changed = |edges, cursor| {
-        app.screen.inspecting = Some(cursor);
-        app.on_view(Arc::new(View { edges: Arc::default(), ..(*app.screen.view).clone() }));
+        app.screen.maze.inspecting = Some(cursor);
+        app.on_view(View::Maze(Arc::new(MazeView { edges: Arc::default(), ..(*app.screen.maze.view).clone() })));
         let before = draw(&mut app, 120, 40).backend().buffer().clone();
-        app.on_view(Arc::new(View { edges: Arc::new(edges), ..(*app.screen.view).clone() }));
+        app.on_view(View::Maze(Arc::new(MazeView { edges: Arc::new(edges), ..(*app.screen.maze.view).clone() })));
         let after = draw(&mut app, 120, 40).backend().buffer().clone();
         // Only the map: the legend counts the edges.
         let map = app.screen.layout.map.clone().expect("a map").area;

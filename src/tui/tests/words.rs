@@ -2,9 +2,9 @@
 
 use super::*;
 use crate::tui::dialog::{Choice, lists};
-use crate::tui::editor::Tool;
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
+use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
 const WORDS: [(&str, Action); 62] = [
@@ -77,7 +77,7 @@ fn users_words_find_what_they_mean() {
     let app = app();
     let mut wrong = Vec::new();
     for (word, action) in WORDS {
-        let mut list = lists::actions(&app.screen.keymap, false);
+        let mut list = lists::actions(&app.screen);
         list.paste(word);
         if list.choice() != Some(&Choice::Act(action)) {
             wrong.push(format!("{word:?}: {:?} instead of {action:?}", list.choice()));

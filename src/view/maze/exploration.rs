@@ -3,9 +3,8 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::Worker;
+use super::MazeWorker;
 use crate::map::{Cell, Grid};
-use crate::train::Snapshot;
 
 /// Steps from any visited cell up to which unvisited cells do not count as beyond the known world: agents leave many
 /// cells out on their way, and outlines of all these would hide the edge.
@@ -95,10 +94,10 @@ impl Exploration {
     }
 }
 
-impl Worker {
-    /// Derives what has been explored from the visits in `snapshot`, if they are new.
-    pub(super) fn refresh_exploration(&mut self, snapshot: &Snapshot, pause_factor: u32) {
-        let visits = snapshot.scene.maze().visits;
+impl MazeWorker {
+    /// Derives what has been explored from the latest visits, if they are new.
+    pub(super) fn refresh_exploration(&mut self, pause_factor: u32) {
+        let visits = self.latest_visits.clone();
         if Arc::ptr_eq(&visits, &self.visits) || !self.exploration_timer.is_due(pause_factor) {
             return;
         }

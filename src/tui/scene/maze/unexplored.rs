@@ -5,7 +5,8 @@ use crate::tui::layers::Overlay;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, blend};
-use crate::view::{Field, Ground, Knowledge};
+use crate::view::maze::Knowledge;
+use crate::view::{Field, Ground};
 
 /// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and what lies beyond), and
 /// hatched ones into that of walls.
@@ -36,7 +37,7 @@ pub struct Unexplored {
 impl Unexplored {
     /// Looks up each pixel's cell.
     pub fn new(grounds: &[Ground], screen: &Screen) -> Self {
-        let (map, exploration) = (screen.map(), &screen.view.exploration);
+        let (map, exploration) = (&screen.maze.map, &screen.maze.view.exploration);
         let cut_off = cut_off(grounds, screen);
         if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
             return Self { known: Vec::new(), cut_off, fades: false };
@@ -125,7 +126,7 @@ impl Unexplored {
 
 /// Returns whether no path leads from each pixel's cell to the goal, if the colours show distances to it.
 fn cut_off(grounds: &[Ground], screen: &Screen) -> Vec<bool> {
-    let (map, cells) = (screen.map(), &screen.view.cut_off);
+    let (map, cells) = (&screen.maze.map, &screen.maze.view.cut_off);
     let to_goal = matches!(screen.field, Field::Learned | Field::Composed | Field::True | Field::Error);
     // The trainer may not know the map's latest edit yet.
     if !to_goal || cells.len() != map.free().len() {

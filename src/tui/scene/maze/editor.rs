@@ -4,8 +4,8 @@ use std::sync::Arc;
 
 use ratatui::layout::Position;
 
-use super::raster::MapFrame;
 use crate::map::{Cell, Grid};
+use crate::tui::raster::MapFrame;
 
 /// A drawing tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -4,22 +4,20 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::edges::MAX_EDGES;
-use super::map::{CANDIDATE_MARK, FRONTIER_SIGN};
-use super::text::heading;
-use super::{DIM, info};
+use super::map::FRONTIER_SIGN;
 use crate::bridge::EdgeStatus;
 use crate::tui::action::Action;
-use crate::tui::canvas::UNVISITED_MARK;
+use crate::tui::canvas::{CANDIDATE_MARK, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
+use crate::tui::render::DIM;
+use crate::tui::render::scale::scale;
+use crate::tui::render::text::heading;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb};
 
-/// The line of the first overlay.
-pub const FIRST_OVERLAY: usize = 2;
-
 /// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
-    let mut lines = vec![info::scale(screen, 5), heading("toggle by key or click")];
+    let mut lines = vec![scale(screen, 5), heading("toggle by key or click")];
     for overlay in Overlay::ALL {
         let key = screen.keymap.key_of(Action::Toggle(overlay));
         let shown = screen.overlays.has(overlay);
@@ -53,7 +51,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
         lines.push(Line::from(vec![Span::raw(" "), sign, Span::raw(" frontier goals of agents")]));
     }
     if screen.run().method.plans() {
-        let of = |status: EdgeStatus| screen.view.edges.iter().filter(|(_, s)| *s == status).count();
+        let of = |status: EdgeStatus| screen.maze.view.edges.iter().filter(|(_, s)| *s == status).count();
         let many = of(EdgeStatus::Confirmed) + of(EdgeStatus::Demoted) > MAX_EDGES;
         lines.push(heading(if many { "edges (near the cursor)" } else { "edges" }));
         let kinds = [

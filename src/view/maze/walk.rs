@@ -1,9 +1,7 @@
 //! The walking agent: it follows the current policy to the goal.
 
-use super::{Worker, cell_of};
-use crate::bridge::{Target, Walker};
+use super::{MazeWorker, OnArrival, cell_of};
 use crate::env::Environment;
-use crate::learn::Policy;
 use crate::map::Cell;
 
 /// Number of steps that the walking agent rests at the goal.
@@ -14,43 +12,6 @@ const TRAIL_STEPS: usize = 14;
 
 /// Minimum step budget of a walk, as in evaluation.
 const MIN_STEP_BUDGET: u32 = 500;
-
-/// What the walking agent does after arriving.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum OnArrival {
-    /// Starts again from a random position.
-    #[default]
-    Again,
-    /// Continues to another goal.
-    Visit,
-    /// Stays there.
-    Stay,
-    /// Waits for another start or goal, also where it gives up.
-    Wait,
-}
-
-impl OnArrival {
-    /// Returns the next choice of the user.
-    #[must_use]
-    pub fn next(self) -> Self {
-        match self {
-            Self::Again => Self::Visit,
-            Self::Visit => Self::Stay,
-            Self::Stay => Self::Again,
-            Self::Wait => Self::Wait,
-        }
-    }
-
-    /// Returns its name on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Again => "restart",
-            Self::Visit => "visit other goals",
-            Self::Stay => "stay",
-            Self::Wait => "wait",
-        }
-    }
-}
 
 /// The walking agent's current walk.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -73,7 +34,7 @@ pub struct Walk {
     pub finished_walks: (u32, u32),
 }
 
-impl Worker {
+impl MazeWorker {
     /// Restarts the walking agent at a cell or at a random position.
     pub(super) fn restart(&mut self, cell: Option<Cell>) {
         match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
@@ -95,7 +56,7 @@ impl Worker {
         self.resting = 0;
         let finished_walks = self.view.walk.finished_walks;
         self.view.walk = Walk { start: at, finished_walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
-        self.walker = None;
+        self.pilot.forget_plan();
         self.view.path.clear();
         self.view.walk.shortest = self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
         self.changed = true;
@@ -122,7 +83,7 @@ impl Worker {
     }
 
     /// Moves the walking agent by one step.
-    pub(super) fn walk(&mut self) {
+    pub(super) fn walk_on(&mut self) {
         let Some(goal) = self.view.goal.0 else { return };
         if self.view.walk.arrived {
             return self.rest_at_goal();
@@ -132,9 +93,7 @@ impl Worker {
         }
         self.changed = true;
         let (goal, at) = (goal.centre(), self.position());
-        let networks = self.networks.clone();
-        let policy = &*networks.policy;
-        self.view.walk.distances.0 = policy.distance(&at, &goal, &mut self.scratch);
+        self.view.walk.distances.0 = self.pilot.distance(&at, &goal);
         if self.world.spec().reached(&at, &goal) {
             self.view.walk.arrived = true;
             self.view.walk.waypoint = None;
@@ -152,41 +111,17 @@ impl Worker {
             }
             return;
         }
-        let target = self.next_target(at, goal, policy);
-        self.view.walk.distances.1 = policy.distance(&at, &target, &mut self.scratch);
+        self.view.path = self.pilot.waypoints(&at, &goal);
+        let target = self.view.path[0];
+        self.view.walk.distances.1 = self.pilot.distance(&at, &target);
         self.view.walk.waypoint = (target != goal).then_some(target);
         let mut action = [0.0; 2];
-        policy.actions(&at, &target, &mut action, &mut self.scratch);
-        if let (Some(walker), Some(graph)) = (&self.walker, &self.graph)
-            && walker.looks_ahead(graph)
-        {
-            policy.improve_actions(&at, &target, &mut action, &mut self.scratch);
-        }
+        self.pilot.act(&at, &target, &mut action);
         self.world.step(&action, &mut self.rng);
         self.view.walk.steps += 1;
         self.view.trail.push(at);
         if self.view.trail.len() > TRAIL_STEPS {
             self.view.trail.remove(0);
         }
-    }
-
-    /// Returns the agent's next target and updates the displayed path.
-    fn next_target(&mut self, at: [f32; 2], goal: [f32; 2], policy: &dyn Policy) -> [f32; 2] {
-        let Some(graph) = &self.graph else {
-            self.view.path = vec![goal];
-            return goal;
-        };
-        let scratch = &mut self.scratch;
-        let walker = self.walker.get_or_insert_with(|| Walker::new(graph.route(&goal, policy, scratch)));
-        let target = walker.step(&at, graph, policy, scratch);
-        let target = [target[0], target[1]];
-        self.view.path = match walker.target() {
-            Some(Target::Candidate(_)) => {
-                walker.waypoints_ahead().into_iter().map(|i| [graph.point(i)[0], graph.point(i)[1]]).collect()
-            }
-            _ => Vec::new(),
-        };
-        self.view.path.push(goal);
-        target
     }
 }

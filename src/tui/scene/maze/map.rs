@@ -4,19 +4,21 @@ use std::sync::Arc;
 
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Position, Rect};
-use ratatui::style::{Color, Modifier, Style};
+use ratatui::layout::Rect;
 
 use super::edges;
 use super::unexplored::Unexplored;
 use crate::map::Grid;
-use crate::tui::canvas::{Canvas, WALL_MARK, shade};
+use crate::tui::canvas::{CANDIDATE_MARK, Canvas, WALL_MARK, shade};
+use crate::tui::glyphs::Glyphs;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
+use crate::tui::render::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour, ink, rgb_of_indexed};
-use crate::view::{Exploration, Field, Ground, Raster, contour_at, contour_interval};
+use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour};
+use crate::view::maze::Exploration;
+use crate::view::{Field, Ground, Raster, contour_at, contour_interval};
 
 /// Minimum characters per cell for drawing bridge candidates and labels, and for drawing candidates in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;
@@ -28,16 +30,12 @@ const CROSSED_WALL_SHARE: f32 = 0.65;
 /// The sign of a goal at the frontier.
 pub const FRONTIER_SIGN: char = '\u{25c6}';
 
-/// What candidates and the trail of the walking agent look like without colours.
-pub const CANDIDATE_MARK: char = '\u{2022}';
+/// What the trail of the walking agent looks like without colours.
 const TRAIL_MARK: char = '\u{b7}';
-
-/// Relative error from which the colour is the strongest.
-pub const MAX_SHOWN_ERROR: f32 = 0.5;
 
 /// Draws the map and everything on it.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
-    let Some(map_frame) = MapFrame::fit(area, screen.map(), screen.marker, screen.viewport) else { return };
+    let Some(map_frame) = MapFrame::fit(area, &screen.maze.map, screen.marker, screen.maze.viewport) else { return };
     layout.map = Some(map_frame.clone());
     let base = cache.0.take().filter(|base| base.shows(&map_frame, screen));
     let base = base.unwrap_or_else(|| Base::new(&map_frame, screen));
@@ -78,7 +76,7 @@ impl Base {
         let mut canvas = Canvas::new(map_frame);
         let columns = canvas.columns();
         let grounds: Vec<Ground> =
-            (0..canvas.len()).map(|i| map_frame.raster.ground(screen.map(), i % columns, i / columns)).collect();
+            (0..canvas.len()).map(|i| map_frame.raster.ground(&screen.maze.map, i % columns, i / columns)).collect();
         terrain(&mut canvas, &grounds, &screen.theme);
         let field = Self::field_on(&map_frame.raster, screen).cloned();
         let unexplored = Unexplored::new(&grounds, screen);
@@ -87,7 +85,7 @@ impl Base {
             labels = colour(&mut canvas, map_frame, (field, &grounds), &unexplored, screen);
         }
         unexplored.draw(&mut canvas, map_frame, screen);
-        let exploration = screen.view.exploration.clone();
+        let exploration = screen.maze.view.exploration.clone();
         let mut painted = Buffer::empty(map_frame.area);
         canvas.paint(&mut painted, map_frame, &screen.theme);
         Self {
@@ -95,10 +93,10 @@ impl Base {
             map_frame: map_frame.clone(),
             theme: screen.theme.name,
             overlays: screen.overlays,
-            map: screen.map().clone(),
+            map: screen.maze.map.clone(),
             field,
             exploration,
-            cut_off: screen.view.cut_off.clone(),
+            cut_off: screen.maze.view.cut_off.clone(),
             canvas,
             labels,
         }
@@ -106,7 +104,8 @@ impl Base {
 
     /// Returns the field for `raster`, if it has been computed.
     fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
-        (screen.view.raster == Some(*raster) && screen.view.kind == screen.field).then_some(&screen.view.field)
+        (screen.maze.view.raster == Some(*raster) && screen.maze.view.kind == screen.field)
+            .then_some(&screen.maze.view.field)
     }
 
     /// Returns whether this is still up to date.
@@ -115,9 +114,9 @@ impl Base {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
             (own, now) => own.is_none() && now.is_none(),
         };
-        let same_map = Arc::ptr_eq(&self.map, screen.map());
-        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.view.exploration)
-            && Arc::ptr_eq(&self.cut_off, &screen.view.cut_off);
+        let same_map = Arc::ptr_eq(&self.map, &screen.maze.map);
+        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
+            && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
         let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
         self.map_frame == *map_frame && same_field && same_map && same_exploration && same_style
     }
@@ -150,7 +149,7 @@ fn colour(
     unexplored: &Unexplored,
     screen: &Screen,
 ) -> Vec<([f32; 2], f32)> {
-    let (theme, farthest) = (&screen.theme, screen.view.farthest.max(1.0));
+    let (theme, farthest) = (&screen.theme, screen.maze.view.farthest.max(1.0));
     let apart = contour_interval(farthest);
     let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
     let mono = theme.depth == ColourDepth::Mono;
@@ -161,7 +160,7 @@ fn colour(
         .map(|(value, ground)| if matches!(ground, Ground::Free(_)) { *value } else { f32::NAN })
         .collect();
     let columns = canvas.columns();
-    let goal = canvas.at(map_frame, screen.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
+    let goal = canvas.at(map_frame, screen.maze.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
     // Label each line at its point nearest to the goal, which moves least as the field changes.
     let mut labels: Vec<(f32, usize, usize)> = Vec::new();
     for (i, value) in field.iter().copied().enumerate().filter(|(_, value)| value.is_finite()) {
@@ -209,7 +208,7 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         edges::draw(canvas, map_frame, screen);
     }
     if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale) {
-        for candidate in screen.view.candidates.iter() {
+        for candidate in screen.maze.view.candidates.iter() {
             // The better connected, the darker.
             canvas.faint_dot(
                 map_frame,
@@ -221,7 +220,8 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         }
     }
     if shows(Overlay::Path) {
-        let stops: Vec<[f32; 2]> = screen.view.trail.last().into_iter().chain(&screen.view.path).copied().collect();
+        let stops: Vec<[f32; 2]> =
+            screen.maze.view.trail.last().into_iter().chain(&screen.maze.view.path).copied().collect();
         canvas.lines(map_frame, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
     }
     if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
@@ -233,18 +233,18 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
             canvas.lines(map_frame, [[from, bridge], [bridge, to]].into_iter(), (accepted, 0.8, '='));
         }
     }
-    if let Some((cells, free)) = screen.editor.preview() {
+    if let Some((cells, free)) = screen.maze.editor.preview() {
         let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
         for cell in cells {
             canvas.dot(map_frame, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
         }
     }
-    for (i, at) in screen.view.trail.iter().enumerate() {
+    for (i, at) in screen.maze.view.trail.iter().enumerate() {
         canvas.faint_dot(
             map_frame,
             *at,
             theme.walker,
-            0.8 * (i + 1) as f32 / screen.view.trail.len() as f32,
+            0.8 * (i + 1) as f32 / screen.maze.view.trail.len() as f32,
             Some(TRAIL_MARK),
         );
     }
@@ -266,7 +266,7 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
     let (theme, scale) = (&screen.theme, glyphs.map_frame.scale());
     let shows = |overlay| screen.overlays.has(overlay);
     if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
-        for candidate in screen.view.candidates.iter() {
+        for candidate in screen.maze.view.candidates.iter() {
             let symbol = match candidate.degree {
                 d if d < 0.34 => '\u{b7}',
                 d if d < 0.67 => '\u{2022}',
@@ -276,7 +276,7 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
         }
     }
     if shows(Overlay::Directions) {
-        for (at, action) in screen.view.directions.iter() {
+        for (at, action) in screen.maze.view.directions.iter() {
             glyphs.symbol(*at, arrow(*action), None);
         }
     }
@@ -293,7 +293,7 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
         glyphs.symbol([search.state[0], search.state[1]], 'a', Some(theme.search[0]));
         glyphs.symbol([search.goal[0], search.goal[1]], 'g', Some(theme.search[0]));
     }
-    for (marks, letter) in [(screen.map().starts(), 's'), (screen.map().goals(), 'g')] {
+    for (marks, letter) in [(screen.maze.map.starts(), 's'), (screen.maze.map.goals(), 'g')] {
         marks.iter().for_each(|cell| glyphs.symbol(cell.centre(), letter, None));
     }
     if shows(Overlay::Agents) {
@@ -305,12 +305,12 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
         glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);
         glyphs.symbol([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
     }
-    glyphs.letter(screen.view.walk.start, 'S', theme.walker);
-    glyphs.letter(screen.goal.centre(), 'G', theme.goal);
-    if let Some(at) = screen.view.trail.last() {
+    glyphs.letter(screen.maze.view.walk.start, 'S', theme.walker);
+    glyphs.letter(screen.maze.goal.centre(), 'G', theme.goal);
+    if let Some(at) = screen.maze.view.trail.last() {
         glyphs.letter(*at, '@', theme.walker);
     }
-    if let Some(cursor) = screen.editor.cursor.or(screen.inspecting) {
+    if let Some(cursor) = screen.maze.editor.cursor.or(screen.maze.inspecting) {
         glyphs.letter(cursor.centre(), '+', theme.cursor);
     }
 }
@@ -324,61 +324,4 @@ fn arrow([x, y]: [f32; 2]) -> char {
     }
     let eighth = (y.atan2(x) / std::f32::consts::FRAC_PI_4).round() as i32;
     ARROWS[eighth.rem_euclid(8) as usize]
-}
-
-/// Letters on top of the pixels.
-struct Glyphs<'a> {
-    map_frame: &'a MapFrame,
-    theme: &'a Theme,
-    buffer: &'a mut Buffer,
-}
-
-impl Glyphs<'_> {
-    /// Draws a letter on its own background.
-    fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
-        let Some(cell) = self.map_frame.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
-        let style = match self.theme.depth {
-            ColourDepth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
-            _ => Style::new().bg(self.theme.colour(rgb)).fg(self.theme.colour(ink(rgb))).add_modifier(Modifier::BOLD),
-        };
-        cell.set_char(letter).set_style(style);
-    }
-
-    /// Draws a sign on the existing background.
-    fn symbol(&mut self, at: [f32; 2], symbol: char, rgb: Option<Rgb>) {
-        if let Some(at) = self.map_frame.character_of(at) {
-            self.put(at, symbol, rgb);
-        }
-    }
-
-    /// Writes a number on the existing background around a position, unless another is too near.
-    fn write(&mut self, at: [f32; 2], text: &str, taken: &mut Vec<Rect>) {
-        let Some(at) = self.map_frame.character_of(at) else { return };
-        let area = self.map_frame.area;
-        let length = text.len() as u16;
-        let from = at.x.saturating_sub(length / 2).clamp(area.x, area.right().saturating_sub(length).max(area.x));
-        let own = Rect::new(from.saturating_sub(1), at.y, length + 2, 1);
-        if taken.iter().any(|other| other.intersects(own)) {
-            return;
-        }
-        taken.push(own);
-        let cells = (from..area.right()).map(|x| Position::new(x, at.y));
-        text.chars().zip(cells).for_each(|(c, at)| self.put(at, c, None));
-    }
-
-    fn put(&mut self, at: Position, symbol: char, rgb: Option<Rgb>) {
-        let Some(cell) = self.buffer.cell_mut(at) else { return };
-        if self.theme.depth == ColourDepth::Mono {
-            cell.set_char(symbol);
-            return;
-        }
-        // The background of a half block is the colour of its lower half.
-        let ground = match cell.bg {
-            Color::Rgb(r, g, b) => (r, g, b),
-            Color::Indexed(i) => rgb_of_indexed(i),
-            _ => self.theme.unknown,
-        };
-        let rgb = rgb.unwrap_or(ink(ground));
-        cell.set_char(symbol).set_fg(self.theme.colour(rgb));
-    }
 }

@@ -38,7 +38,7 @@ pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
 /// Returns the walked and failed edges within `window` (left, top, width, height) that are nearest to the cursor, the
 /// mouse or else the goal, nearest first.
 fn shown(screen: &Screen, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge> {
-    let [x, y] = screen.inspecting.or(screen.hovered).unwrap_or(screen.goal).centre();
+    let [x, y] = screen.maze.inspecting.or(screen.maze.hovered).unwrap_or(screen.maze.goal).centre();
     let middle = |[a, b]: [[f32; 2]; 2]| [0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1])];
     let off = |edge: &ShownEdge| {
         let at = middle(edge.0);
@@ -48,7 +48,7 @@ fn shown(screen: &Screen, [left, top, width, height]: [f32; 4]) -> Vec<ShownEdge
         let at = middle(edge.0);
         at[0] >= left && at[1] >= top && at[0] <= left + width && at[1] <= top + height
     };
-    let tried = screen.view.edges.iter().filter(|edge| edge.1 != EdgeStatus::Untried && inside(edge));
+    let tried = screen.maze.view.edges.iter().filter(|edge| edge.1 != EdgeStatus::Untried && inside(edge));
     let mut edges: Vec<ShownEdge> = tried.copied().collect();
     if edges.len() > MAX_EDGES {
         edges.select_nth_unstable_by(MAX_EDGES, |a, b| off(a).total_cmp(&off(b)));

@@ -18,14 +18,14 @@ const PANE_DIVISOR: u16 = 3;
 
 /// Draws the minimap in the upper right corner of `area`.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    let Some(shown) = layout.map.as_ref().filter(|_| screen.viewport.zoom > 1.0) else { return };
+    let Some(shown) = layout.map.as_ref().filter(|_| screen.maze.viewport.zoom > 1.0) else { return };
     let room = Rect {
         width: MAX_SIZE.0.min(area.width / PANE_DIVISOR),
         height: MAX_SIZE.1.min(area.height / PANE_DIVISOR),
         ..area
     };
     let inner = Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
-    let Some(map_frame) = MapFrame::fit(inner, screen.map(), Marker::Quadrant, Viewport::default()) else { return };
+    let Some(map_frame) = MapFrame::fit(inner, &screen.maze.map, Marker::Quadrant, Viewport::default()) else { return };
     let (width, height) = (map_frame.area.width + 2, map_frame.area.height + 2);
     let outer = Rect { x: area.right().saturating_sub(width), y: area.y, width, height };
     let map_frame = MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..map_frame.area }, ..map_frame };
@@ -37,7 +37,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         let x = (column as f32 + 0.5) / map_frame.raster.pixels.0 as f32 * width;
         let y = (row as f32 + 0.5) / map_frame.raster.pixels.1 as f32 * height;
         let inside = x >= left && x < left + columns && y >= top && y < top + rows;
-        let (rgb, mark) = ground_style(map_frame.raster.ground(screen.map(), column, row), &screen.theme);
+        let (rgb, mark) = ground_style(map_frame.raster.ground(&screen.maze.map, column, row), &screen.theme);
         let lit = rgb.map(|rgb| if inside { blend(rgb, screen.theme.walker, 0.5) } else { rgb });
         canvas.set(i, lit, if inside && mark == ' ' { '.' } else { mark });
     }

@@ -2,8 +2,8 @@
 
 use ratatui::text::Line;
 
-use super::text::{fact, heading};
 use crate::tui::action::Action;
+use crate::tui::render::text::{fact, heading};
 use crate::tui::screen::Screen;
 
 /// Returns the pane's lines.
@@ -23,18 +23,18 @@ fn format_steps(distance: f32) -> String {
 }
 
 fn walker(screen: &Screen) -> Vec<Line<'static>> {
-    let walk = &screen.view.walk;
+    let walk = &screen.maze.view.walk;
     let shortest = walk.shortest.map_or("no path".to_owned(), |s| s.to_string());
     let state = if walk.arrived { "arrived" } else { "walking" };
     let mut lines = vec![
         fact("from S", format_position(&walk.start)),
-        fact("to G", format_position(&screen.goal.centre())),
+        fact("to G", format_position(&screen.maze.goal.centre())),
         fact(state, format!("{} steps", walk.steps)),
         fact("shortest", shortest),
         fact("D to goal", format_steps(walk.distances.0)),
         fact("waypoint", walk.waypoint.map_or("the goal".to_owned(), |at| format_position(&at))),
         fact("D to it", format_steps(walk.distances.1)),
-        fact("ahead", format!("{} waypoints", screen.view.path.len().saturating_sub(1))),
+        fact("ahead", format!("{} waypoints", screen.maze.view.path.len().saturating_sub(1))),
         heading("walks"),
         fact("arrived", format!("{} of {}", walk.finished_walks.0, walk.finished_walks.1)),
         fact("then", screen.on_arrival.name()),
@@ -56,7 +56,7 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
         fact("at A", format_position(&followed.state)),
         fact("goal \u{2691}", format_position(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
-        fact("shortest", screen.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string())),
+        fact("shortest", screen.maze.view.followed_steps.map_or("no path".to_owned(), |s| s.to_string())),
         fact("D to goal", format_steps(followed.distances.1)),
         fact("target", aim),
         fact("D to it", format_steps(followed.distances.0)),

@@ -2,28 +2,22 @@
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
-use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
-use super::DIM;
-use super::map::MAX_SHOWN_ERROR;
-use super::text::short;
 use crate::tui::action::Action;
-use crate::tui::canvas::SHADES;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
+use crate::tui::render::DIM;
+use crate::tui::render::scale::{BAR_WIDTH, SHORT_BAR_WIDTH, scale};
+use crate::tui::render::text::short;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
-use crate::view::{Field, contour_interval};
-
-/// Width of the colour bar, in characters, and where room is short.
-const BAR_WIDTH: usize = 12;
-const SHORT_BAR_WIDTH: usize = 5;
+use crate::view::contour_interval;
 
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayout) {
-    let cell = screen.inspecting.or(screen.hovered);
+    let cell = screen.maze.inspecting.or(screen.maze.hovered);
     let line = if cell.is_some() {
         cell_facts(screen)
     } else {
@@ -47,12 +41,12 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayou
 }
 
 fn cell_facts(screen: &Screen) -> Line<'static> {
-    let Some(cell) = screen.inspecting.or(screen.hovered) else { return Line::default() };
+    let Some(cell) = screen.maze.inspecting.or(screen.maze.hovered) else { return Line::default() };
     let place = format!(" cell {},{}", cell.x, cell.y);
-    if !screen.map().is_free(cell) {
+    if !screen.maze.map.is_free(cell) {
         return Line::from(format!("{place}: wall"));
     }
-    let Some(facts) = screen.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
+    let Some(facts) = screen.maze.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
     let (learned, visits) = (facts.learned, short(f64::from(facts.visits)));
     Line::from(match facts.truth {
         Some(truth) => {
@@ -61,38 +55,6 @@ fn cell_facts(screen: &Screen) -> Line<'static> {
         }
         None => format!("{place}: D {learned:.1}, no path to G"),
     })
-}
-
-/// Returns the colour scale with the values at its ends and a bar of `bar` characters.
-pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
-    let farthest = screen.view.farthest.max(1.0);
-    let name = Span::raw(format!(" {} ", screen.field.name()));
-    let (low, high) = match screen.field {
-        Field::Plain => return Line::from(name),
-        Field::Error => {
-            let most = 100.0 * MAX_SHOWN_ERROR;
-            (format!("-{most:.0} %"), format!("+{most:.0} %"))
-        }
-        Field::Visits => ("0".to_owned(), short(f64::from(farthest))),
-        _ => ("0".to_owned(), format!("{farthest:.0} steps")),
-    };
-    let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
-    if screen.theme.depth == ColourDepth::Mono {
-        let shades = SHADES.iter().flat_map(|shade| [*shade; 2]).collect::<String>();
-        line.push_span(Span::raw(format!("[{shades}]")));
-    } else {
-        for i in 0..bar {
-            let at = i as f32 / (bar - 1) as f32;
-            let rgb = match screen.field {
-                Field::Error => screen.theme.error_colour(2.0 * at - 1.0),
-                Field::Visits => screen.theme.distance_colour(1.0 - at),
-                _ => screen.theme.distance_colour(at),
-            };
-            line.push_span(Span::styled("\u{2588}", Style::new().fg(screen.theme.colour(rgb))));
-        }
-    }
-    line.push_span(Span::styled(format!(" {high}"), DIM));
-    line
 }
 
 /// Says how many cells a dot of the map shows, if it shows several: at length, and in short.
@@ -107,5 +69,5 @@ fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> Vec<String> {
 fn contour_text(screen: &Screen) -> Option<String> {
     let shown = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
     let shown = shown && screen.theme.depth != ColourDepth::Mono;
-    shown.then(|| format!(", a line every {:.0}", contour_interval(screen.view.farthest.max(1.0))))
+    shown.then(|| format!(", a line every {:.0}", contour_interval(screen.maze.view.farthest.max(1.0))))
 }

@@ -1,0 +1,68 @@
+//! Letters and signs on top of the pixels.
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Position, Rect};
+use ratatui::style::{Color, Modifier, Style};
+
+use super::raster::MapFrame;
+use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of_indexed};
+
+/// Draws letters and signs.
+pub struct Glyphs<'a> {
+    /// Where it draws.
+    pub map_frame: &'a MapFrame,
+    /// Colours.
+    pub theme: &'a Theme,
+    /// The screen.
+    pub buffer: &'a mut Buffer,
+}
+
+impl Glyphs<'_> {
+    /// Draws a letter on its own background.
+    pub fn letter(&mut self, at: [f32; 2], letter: char, rgb: Rgb) {
+        let Some(cell) = self.map_frame.character_of(at).and_then(|at| self.buffer.cell_mut(at)) else { return };
+        let style = match self.theme.depth {
+            ColourDepth::Mono => Style::new().add_modifier(Modifier::REVERSED | Modifier::BOLD),
+            _ => Style::new().bg(self.theme.colour(rgb)).fg(self.theme.colour(ink(rgb))).add_modifier(Modifier::BOLD),
+        };
+        cell.set_char(letter).set_style(style);
+    }
+
+    /// Draws a sign on the existing background.
+    pub fn symbol(&mut self, at: [f32; 2], symbol: char, rgb: Option<Rgb>) {
+        if let Some(at) = self.map_frame.character_of(at) {
+            self.put(at, symbol, rgb);
+        }
+    }
+
+    /// Writes a number on the existing background around a position, unless another is too near.
+    pub fn write(&mut self, at: [f32; 2], text: &str, taken: &mut Vec<Rect>) {
+        let Some(at) = self.map_frame.character_of(at) else { return };
+        let area = self.map_frame.area;
+        let length = text.len() as u16;
+        let from = at.x.saturating_sub(length / 2).clamp(area.x, area.right().saturating_sub(length).max(area.x));
+        let own = Rect::new(from.saturating_sub(1), at.y, length + 2, 1);
+        if taken.iter().any(|other| other.intersects(own)) {
+            return;
+        }
+        taken.push(own);
+        let cells = (from..area.right()).map(|x| Position::new(x, at.y));
+        text.chars().zip(cells).for_each(|(c, at)| self.put(at, c, None));
+    }
+
+    fn put(&mut self, at: Position, symbol: char, rgb: Option<Rgb>) {
+        let Some(cell) = self.buffer.cell_mut(at) else { return };
+        if self.theme.depth == ColourDepth::Mono {
+            cell.set_char(symbol);
+            return;
+        }
+        // The background of a half block is the colour of its lower half.
+        let ground = match cell.bg {
+            Color::Rgb(r, g, b) => (r, g, b),
+            Color::Indexed(i) => rgb_of_indexed(i),
+            _ => self.theme.unknown,
+        };
+        let rgb = rgb.unwrap_or(ink(ground));
+        cell.set_char(symbol).set_fg(self.theme.colour(rgb));
+    }
+}

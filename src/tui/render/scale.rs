@@ -1,0 +1,54 @@
+//! The scale of the colours.
+
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::DIM;
+use super::text::short;
+use crate::tui::canvas::SHADES;
+use crate::tui::screen::Screen;
+use crate::tui::theme::ColourDepth;
+use crate::view::Field;
+
+/// Width of the colour bar, in characters, and where room is short.
+pub const BAR_WIDTH: usize = 12;
+pub const SHORT_BAR_WIDTH: usize = 5;
+
+/// Relative error from which the colour is the strongest.
+pub const MAX_SHOWN_ERROR: f32 = 0.5;
+
+/// Returns the colour scale with the values at its ends and a bar of `bar` characters.
+pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
+    let farthest = screen.farthest();
+    let name = match screen.field {
+        Field::Plain => format!(" {} only ", screen.scene().noun()),
+        field => format!(" {} ", field.name()),
+    };
+    let name = Span::raw(name);
+    let (low, high) = match screen.field {
+        Field::Plain => return Line::from(name),
+        Field::Error => {
+            let most = 100.0 * MAX_SHOWN_ERROR;
+            (format!("-{most:.0} %"), format!("+{most:.0} %"))
+        }
+        Field::Visits => ("0".to_owned(), short(f64::from(farthest))),
+        _ => ("0".to_owned(), format!("{farthest:.0} steps")),
+    };
+    let mut line = Line::from(vec![name, Span::styled(format!("{low} "), DIM)]);
+    if screen.theme.depth == ColourDepth::Mono {
+        let shades = SHADES.iter().flat_map(|shade| [*shade; 2]).collect::<String>();
+        line.push_span(Span::raw(format!("[{shades}]")));
+    } else {
+        for i in 0..bar {
+            let at = i as f32 / (bar - 1) as f32;
+            let rgb = match screen.field {
+                Field::Error => screen.theme.error_colour(2.0 * at - 1.0),
+                Field::Visits => screen.theme.distance_colour(1.0 - at),
+                _ => screen.theme.distance_colour(at),
+            };
+            line.push_span(Span::styled("\u{2588}", Style::new().fg(screen.theme.colour(rgb))));
+        }
+    }
+    line.push_span(Span::styled(format!(" {high}"), DIM));
+    line
+}

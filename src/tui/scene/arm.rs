@@ -1,0 +1,58 @@
+//! Arms, in projections.
+
+mod act;
+mod draw;
+mod info;
+mod legend;
+mod mouse;
+mod projection;
+mod shapes;
+mod walk;
+
+use std::sync::Arc;
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+
+use crate::env::ArmScene;
+use crate::tui::layout::ScreenLayout;
+use crate::tui::screen::Screen;
+use crate::view::ArmView;
+pub use act::{offers, wording};
+pub use legend::lines as legend_lines;
+pub use projection::{Angle, Camera, Orbit, Projection};
+pub use walk::lines as walk_lines;
+
+/// What the screen shows of an arm.
+#[derive(Debug, Default)]
+pub struct ArmState {
+    /// The view shown.
+    pub view: Arc<ArmView>,
+    /// The goal that distances are measured to, in metres.
+    pub goal: [f32; 3],
+    /// The chosen projection: arrow keys move the goal in its plane.
+    pub angle: Angle,
+    /// Whether it is shown alone even if there is room for others.
+    pub alone: bool,
+    /// The direction of the free projection.
+    pub orbit: Orbit,
+    /// The part that all projections show.
+    pub camera: Camera,
+    /// Whether a drag has turned the free projection since the button was pressed.
+    pub turned: bool,
+}
+
+/// Draws the arm into the first area, and the line below it into the second.
+pub fn draw(frame: &mut Frame, [area, info]: [Rect; 2], scene: &ArmScene, screen: &Screen, layout: &mut ScreenLayout) {
+    layout.projections = projection::arrange(area, screen);
+    for projection in &layout.projections {
+        draw::draw(frame, projection, scene, screen, layout.projections.len() > 1);
+    }
+    info::draw(frame, info, screen);
+}
+
+/// Formats a position in centimetres.
+fn centimetres(at: [f32; 3]) -> String {
+    let [x, y, z] = at.map(|metres| 100.0 * metres);
+    format!("{x:.1}, {y:.1}, {z:.1}")
+}

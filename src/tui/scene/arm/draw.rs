@@ -1,0 +1,193 @@
+//! One projection of the arm and what is around it.
+
+use ratatui::Frame;
+use ratatui::layout::Rect;
+use ratatui::text::Line;
+
+use super::info::contour_steps;
+use super::projection::{Angle, Projection};
+use super::shapes::{Sketch, edges};
+use crate::bridge::EdgeStatus;
+use crate::env::ArmScene;
+use crate::tui::canvas::CANDIDATE_MARK;
+use crate::tui::glyphs::Glyphs;
+use crate::tui::layers::Overlay;
+use crate::tui::render::{BOLD, REVERSED};
+use crate::tui::screen::Screen;
+use crate::tui::theme::{Rgb, blend, contour};
+use crate::view::contour_at;
+
+/// Radii in metres: links (as the arm collides), joints, fingers, waypoints and explorers.
+const LINK_RADIUS: f32 = 0.026;
+const JOINT_RADIUS: f32 = 0.016;
+const FINGER_RADIUS: f32 = 0.007;
+const DOT_RADIUS: f32 = 0.008;
+
+/// Draws the projection; its name is highlighted if it is the chosen one of `several`.
+pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen: &Screen, several: bool) {
+    let mut sketch = Sketch::new(projection);
+    draw_field(&mut sketch, screen);
+    draw_surroundings(&mut sketch, scene, screen);
+    draw_graph(&mut sketch, screen);
+    draw_explorers(&mut sketch, screen);
+    draw_plan(&mut sketch, screen);
+    draw_arm(&mut sketch, screen);
+    sketch.circle(screen.arm.goal, scene.goal_radius(), (screen.theme.goal, '*'));
+    sketch.canvas.paint(frame.buffer_mut(), &projection.frame, &screen.theme);
+    draw_symbols(frame, projection, screen);
+    let area = projection.frame.area;
+    let chosen = several && projection.angle == screen.arm.angle;
+    let style = if chosen { BOLD.patch(REVERSED) } else { BOLD };
+    let style = style.fg(screen.theme.colour(screen.theme.cursor)).bg(screen.theme.colour(screen.theme.unknown));
+    let name = Line::styled(format!(" {} ", title(projection.angle, screen)), style);
+    let width = (name.width() as u16).min(area.width);
+    frame.render_widget(name, Rect { width, height: 1, ..area });
+}
+
+/// Returns the name of a projection and the coordinate of the coloured plane, or the direction.
+fn title(angle: Angle, screen: &Screen) -> String {
+    let degrees = |rad: f32| (rad.to_degrees().round() as i32).rem_euclid(360);
+    let [x, y, z] = screen.arm.goal.map(|metres| format!("{:.0} cm", 100.0 * metres));
+    let name = angle.name();
+    match angle {
+        Angle::Side => format!("{name} at y {y}"),
+        Angle::Front => format!("{name} at x {x}"),
+        Angle::Top => format!("{name} at z {z}"),
+        Angle::Free => {
+            let orbit = screen.arm.orbit;
+            format!("{name} {}\u{b0} {}\u{b0}", degrees(orbit.yaw), degrees(orbit.pitch))
+        }
+    }
+}
+
+/// Draws D on the plane through the goal, with contour lines.
+fn draw_field(sketch: &mut Sketch, screen: &Screen) {
+    let (theme, view, canvas) = (&screen.theme, &screen.arm.view, &mut sketch.canvas);
+    (0..canvas.len()).for_each(|i| canvas.set(i, Some(theme.unknown), ' '));
+    let field = view.planes.iter().position(|plane| *plane == sketch.projection.plane).map(|n| &view.fields[n]);
+    let Some(field) = field.filter(|_| view.kind == screen.field) else { return };
+    let farthest = screen.farthest();
+    for (i, value) in field.iter().enumerate().filter(|(_, value)| value.is_finite()) {
+        let rgb = theme.distance_colour(value / farthest);
+        let line = screen.overlays.has(Overlay::Contours)
+            && contour_at(field, canvas.columns(), contour_steps(farthest), i).is_some();
+        let (rgb, mark) = if line { (contour(rgb), '\u{b7}') } else { (rgb, ' ') };
+        canvas.set(i, Some(rgb), mark);
+    }
+}
+
+/// Draws the table's edges, the region of goals and the wall.
+fn draw_surroundings(sketch: &mut Sketch, scene: &ArmScene, screen: &Screen) {
+    let theme = &screen.theme;
+    sketch.lines(edges(scene.table()), (blend(theme.wall, theme.cursor, 0.3), 1.0, '='));
+    sketch.lines(edges(scene.goals()), (theme.frontier, 0.5, '.'));
+    if let Some(wall) = scene.wall() {
+        sketch.lines(edges(wall), (theme.edges[1], 0.9, '#'));
+    }
+}
+
+/// Draws the bridge graph and its latest search.
+fn draw_graph(sketch: &mut Sketch, screen: &Screen) {
+    let (theme, view) = (&screen.theme, &screen.arm.view);
+    if screen.overlays.has(Overlay::Edges) {
+        let kinds = [
+            (EdgeStatus::Untried, 2, 0.3, '-'),
+            (EdgeStatus::Confirmed, 0, 0.6, '='),
+            (EdgeStatus::Demoted, 1, 0.9, 'x'),
+        ];
+        for (kind, colour, share, mark) in kinds {
+            let own = view.edges.iter().filter(|(_, status)| *status == kind).map(|(ends, _)| *ends);
+            sketch.lines(own, (theme.edges[colour], share, mark));
+        }
+    }
+    if screen.overlays.has(Overlay::Candidates) {
+        for candidate in view.candidates.iter() {
+            let at = sketch.projection.flat(candidate.at);
+            sketch.canvas.faint_dot(
+                &sketch.projection.frame,
+                at,
+                theme.cursor,
+                0.25 + 0.4 * candidate.degree,
+                Some(CANDIDATE_MARK),
+            );
+        }
+    }
+    if let (true, Some(search)) = (screen.overlays.has(Overlay::Search), &screen.snapshot.search) {
+        let [accepted, rejected] = theme.search;
+        positions(&search.rejected, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, (rejected, 'x')));
+        if let Some(bridge) = &search.found {
+            let stops = [&search.state, &bridge.point, &search.goal].map(|numbers| position(numbers));
+            sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (accepted, 0.9, '='));
+            sketch.ball(stops[1], DOT_RADIUS, (accepted, 'B'));
+        }
+    }
+}
+
+/// Draws the grips of exploring agents, and their trails.
+fn draw_explorers(sketch: &mut Sketch, screen: &Screen) {
+    let (snapshot, rgb) = (&screen.snapshot, screen.theme.frontier);
+    if !screen.overlays.has(Overlay::Agents) {
+        return;
+    }
+    let agents = screen.run().settings.train.agents.max(1);
+    let size = (snapshot.agents.len() / agents).max(1);
+    for trail in snapshot.trails.iter() {
+        let stops: Vec<[f32; 3]> = positions(trail, size).collect();
+        sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (rgb, 0.4, '.'));
+    }
+    positions(&snapshot.agents, size).for_each(|at| sketch.ball(at, DOT_RADIUS, (rgb, 'o')));
+}
+
+/// Draws the waypoints ahead, and where the grip has been.
+fn draw_plan(sketch: &mut Sketch, screen: &Screen) {
+    let (theme, view) = (&screen.theme, &screen.arm.view);
+    if screen.overlays.has(Overlay::Path) && view.path.len() > 1 {
+        let stops: Vec<[f32; 3]> = std::iter::once(view.pose.grip).chain(view.path.iter().copied()).collect();
+        sketch.lines(stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
+        let between = &view.path[..view.path.len() - 1];
+        between.iter().for_each(|at| sketch.ball(*at, DOT_RADIUS, (theme.path, '+')));
+    }
+    let trail: Vec<[f32; 3]> = std::iter::once(view.reach.start).chain(view.trail.iter().copied()).collect();
+    sketch.lines(trail.windows(2).map(|ends| [ends[0], ends[1]]), (theme.walker, 0.7, ','));
+}
+
+/// Draws the arm itself.
+fn draw_arm(sketch: &mut Sketch, screen: &Screen) {
+    let (theme, pose) = (&screen.theme, &screen.arm.view.pose);
+    if pose.grip == [0.0; 3] {
+        // The viewer has not published anything yet.
+        return;
+    }
+    let link: Rgb = blend(theme.cursor, theme.unknown, 0.3);
+    for (i, ends) in pose.links().enumerate() {
+        let share = if i == 0 { 0.5 } else { 0.0 };
+        // Thinner towards the hand.
+        let radius = LINK_RADIUS * (1.2 - 0.07 * i as f32);
+        sketch.rod(ends, radius, (blend(link, theme.unknown, share), '#'));
+    }
+    pose.joints.iter().for_each(|at| sketch.ball(*at, JOINT_RADIUS, (theme.walker, 'O')));
+    pose.fingers.iter().for_each(|finger| sketch.rod(*finger, FINGER_RADIUS, (theme.walker, 'v')));
+}
+
+fn draw_symbols(frame: &mut Frame, projection: &Projection, screen: &Screen) {
+    let (theme, view) = (&screen.theme, &screen.arm.view);
+    let mut glyphs = Glyphs { map_frame: &projection.frame, theme, buffer: frame.buffer_mut() };
+    if let Some(followed) = &screen.snapshot.followed {
+        glyphs.symbol(projection.flat(position(&followed.goal)), '\u{2691}', Some(theme.frontier));
+        glyphs.letter(projection.flat(position(&followed.state)), 'A', theme.frontier);
+    }
+    glyphs.letter(projection.flat(screen.arm.goal), 'G', theme.goal);
+    if view.pose.grip != [0.0; 3] {
+        glyphs.letter(projection.flat(view.pose.grip), '@', theme.walker);
+    }
+}
+
+/// Returns the first three numbers of a goal or a state.
+fn position(numbers: &[f32]) -> [f32; 3] {
+    std::array::from_fn(|i| numbers.get(i).copied().unwrap_or_default())
+}
+
+/// Returns the positions of states or goals of `size` numbers.
+fn positions(numbers: &[f32], size: usize) -> impl Iterator<Item = [f32; 3]> {
+    numbers.chunks_exact(size).map(position)
+}

@@ -1,0 +1,238 @@
+//! The projections of an arm, and their places on the screen. All are parallel: a direction to the right and one upwards.
+
+use std::f32::consts::{FRAC_PI_2, TAU};
+
+use ratatui::layout::{Constraint, Layout, Position, Rect};
+
+use crate::tui::raster::{MapFrame, Marker};
+use crate::tui::screen::Screen;
+use crate::view::Raster;
+use crate::view::arm::Plane;
+
+/// What is shown without zoom, in metres: where the arm, the table and the goals are.
+const WORKSPACE: [[f32; 3]; 2] = [[0.62, 0.33, 0.3], [1.66, 1.17, 1.12]];
+
+/// The free projection shows this share of what it would need to show the workspace's corners from every side: the arm
+/// is in its middle.
+const FREE_SHARE: f32 = 0.8;
+
+/// The smallest area in characters that has room for all projections.
+const ALL_SIZE: (u16, u16) = (66, 28);
+
+/// A direction to look from.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Angle {
+    /// From the robot's right: x to the right, z up.
+    #[default]
+    Side,
+    /// From in front of it: y to the right, z up.
+    Front,
+    /// From above: x to the right, y up.
+    Top,
+    /// From anywhere.
+    Free,
+}
+
+impl Angle {
+    /// All angles, in the order of their keys and places.
+    pub const ALL: [Self; 4] = [Self::Side, Self::Front, Self::Top, Self::Free];
+
+    /// Returns the next angle.
+    #[must_use]
+    pub fn next(self) -> Self {
+        Self::ALL[(self as usize + 1) % Self::ALL.len()]
+    }
+
+    /// Returns its name, with the axes to the right and up.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Side => "side x\u{2192} z\u{2191}",
+            Self::Front => "front y\u{2192} z\u{2191}",
+            Self::Top => "top x\u{2192} y\u{2191}",
+            Self::Free => "free",
+        }
+    }
+
+    fn orbit(self, free: Orbit) -> Orbit {
+        match self {
+            Self::Side => Orbit { yaw: -FRAC_PI_2, pitch: 0.0 },
+            Self::Front => Orbit { yaw: 0.0, pitch: 0.0 },
+            Self::Top => Orbit { yaw: -FRAC_PI_2, pitch: FRAC_PI_2 },
+            Self::Free => free,
+        }
+    }
+}
+
+/// Where the eye is, in rad: around the vertical axis from the front, and above the horizon.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Orbit {
+    pub yaw: f32,
+    pub pitch: f32,
+}
+
+impl Default for Orbit {
+    fn default() -> Self {
+        Self { yaw: -0.9, pitch: 0.45 }
+    }
+}
+
+impl Orbit {
+    /// Turns by angles in rad; the eye stays between the floor's plane and the zenith.
+    pub fn turn(&mut self, yaw: f32, pitch: f32) {
+        self.yaw = (self.yaw + yaw).rem_euclid(TAU);
+        self.pitch = (self.pitch + pitch).clamp(0.0, FRAC_PI_2);
+    }
+
+    /// Returns the directions to the right and upwards.
+    fn axes(self) -> [[f32; 3]; 2] {
+        let ((sy, cy), (sp, cp)) = (self.yaw.sin_cos(), self.pitch.sin_cos());
+        [[-sy, cy, 0.0], [-sp * cy, -sp * sy, cp]]
+    }
+}
+
+/// The part of the scene that is shown.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Camera {
+    /// Magnification compared to showing everything, at least 1.
+    pub zoom: f32,
+    /// The point in the middle, in metres.
+    pub focus: [f32; 3],
+}
+
+impl Default for Camera {
+    fn default() -> Self {
+        let [low, high] = WORKSPACE;
+        Self { zoom: 1.0, focus: std::array::from_fn(|i| f32::midpoint(low[i], high[i])) }
+    }
+}
+
+/// A projection on the screen.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Projection {
+    /// Where the eye is.
+    pub angle: Angle,
+    /// Its pixels: to the right and downwards in metres.
+    pub frame: MapFrame,
+    /// Directions and pixels for the viewer.
+    pub plane: Plane,
+}
+
+impl Projection {
+    /// Fits what `camera` shows into `area`; `None` without room.
+    fn fit(area: Rect, (angle, orbit): (Angle, Orbit), camera: Camera, marker: Marker) -> Option<Self> {
+        if area.is_empty() {
+            return None;
+        }
+        let [across, up] = angle.orbit(orbit).axes();
+        let size =
+            |direction: [f32; 3]| (0..3).map(|i| (WORKSPACE[1][i] - WORKSPACE[0][i]) * direction[i].abs()).sum::<f32>();
+        // A character is twice as high as wide.
+        let (columns, rows) = (f32::from(area.width), f32::from(area.height));
+        let share = if angle == Angle::Free { FREE_SHARE } else { 1.0 };
+        let scale = camera.zoom / share * (columns / size(across)).min(2.0 * rows / size(up));
+        let (width, height) = (columns / scale, 2.0 * rows / scale);
+        let marker = if marker == Marker::Auto { Marker::Quadrant } else { marker };
+        let per_character = marker.pixels();
+        let pixels = (usize::from(area.width) * per_character.0, usize::from(area.height) * per_character.1);
+        let mut projection = Self {
+            angle,
+            frame: MapFrame { area, raster: Raster { window: [0.0; 4], pixels }, marker },
+            plane: Plane { raster: Raster { window: [0.0; 4], pixels }, across, up },
+        };
+        let [x, y] = projection.flat(camera.focus);
+        let raster = Raster { window: [x - width / 2.0, y - height / 2.0, width, height], pixels };
+        (projection.frame.raster, projection.plane.raster) = (raster, raster);
+        Some(projection)
+    }
+
+    /// Returns where a point is on the screen: to the right and downwards, in metres.
+    pub fn flat(&self, at: [f32; 3]) -> [f32; 2] {
+        let dot = |direction: [f32; 3]| (0..3).map(|i| at[i] * direction[i]).sum::<f32>();
+        [dot(self.plane.across), -dot(self.plane.up)]
+    }
+
+    /// Returns the point at a screen position, as deep in the scene as `near`.
+    pub fn point_at(&self, at: Position, near: [f32; 3]) -> [f32; 3] {
+        self.plane.point(self.frame.middle_of(at), near)
+    }
+
+    /// Returns the width and height of a pixel in metres.
+    pub fn pixel_size(&self) -> [f32; 2] {
+        let Raster { window: [_, _, width, height], pixels } = self.frame.raster;
+        [width / pixels.0 as f32, height / pixels.1 as f32]
+    }
+}
+
+/// Returns whether `area` has room for all projections.
+pub fn has_room(area: Rect) -> bool {
+    area.width >= ALL_SIZE.0 && area.height >= ALL_SIZE.1
+}
+
+/// Places the projections: all of them in the quarters of `area`, or the chosen one alone.
+pub fn arrange(area: Rect, screen: &Screen) -> Vec<Projection> {
+    let arm = &screen.arm;
+    let fit = |area: Rect, angle: Angle| Projection::fit(area, (angle, arm.orbit), arm.camera, screen.marker);
+    if arm.alone || !has_room(area) {
+        return fit(area, arm.angle).into_iter().collect();
+    }
+    let halves = |area: Rect, layout: Layout| layout.spacing(1).areas::<2>(area);
+    let rows = halves(area, Layout::vertical([Constraint::Fill(1), Constraint::Fill(1)]));
+    let areas = rows.map(|row| halves(row, Layout::horizontal([Constraint::Fill(1), Constraint::Fill(1)])));
+    areas.into_iter().flatten().zip(Angle::ALL).filter_map(|(area, angle)| fit(area, angle)).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn projection(angle: Angle) -> Projection {
+        let orbit = Orbit::default();
+        Projection::fit(Rect::new(3, 2, 50, 22), (angle, orbit), Camera::default(), Marker::HalfBlock).expect("room")
+    }
+
+    #[test]
+    fn each_projection_shows_its_two_coordinates() {
+        let at = [1.3, 0.7, 0.5];
+        for (angle, expected) in [(Angle::Side, [1.3, -0.5]), (Angle::Front, [0.7, -0.5]), (Angle::Top, [1.3, -0.7])] {
+            let [x, y] = projection(angle).flat(at);
+            assert!((x - expected[0]).abs() < 1e-6 && (y - expected[1]).abs() < 1e-6, "{angle:?}: {x}, {y}");
+        }
+    }
+
+    #[test]
+    fn a_screen_position_becomes_the_point_that_it_shows_there() {
+        for angle in Angle::ALL {
+            let projection = projection(angle);
+            for at in [[1.3, 0.7, 0.5], [1.45, 0.85, 0.65]] {
+                let character = projection.frame.character_of(projection.flat(at)).expect("in the frame");
+                let back = projection.point_at(character, at);
+                let [width, height] = projection.pixel_size();
+                let most = width.max(2.0 * height);
+                assert!((0..3).all(|i| (back[i] - at[i]).abs() <= most), "{angle:?}: {at:?} becomes {back:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn everything_is_in_view_along_the_axes() {
+        let [low, high] = WORKSPACE;
+        for angle in [Angle::Side, Angle::Front, Angle::Top] {
+            let projection = projection(angle);
+            for corner in 0..8 {
+                let at = std::array::from_fn(|i| if corner >> i & 1 == 0 { low[i] + 0.001 } else { high[i] - 0.001 });
+                assert!(projection.frame.character_of(projection.flat(at)).is_some(), "{angle:?}: {at:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn the_eye_turns_around_the_scene_and_stays_above_the_floor() {
+        let mut orbit = Orbit::default();
+        orbit.turn(10.0 * TAU, 9.0);
+        assert!(orbit.pitch == FRAC_PI_2 && (0.0..TAU).contains(&orbit.yaw));
+        orbit.turn(0.0, -9.0);
+        assert_eq!(orbit.pitch, 0.0);
+        let [across, up] = Orbit::default().axes();
+        assert!((0..3).map(|i| across[i] * up[i]).sum::<f32>().abs() < 1e-6, "at right angles");
+    }
+}

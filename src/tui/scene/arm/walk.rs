@@ -1,0 +1,85 @@
+//! The followed arm: the one that reaches for the goal, or an exploring one.
+
+use ratatui::text::Line;
+
+use super::centimetres;
+use crate::env::Scene;
+use crate::tui::action::Action;
+use crate::tui::render::text::{fact, heading};
+use crate::tui::screen::Screen;
+
+/// Returns the pane's lines.
+pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
+    match screen.following {
+        Some(_) => explorer(screen),
+        None => reacher(screen),
+    }
+}
+
+fn format_steps(distance: f32) -> String {
+    if distance.is_nan() { "-".to_owned() } else { format!("{distance:.1} steps") }
+}
+
+fn format_metres(distance: f32) -> String {
+    if distance.is_nan() { "-".to_owned() } else { format!("{:.1} cm", 100.0 * distance) }
+}
+
+fn reacher(screen: &Screen) -> Vec<Line<'static>> {
+    let (view, reach) = (&screen.arm.view, &screen.arm.view.reach);
+    let state = if reach.arrived { "arrived" } else { "reaching" };
+    let most = match &screen.snapshot.scene {
+        Scene::Arm(scene) if !reach.arrived => format!(" of {}", scene.episode_steps()),
+        _ => String::new(),
+    };
+    let mut lines = vec![
+        heading("x, y, z in cm"),
+        fact("from", centimetres(reach.start)),
+        fact("grip @", centimetres(view.pose.grip)),
+        fact("to G", centimetres(screen.arm.goal)),
+        fact(state, format!("{} steps{most}", reach.steps)),
+        fact("left", format_metres(reach.metres)),
+        fact("D to goal", format_steps(reach.distances.0)),
+    ];
+    if screen.run().method.plans() {
+        lines.extend([
+            fact("waypoint", reach.waypoint.map_or("the goal".to_owned(), centimetres)),
+            fact("D to it", format_steps(reach.distances.1)),
+            fact("ahead", format!("{} waypoints", view.path.len().saturating_sub(1))),
+        ]);
+    }
+    lines.extend([
+        heading("reaches"),
+        fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
+        fact("then", screen.on_arrival.name()),
+    ]);
+    lines.push(Line::default());
+    let key = |action| screen.keymap.key_of(action);
+    lines.push(Line::from(format!(" {} or click: new goal", key(Action::NewGoal))));
+    lines.push(Line::from(format!(" {} or right-click: new start", key(Action::NewStart))));
+    lines.push(Line::from(format!(" {}: follow an explorer", key(Action::Follow))));
+    lines
+}
+
+fn explorer(screen: &Screen) -> Vec<Line<'static>> {
+    let Some(followed) = &screen.snapshot.followed else { return vec![fact("agent", "...")] };
+    let place = |numbers: &[f32]| {
+        <[f32; 3]>::try_from(numbers.get(..3).unwrap_or_default()).map_or("-".to_owned(), centimetres)
+    };
+    let aim = if followed.aim == followed.goal { "the goal".to_owned() } else { place(&followed.aim) };
+    let left = followed.state.iter().zip(&followed.goal).take(3).map(|(s, g)| (s - g).powi(2)).sum::<f32>().sqrt();
+    vec![
+        heading("x, y, z in cm"),
+        fact("agent", format!("{} of {}", followed.agent, screen.run().settings.train.agents)),
+        fact("from", place(&followed.start)),
+        fact("at A", place(&followed.state)),
+        fact("goal \u{2691}", place(&followed.goal)),
+        fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
+        fact("left", format_metres(left)),
+        fact("D to goal", format_steps(followed.distances.1)),
+        fact("target", aim),
+        fact("D to it", format_steps(followed.distances.0)),
+        fact("path", if followed.planned { "through bridges" } else { "actor alone" }),
+        Line::default(),
+        Line::from(format!(" {}: next agent", screen.keymap.key_of(Action::Follow))),
+    ]
+}

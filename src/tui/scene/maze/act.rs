@@ -1,0 +1,186 @@
+//! What actions do in a maze.
+
+use std::sync::Arc;
+
+use rand::RngExt;
+
+use super::editor::offset_cell;
+use crate::map::{Cell, Grid};
+use crate::train::Command;
+use crate::tui::action::Action;
+use crate::tui::app::{App, maze_on};
+use crate::tui::dialog::Question;
+use crate::tui::layers::Overlay;
+use crate::tui::layout::ScreenLayout;
+use crate::tui::raster::Viewport;
+use crate::view::maze::Request;
+
+impl App {
+    /// Shows the maze of another run, with the map's own goal or a random one.
+    pub(in crate::tui) fn start_maze(&mut self) {
+        let map = self.screen.snapshot.scene.maze().map;
+        self.screen.maze.map = map.clone();
+        self.screen.maze.editor.clear_history();
+        self.screen.maze.viewport = Viewport::default();
+        self.inspect(None);
+        self.viewer.request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
+        let run = &self.screen.snapshot.run;
+        let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
+        self.screen.log.record(&text, self.screen.snapshot.updates());
+        let goal = map.goals().first().copied().unwrap_or_else(|| self.random_cell());
+        self.set_goal(goal);
+    }
+
+    /// Performs an action that is about the maze.
+    pub(in crate::tui) fn act_in_maze(&mut self, action: Action) {
+        let maze = &mut self.screen.maze;
+        let at_cursor = maze.inspecting.unwrap_or(maze.goal);
+        let map = maze.map.clone();
+        match action {
+            Action::NewGoal => {
+                let cell = self.random_cell();
+                self.set_goal(cell);
+            }
+            Action::Move(dx, dy) => self.move_by(dx, dy),
+            Action::GoalHere => self.set_goal(at_cursor),
+            Action::StartHere => self.place_walker(Some(at_cursor)),
+            Action::NewStart => self.place_walker(None),
+            Action::Toggle(Overlay::Directions) => {
+                self.viewer.request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
+            }
+            Action::ZoomIn => self.zoom(1.5, None),
+            Action::ZoomOut => self.zoom(1.0 / 1.5, None),
+            Action::ZoomOff => self.zoom(0.0, None),
+            Action::Pan(dx, dy) => self.pan(dx, dy),
+            Action::Inspect => {
+                let at = maze.inspecting.is_none().then_some(maze.goal);
+                self.inspect(at);
+            }
+            Action::ToggleEdit => self.toggle_edit(),
+            Action::Tool(tool) => {
+                if !self.screen.maze.editor.is_open() {
+                    self.toggle_edit();
+                }
+                self.screen.maze.editor.select_tool(tool);
+            }
+            Action::Apply => {
+                let new = maze.editor.apply(&map);
+                self.change_map(new);
+            }
+            Action::Undo => {
+                let new = maze.editor.undo(&map);
+                self.change_map_or_say(new, "nothing to undo");
+            }
+            Action::Redo => {
+                let new = maze.editor.redo(&map);
+                self.change_map_or_say(new, "nothing to redo");
+            }
+            Action::SaveMap => self.ask_map_file(),
+            Action::NewMap => self.ask_size(Question::NewMap),
+            Action::ResizeMap => self.ask_size(Question::ResizeMap),
+            _ => {}
+        }
+    }
+
+    fn random_cell(&mut self) -> Cell {
+        let cells: Vec<Cell> = self.screen.maze.map.free_cells().collect();
+        cells[self.rng.random_range(0..cells.len())]
+    }
+
+    /// Puts the goal at `cell`, or at the free cell nearest to it.
+    pub(in crate::tui) fn set_goal(&mut self, cell: Cell) {
+        if let Some(cell) = self.screen.maze.map.nearest_free(cell) {
+            self.screen.maze.goal = cell;
+            self.goal_requests += 1;
+            self.viewer.request(Request::Goal(cell, self.goal_requests));
+        }
+    }
+
+    /// Puts the walking agent at a cell, or at a random place.
+    pub(in crate::tui) fn place_walker(&mut self, cell: Option<Cell>) {
+        self.viewer.request(Request::Start(cell));
+    }
+
+    /// Starts inspecting a cell, or stops with `None`.
+    fn inspect(&mut self, cell: Option<Cell>) {
+        self.screen.maze.inspecting = cell;
+        self.viewer.request(Request::Inspect(cell.or(self.screen.maze.hovered)));
+    }
+
+    /// Switches to `map`, if given.
+    pub(in crate::tui) fn change_map(&mut self, map: Option<Arc<Grid>>) {
+        let Some(map) = map else { return };
+        if !self.command(Command::ChangeWorld(maze_on(map.clone()))) {
+            return;
+        }
+        self.screen.maze.map = map;
+        if !self.screen.maze.map.is_free(self.screen.maze.goal) {
+            self.set_goal(self.screen.maze.goal);
+        }
+    }
+
+    fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: &str) {
+        if map.is_none() {
+            self.notify(otherwise);
+        }
+        self.change_map(map);
+    }
+
+    fn toggle_edit(&mut self) {
+        if self.screen.maze.editor.is_open() {
+            self.screen.maze.editor.close();
+        } else {
+            self.screen.maze.editor.cursor = Some(self.screen.maze.inspecting.unwrap_or(self.screen.maze.goal));
+            self.inspect(None);
+        }
+    }
+
+    fn move_by(&mut self, dx: isize, dy: isize) {
+        if self.screen.maze.editor.is_open() {
+            self.screen.maze.editor.move_cursor((dx, dy), &self.screen.maze.map.clone());
+        } else if let Some(at) = self.screen.maze.inspecting {
+            self.inspect(Some(offset_cell(at, (dx, dy), &self.screen.maze.map)));
+        } else {
+            self.move_goal(dx, dy);
+        }
+        self.scroll_into_view();
+    }
+
+    /// Moves the goal to the next free cell in that direction, jumping over walls.
+    fn move_goal(&mut self, dx: isize, dy: isize) {
+        let mut at = self.screen.maze.goal;
+        loop {
+            at = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
+            if at.x >= self.screen.maze.map.width() || at.y >= self.screen.maze.map.height() {
+                return;
+            }
+            if self.screen.maze.map.is_free(at) {
+                return self.set_goal(at);
+            }
+        }
+    }
+
+    /// Closes the editor or the cursor; returns whether one was open.
+    pub(in crate::tui) fn close_in_maze(&mut self) -> bool {
+        if self.screen.maze.editor.is_open() {
+            self.screen.maze.editor.close();
+        } else if self.screen.maze.inspecting.is_some() {
+            self.inspect(None);
+        } else {
+            return false;
+        }
+        true
+    }
+
+    /// Has the viewer compute the field for the map's pixels.
+    pub(in crate::tui) fn maze_drawn(&mut self, before: ScreenLayout) {
+        match &self.screen.layout.map {
+            Some(frame) if before.map.as_ref() != Some(frame) => {
+                self.viewer.request(Request::Frame(frame.raster, Arc::new(frame.arrows())));
+            }
+            Some(_) => {}
+            // The map is hidden behind a maximised pane.
+            None => self.screen.layout.map = before.map,
+        }
+    }
+}

@@ -1,0 +1,180 @@
+//! An arm: D on planes through the goal, and an arm that reaches for the goal again and again.
+
+mod plane;
+mod reach;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
+use super::{Field, RefreshTimer, SceneWorker, View, pause_factor};
+use crate::env::fetch_reach::Pose;
+use crate::env::{ArmScene, Environment, FetchReach, Scene};
+use crate::learn::Scratch;
+use crate::train::{Networks, Snapshot};
+pub use plane::Plane;
+pub use reach::Reach;
+
+/// Time between two steps of the arm: two and a half times slower than life, as most reaches take but a few steps.
+const STEP_INTERVAL: Duration = Duration::from_millis(100);
+
+/// A request about an arm.
+#[derive(Clone, Debug)]
+pub enum Request {
+    /// Goal of the displayed distances and of the arm in metres, and the number of this request.
+    Goal([f32; 3], u64),
+    /// Where the arm starts next; `None` for a start of the world's own.
+    Start(Option<[f32; 3]>),
+    /// The planes to show D on.
+    Planes(Arc<Vec<Plane>>),
+}
+
+/// What the screen shows of an arm at one moment.
+#[derive(Clone, Debug, Default)]
+pub struct ArmView {
+    /// The goal, and the number of the request that set it.
+    pub goal: (Option<[f32; 3]>, u64),
+    /// The quantity that the fields show.
+    pub kind: Field,
+    /// The planes of the fields.
+    pub planes: Arc<Vec<Plane>>,
+    /// The values on each plane, row by row; NaN where there is none.
+    pub fields: Arc<Vec<Vec<f32>>>,
+    /// The largest value, at least 1.
+    pub farthest: f32,
+    /// Bridge candidates.
+    pub candidates: Arc<Vec<Candidate<3>>>,
+    /// Edges of the bridge graph.
+    pub edges: Arc<Vec<ShownEdge<3>>>,
+    /// Where the arm's parts are.
+    pub pose: Pose,
+    /// Waypoints ahead of the grip, ending at the goal.
+    pub path: Vec<[f32; 3]>,
+    /// Recent positions of the grip, the current one last.
+    pub trail: Vec<[f32; 3]>,
+    /// The current reach.
+    pub reach: Reach,
+}
+
+/// Computes what is shown of an arm.
+pub(super) struct ArmWorker {
+    scene: ArmScene,
+    world: FetchReach,
+    rng: ChaCha8Rng,
+    pilot: Pilot,
+    /// Networks that the fields were computed from.
+    shown: Arc<Networks>,
+    planes: Arc<Vec<Plane>>,
+    on_arrival: OnArrival,
+    resting: u32,
+    view: ArmView,
+    /// Whether the view has changed since it was published.
+    changed: bool,
+    scratch: Scratch,
+    field_timer: RefreshTimer,
+}
+
+impl ArmWorker {
+    /// Creates the worker for the arm of `snapshot`.
+    pub(super) fn new(scene: ArmScene, snapshot: &Snapshot) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(snapshot.run.seed);
+        // The screen draws its goals from the first stream.
+        rng.set_stream(1);
+        let mut worker = Self {
+            scene,
+            world: scene.world(1),
+            rng,
+            pilot: Pilot::new(snapshot),
+            shown: snapshot.networks.clone(),
+            planes: Arc::default(),
+            on_arrival: OnArrival::default(),
+            resting: 0,
+            view: ArmView::default(),
+            changed: true,
+            scratch: Scratch::default(),
+            field_timer: RefreshTimer::default(),
+        };
+        worker.restart(None);
+        worker
+    }
+
+    /// Returns the arm's state.
+    fn state(&self) -> Vec<f32> {
+        self.world.states().to_vec()
+    }
+
+    /// Recomputes D on all planes.
+    fn refresh_fields(&mut self) {
+        let began = Instant::now();
+        self.view.farthest = 1.0;
+        if let Some(goal) = self.view.goal.0 {
+            let planes = self.planes.clone();
+            let fields: Vec<Vec<f32>> = planes.iter().map(|plane| self.field(plane, goal)).collect();
+            self.view.farthest = fields.iter().flatten().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
+            (self.view.planes, self.view.fields) = (planes, Arc::new(fields));
+        }
+        self.field_timer.done(began);
+        self.changed = true;
+    }
+}
+
+impl SceneWorker for ArmWorker {
+    fn draws(&self, scene: &Scene) -> bool {
+        matches!(scene, Scene::Arm(scene) if *scene == self.scene)
+    }
+
+    fn step_interval(&self) -> Duration {
+        STEP_INTERVAL
+    }
+
+    fn handle(&mut self, request: super::Request) {
+        self.changed = true;
+        match request {
+            super::Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
+            super::Request::Field(kind) => {
+                self.view.kind = kind;
+                self.field_timer.make_due();
+            }
+            super::Request::Arm(Request::Goal(goal, number)) => {
+                self.view.goal = (Some(goal), number);
+                self.start_reach();
+                self.field_timer.make_due();
+            }
+            super::Request::Arm(Request::Start(at)) => {
+                self.restart(at);
+                if self.view.kind == Field::FromStart {
+                    self.field_timer.make_due();
+                }
+            }
+            super::Request::Arm(Request::Planes(planes)) => {
+                self.planes = planes;
+                self.field_timer.make_due();
+            }
+            super::Request::Maze(_) => {}
+        }
+    }
+
+    fn walk(&mut self) {
+        self.reach_on();
+    }
+
+    fn refresh(&mut self, snapshot: &Snapshot) {
+        if self.pilot.refresh(snapshot, self.world.spec()) {
+            let (candidates, edges) = self.pilot.shown_graph();
+            (self.view.candidates, self.view.edges) = (Arc::new(candidates), Arc::new(edges));
+            self.changed = true;
+        }
+        let shown = Arc::ptr_eq(&snapshot.networks, &self.shown);
+        if self.field_timer.is_urgent() || !shown && self.field_timer.is_due(pause_factor(snapshot)) {
+            self.shown = snapshot.networks.clone();
+            self.refresh_fields();
+        }
+    }
+
+    fn changed_view(&mut self) -> Option<View> {
+        std::mem::take(&mut self.changed).then(|| View::Arm(Arc::new(self.view.clone())))
+    }
+}

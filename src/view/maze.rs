@@ -1,0 +1,297 @@
+//! A maze: distance fields on its map, what has been explored, facts about cells, and an agent that walks to a cell.
+
+mod exploration;
+mod field;
+mod walk;
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
+use super::{Field, Raster, RefreshTimer, SceneWorker, View, pause_factor};
+use crate::env::{Environment, MazeScene, PointMaze, Scene};
+use crate::learn::Scratch;
+use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use crate::train::{Networks, Snapshot};
+pub use exploration::{Exploration, Knowledge};
+pub use walk::Walk;
+
+/// Time between two steps of the walking agent.
+const STEP_INTERVAL: Duration = Duration::from_millis(70);
+
+/// A request about a maze.
+#[derive(Clone, Debug)]
+pub enum Request {
+    /// Goal of the displayed distances and of the walking agent, and the number of this request.
+    Goal(Cell, u64),
+    /// Start of the walking agent; `None` for a random one.
+    Start(Option<Cell>),
+    /// The pixels showing the map, and the positions at which to show the actor's directions.
+    Frame(Raster, Arc<Vec<[f32; 2]>>),
+    /// Whether to show the actor's directions.
+    Directions(bool),
+    /// The cell to inspect.
+    Inspect(Option<Cell>),
+}
+
+/// Information about a cell.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CellInfo {
+    /// The cell.
+    pub cell: Cell,
+    /// D from its centre to the goal.
+    pub learned: f32,
+    /// The true number of steps, if the goal is reachable.
+    pub truth: Option<u32>,
+    /// Number of visits by agents.
+    pub visits: u32,
+}
+
+/// What the screen shows of a maze at one moment.
+#[derive(Clone, Debug, Default)]
+pub struct MazeView {
+    /// The goal, and the number of the request that set it.
+    pub goal: (Option<Cell>, u64),
+    /// The quantity that the field shows.
+    pub kind: Field,
+    /// The value of each pixel, row by row; NaN at walls.
+    pub field: Arc<Vec<f32>>,
+    /// The largest value, at least 1.
+    pub farthest: f32,
+    /// The pixels of the field.
+    pub raster: Option<Raster>,
+    /// Positions and the actor's actions there.
+    pub directions: Arc<Vec<([f32; 2], [f32; 2])>>,
+    /// What the agents have explored.
+    pub exploration: Arc<Exploration>,
+    /// Bridge candidates.
+    pub candidates: Arc<Vec<Candidate>>,
+    /// Edges of the bridge graph.
+    pub edges: Arc<Vec<ShownEdge>>,
+    /// The cells, row by row, from which no path leads to the goal, although they are free. Empty if there are none.
+    pub cut_off: Arc<Vec<bool>>,
+    /// Waypoints ahead of the walking agent, ending at the goal.
+    pub path: Vec<[f32; 2]>,
+    /// Recent positions of the walking agent, the current one last.
+    pub trail: Vec<[f32; 2]>,
+    /// Its current walk.
+    pub walk: Walk,
+    /// Information about the cell under the cursor.
+    pub inspected: Option<CellInfo>,
+    /// True steps from the followed exploring agent to its goal, if it is reachable.
+    pub followed_steps: Option<u32>,
+}
+
+/// Computes what is shown of a maze.
+pub(super) struct MazeWorker {
+    world: PointMaze,
+    search: StepSearch,
+    rng: ChaCha8Rng,
+    pilot: Pilot,
+    /// Networks that the field was computed from.
+    shown: Arc<Networks>,
+    /// Visits that the exploration was derived from.
+    visits: Arc<Vec<u32>>,
+    /// Visits of the latest snapshot.
+    latest_visits: Arc<Vec<u32>>,
+    frame: Option<(Raster, Arc<Vec<[f32; 2]>>)>,
+    directions: bool,
+    inspect: Option<Cell>,
+    inspection_due: bool,
+    on_arrival: OnArrival,
+    view: MazeView,
+    /// Whether the view has changed since it was published.
+    changed: bool,
+    resting: u32,
+    scratch: Scratch,
+    field_timer: RefreshTimer,
+    exploration_timer: RefreshTimer,
+}
+
+impl SceneWorker for MazeWorker {
+    fn draws(&self, scene: &Scene) -> bool {
+        matches!(scene, Scene::Maze(_) | Scene::Nothing)
+    }
+
+    fn step_interval(&self) -> Duration {
+        STEP_INTERVAL
+    }
+
+    fn handle(&mut self, request: super::Request) {
+        self.changed = true;
+        match request {
+            super::Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
+            super::Request::Field(kind) => {
+                self.view.kind = kind;
+                self.field_timer.make_due();
+            }
+            super::Request::Maze(request) => self.handle_own(request),
+            super::Request::Arm(_) => {}
+        }
+    }
+
+    fn walk(&mut self) {
+        self.walk_on();
+    }
+
+    /// Recomputes graph and field from the latest networks if they are due.
+    fn refresh(&mut self, snapshot: &Snapshot) {
+        let MazeScene { map, visits } = snapshot.scene.maze();
+        if !Arc::ptr_eq(&map, self.world.map()) {
+            self.change_map(map);
+        }
+        self.latest_visits = visits;
+        if let Some(followed) = &snapshot.followed {
+            let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
+            self.view.followed_steps = self.true_steps(at(&followed.state), at(&followed.goal));
+            self.changed = true;
+        }
+        self.refresh_exploration(pause_factor(snapshot));
+        if self.pilot.refresh(snapshot, self.world.spec()) {
+            let (candidates, edges) = self.pilot.shown_graph();
+            (self.view.candidates, self.view.edges) = (Arc::new(candidates), Arc::new(edges));
+            self.changed = true;
+        }
+        let shown = Arc::ptr_eq(&snapshot.networks, &self.shown);
+        if self.field_timer.is_urgent() || !shown && self.field_timer.is_due(pause_factor(snapshot)) {
+            self.shown = snapshot.networks.clone();
+            self.refresh_field();
+            self.inspection_due = true;
+        }
+        // Once for all cells that the mouse has passed over in the meantime.
+        if std::mem::take(&mut self.inspection_due) {
+            self.inspect_cell();
+        }
+    }
+
+    fn changed_view(&mut self) -> Option<View> {
+        std::mem::take(&mut self.changed).then(|| View::Maze(Arc::new(self.view.clone())))
+    }
+}
+
+impl MazeWorker {
+    /// Creates the worker for the maze of `snapshot`.
+    pub(super) fn new(snapshot: &Snapshot) -> Self {
+        let world = PointMaze::new(snapshot.scene.maze().map, 1);
+        let mut worker = Self {
+            search: StepSearch::new(world.map()),
+            rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
+            pilot: Pilot::new(snapshot),
+            shown: snapshot.networks.clone(),
+            visits: Arc::default(),
+            latest_visits: Arc::default(),
+            frame: None,
+            directions: false,
+            inspect: None,
+            inspection_due: false,
+            on_arrival: OnArrival::default(),
+            view: MazeView::default(),
+            changed: true,
+            resting: 0,
+            scratch: Scratch::default(),
+            field_timer: RefreshTimer::default(),
+            exploration_timer: RefreshTimer::default(),
+            world,
+        };
+        worker.restart_at_start();
+        worker
+    }
+
+    fn handle_own(&mut self, request: Request) {
+        match request {
+            Request::Goal(cell, number) => {
+                self.view.goal = (Some(cell), number);
+                self.refresh_cut_off();
+                self.start_walk();
+                self.field_timer.make_due();
+            }
+            Request::Start(cell) => {
+                self.restart(cell);
+                if self.view.kind == Field::FromStart {
+                    self.field_timer.make_due();
+                }
+            }
+            Request::Frame(raster, arrows) => {
+                self.frame = Some((raster, arrows));
+                self.field_timer.make_due();
+            }
+            Request::Directions(shown) => {
+                self.directions = shown;
+                self.field_timer.make_due();
+            }
+            Request::Inspect(cell) => {
+                self.inspect = cell;
+                self.inspection_due = true;
+            }
+        }
+    }
+
+    /// Switches to another map or to an edited version of this one.
+    fn change_map(&mut self, map: Arc<Grid>) {
+        let at = self.position();
+        let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
+        self.world = PointMaze::new(map, 1);
+        self.search = StepSearch::new(self.world.map());
+        self.view.goal.0 = self.view.goal.0.and_then(|goal| self.world.map().nearest_free(goal));
+        self.view.trail.clear();
+        self.refresh_cut_off();
+        self.pilot.forget_graph();
+        if same_size {
+            self.world.set_full_state(0, &at.map(f64::from));
+            self.start_walk();
+        } else {
+            self.view.walk.finished_walks = (0, 0);
+            self.restart_at_start();
+        }
+        self.field_timer.make_due();
+        self.exploration_timer.make_due();
+    }
+
+    fn position(&self) -> [f32; 2] {
+        [self.world.states()[0], self.world.states()[1]]
+    }
+
+    /// Returns the true steps between two cells, if there is a path.
+    fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
+        let map = self.world.map();
+        let steps = self.search.steps_from(to)[map.index(from)];
+        (steps != UNREACHABLE).then_some(steps)
+    }
+
+    /// Finds the cells from which no path leads to the goal.
+    fn refresh_cut_off(&mut self) {
+        let map = self.world.map();
+        let steps = self.view.goal.0.map(|goal| self.search.steps_from(goal));
+        let cut_off = |steps: &[u32]| -> Vec<bool> {
+            steps.iter().zip(map.free()).map(|(steps, free)| *free && *steps == UNREACHABLE).collect()
+        };
+        let cut_off = steps.map(cut_off).filter(|cells| cells.contains(&true)).unwrap_or_default();
+        // While nothing changes, the screen reuses what it has drawn.
+        if cut_off != *self.view.cut_off {
+            self.view.cut_off = Arc::new(cut_off);
+        }
+    }
+
+    /// Updates the information about the inspected cell.
+    fn inspect_cell(&mut self) {
+        self.changed = true;
+        self.view.inspected = None;
+        let (Some(cell), Some(goal)) = (self.inspect, self.view.goal.0) else { return };
+        if !self.world.map().is_free(cell) {
+            return;
+        }
+        let truth = self.true_steps(cell, goal);
+        let shown = self.shown.clone();
+        let learned = shown.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
+        let visits = self.latest_visits.get(self.world.map().index(cell)).copied().unwrap_or(0);
+        self.view.inspected = Some(CellInfo { cell, learned, truth, visits });
+    }
+}
+
+/// Returns the cell that contains a position.
+fn cell_of(at: [f32; 2]) -> Cell {
+    Cell::new(at[0] as usize, at[1] as usize)
+}
