@@ -109,7 +109,7 @@ pub enum Command {
         #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(1..=1000))]
         runs: u16,
     },
-    /// Render frames of a screen recording as PNG files
+    /// Render frames of a screen recording as PNG files, or all of it as an animation
     #[cfg(feature = "tui")]
     Frames(FramesArgs),
     /// Restores the terminal if the parent process is killed (started by the interface)
@@ -183,8 +183,29 @@ pub struct FramesArgs {
     /// Recording made with --record
     pub cast: PathBuf,
     /// Times to render, in seconds from the start of the recording
-    #[arg(long, value_name = "S", value_delimiter = ',', required = true, value_parser = parse_seconds)]
+    #[arg(
+        long,
+        value_name = "S",
+        value_delimiter = ',',
+        required_unless_present = "animate",
+        value_parser = parse_seconds
+    )]
     pub at: Vec<f64>,
+    /// Render an animated PNG into this file instead
+    #[arg(long, value_name = "FILE", conflicts_with = "at")]
+    pub animate: Option<PathBuf>,
+    /// Begin the animation at this time, in seconds
+    #[arg(long, value_name = "S", requires = "animate", default_value_t = 0.0, value_parser = parse_seconds)]
+    pub from: f64,
+    /// End the animation at this time, in seconds [default: the recording's end]
+    #[arg(long, value_name = "S", requires = "animate", value_parser = parse_seconds)]
+    pub to: Option<f64>,
+    /// Frames per second of the animation
+    #[arg(long, value_name = "N", requires = "animate", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=50))]
+    pub fps: u16,
+    /// Play the animation this many times as fast
+    #[arg(long, value_name = "X", requires = "animate", default_value_t = 1.0, value_parser = parse_speed)]
+    pub speed: f64,
     /// Output folder: one FILE-SECONDS.png per time
     #[arg(long, value_name = "FOLDER", default_value = ".")]
     pub out: PathBuf,
@@ -451,6 +472,12 @@ fn parse_seconds(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|s| *s >= 0.0 && f64::is_finite(*s))
         .ok_or_else(|| "expected a number of seconds, 0 or more".to_owned())
+}
+
+#[cfg(feature = "tui")]
+fn parse_speed(text: &str) -> Result<f64, String> {
+    let speed = text.parse().ok().filter(|x| (0.1..=100.0).contains(x));
+    speed.ok_or_else(|| "expected a number from 0.1 to 100".to_owned())
 }
 
 fn parse_minutes(text: &str) -> Result<f64, String> {

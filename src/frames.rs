@@ -1,4 +1,6 @@
-//! Renders frames of a screen recording as PNG files.
+//! Renders frames of a screen recording as PNG files, or a part of it as an animation.
+
+mod animation;
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
@@ -54,15 +56,15 @@ struct Cast {
 /// Fails if a file cannot be read or written, or is not a recording (naming the line). Fails without writing anything
 /// if a moment is outside the recording or a picture already exists.
 pub fn run(args: &FramesArgs) -> Result<String, Report> {
+    if let Some(out) = &args.animate {
+        return animation::write(args, out);
+    }
     let mut moments = args.at.clone();
     moments.sort_by(f64::total_cmp);
     moments.dedup();
     let name = args.cast.to_string_lossy();
     let seconds = duration(&args.cast)?;
-    if let Some(at) = moments.iter().find(|at| !(0.0..=seconds).contains(*at)) {
-        let help = format!("give times from 0 to {seconds}");
-        return Err(miette!(help = help, "{name}: no frame at {at} s: the recording is {seconds} s long"));
-    }
+    check_within(&name, moments.iter(), seconds)?;
     for at in &moments {
         refuse_existing(&picture_path(args, *at), args.overwrite)?;
     }
@@ -101,6 +103,17 @@ pub fn play(
         }
     }
     Ok(())
+}
+
+/// Checks that all of `moments` are within a recording that lasts `seconds`.
+fn check_within<'a>(name: &str, mut moments: impl Iterator<Item = &'a f64>, seconds: f64) -> Result<(), Report> {
+    match moments.find(|at| !(0.0..=seconds).contains(*at)) {
+        None => Ok(()),
+        Some(at) => {
+            let help = format!("give times from 0 to {seconds}");
+            Err(miette!(help = help, "{name}: no frame at {at} s: the recording is {seconds} s long"))
+        }
+    }
 }
 
 /// Returns the time of a recording's last event, in seconds from its start; reads all of its lines.
@@ -244,14 +257,24 @@ fn buffer_of(screen: &vt100::Screen) -> Buffer {
 mod tests {
     use super::*;
 
-    const HEADER: &str = r#"{"version":2,"width":4,"height":1}"#;
+    pub const HEADER: &str = r#"{"version":2,"width":4,"height":1}"#;
 
     /// Creates a folder with a recording of these lines, and arguments that draw moments of it.
-    fn recording(lines: &str, at: &[f64]) -> (tempfile::TempDir, FramesArgs) {
+    pub fn recording(lines: &str, at: &[f64]) -> (tempfile::TempDir, FramesArgs) {
         let folder = tempfile::tempdir().expect("a folder");
         let cast = folder.path().join("short.cast");
         std::fs::write(&cast, lines).expect("a file");
-        let args = FramesArgs { cast, at: at.to_vec(), out: folder.path().join("out"), overwrite: false };
+        let args = FramesArgs {
+            cast,
+            at: at.to_vec(),
+            animate: None,
+            from: 0.0,
+            to: None,
+            fps: 5,
+            speed: 1.0,
+            out: folder.path().join("out"),
+            overwrite: false,
+        };
         (folder, args)
     }
 

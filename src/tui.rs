@@ -51,7 +51,7 @@ use crate::view::Viewer;
 use app::{App, Files};
 pub use compare::{prepare as prepare_comparison, run as compare};
 pub use config::{UiConfig, load as load_config, parse as parse_config, template as config_template};
-pub use export::{PageColours, png_of};
+pub use export::{PageColours, picture_of, png_of};
 pub use keymap::Keymap;
 pub use measure::MeasuredInterface;
 pub use record::LARGEST_SCREEN;

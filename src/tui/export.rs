@@ -16,7 +16,7 @@ use super::render;
 use super::screen::Screen;
 use super::theme::{Rgb, Theme};
 use crate::files::{self, write_atomically};
-pub use picture::png_of;
+pub use picture::{picture_of, png_of};
 
 /// Folder for exports.
 const EXPORT_FOLDER: &str = "exports";

@@ -1,11 +1,18 @@
 //! Screen recordings in asciinema's format (version 2: a JSON header line, then one JSON line per event).
+//!
+//! A recording holds what changes between frames, not the bytes that went to the terminal: a few frames per second, in
+//! fewer colours, so that it stays below [`BYTES_PER_SECOND`] however much is going on.
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
 use std::path::Path;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
+use ratatui::backend::{Backend, CrosstermBackend};
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+use ratatui::style::Color;
 use serde_json::json;
 
 use crate::setup::create;
@@ -13,12 +20,35 @@ use crate::setup::create;
 /// Columns and rows of the largest screen that is recorded or drawn, more than any real terminal has.
 pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
 
+/// Average size of a recording; frames are left out where it would grow faster. A little below 2 MB a minute.
+const BYTES_PER_SECOND: f64 = 30_000.0;
+
+/// Bytes that a recording may be ahead of that: the first screen is drawn at once.
+const BYTES_AHEAD: f64 = 150_000.0;
+
+/// Minimum time between two recorded frames.
+const FRAME_INTERVAL: Duration = Duration::from_millis(100);
+
+/// Recorded colours are multiples of this per channel: the learned distance changes everywhere all the time, mostly by
+/// less than anyone sees.
+const COLOUR_STEP: u8 = 8;
+
+/// Hides the cursor, and clears the screen.
+const CLEAR: &str = "\u{1b}[?25l\u{1b}[0m\u{1b}[2J";
+
 /// A recording in progress.
 pub struct Recorder {
     file: BufWriter<File>,
     began: Instant,
-    /// Bytes written since the last event.
-    frame: Vec<u8>,
+    /// The screen as recorded so far.
+    recorded: Buffer,
+    /// The latest frame, if it has not been recorded, and its time.
+    pending: Option<(Duration, Buffer)>,
+    /// Time of the latest recorded frame.
+    latest: Option<Duration>,
+    /// Bytes of all frames, and of the latest: the next one will probably be as large.
+    written: usize,
+    latest_size: usize,
 }
 
 impl Recorder {
@@ -38,47 +68,99 @@ impl Recorder {
         let term = std::env::var("TERM").unwrap_or_default();
         let head =
             json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui", "env": { "TERM": term } });
-        let mut recorder = Self { file: BufWriter::new(file), began: Instant::now(), frame: Vec::new() };
-        recorder.line(&head)?;
+        let mut recorder = Self {
+            file: BufWriter::new(file),
+            began: Instant::now(),
+            recorded: Buffer::empty(Rect::new(0, 0, width, height)),
+            pending: None,
+            latest: None,
+            written: 0,
+            latest_size: 0,
+        };
+        recorder.line(&head.to_string())?;
         Ok(recorder)
     }
 
-    /// Adds bytes written to the terminal.
-    pub fn add(&mut self, bytes: &[u8]) {
-        self.frame.extend(bytes);
-    }
-
-    /// Writes the bytes added so far as one event.
+    /// Records the screen, now or, if the latest frame was recorded just before or the recording grows too fast, only
+    /// if nothing follows.
     ///
     /// # Errors
     /// Errors of the file system.
-    pub fn end_frame(&mut self) -> std::io::Result<()> {
-        if self.frame.is_empty() {
-            return Ok(());
+    pub fn frame(&mut self, screen: &Buffer) -> std::io::Result<()> {
+        self.frame_at(self.began.elapsed(), screen)
+    }
+
+    fn frame_at(&mut self, now: Duration, screen: &Buffer) -> std::io::Result<()> {
+        // A frame left out is recorded if it was shown for longer than those that are.
+        if self.pending.as_ref().is_some_and(|(at, _)| now > *at + 2 * FRAME_INTERVAL) && self.is_due(now) {
+            self.write_pending()?;
         }
-        let text = String::from_utf8_lossy(&std::mem::take(&mut self.frame)).into_owned();
-        self.event("o", &text)
+        self.pending = Some((now, screen.clone()));
+        if self.is_due(now) { self.write_pending() } else { Ok(()) }
     }
 
-    /// Records a change of the terminal's size.
-    ///
-    /// # Errors
-    /// Errors of the file system.
-    pub fn resize(&mut self, size: (u16, u16)) -> std::io::Result<()> {
-        let (width, height) = clamp_size(size);
-        self.event("r", &format!("{width}x{height}"))
+    fn is_due(&self, now: Duration) -> bool {
+        let affordable = BYTES_AHEAD + BYTES_PER_SECOND * now.as_secs_f64();
+        self.latest.is_none_or(|latest| now >= latest + FRAME_INTERVAL && (self.written + self.latest_size) as f64 <= affordable)
     }
 
-    fn event(&mut self, kind: &str, text: &str) -> std::io::Result<()> {
-        let seconds = (self.began.elapsed().as_secs_f64() * 1e6).round() / 1e6;
-        self.line(&json!([seconds, kind, text]))
+    /// Writes the pending frame, if there is one, as one event.
+    fn write_pending(&mut self) -> std::io::Result<()> {
+        let Some((at, mut screen)) = self.pending.take() else { return Ok(()) };
+        let mut text = String::new();
+        if self.latest.is_none() || screen.area != self.recorded.area {
+            let (width, height) = (screen.area.width, screen.area.height);
+            if screen.area != self.recorded.area {
+                self.event(at, "r", &format!("{width}x{height}"))?;
+            }
+            self.recorded = Buffer::empty(screen.area);
+            text.push_str(CLEAR);
+        }
+        screen.content.iter_mut().for_each(|cell| (cell.fg, cell.bg) = (coarse(cell.fg), coarse(cell.bg)));
+        let changes = self.recorded.diff(&screen);
+        if !changes.is_empty() {
+            let mut bytes = Vec::new();
+            let mut backend = CrosstermBackend::new(&mut bytes);
+            backend.draw(changes.into_iter())?;
+            text.push_str(&String::from_utf8_lossy(&bytes));
+        }
+        self.recorded = screen;
+        self.latest = Some(at);
+        if !text.is_empty() {
+            self.event(at, "o", &text)?;
+        }
+        Ok(())
     }
 
-    fn line(&mut self, value: &serde_json::Value) -> std::io::Result<()> {
-        serde_json::to_writer(&mut self.file, value)?;
+    fn event(&mut self, at: Duration, kind: &str, text: &str) -> std::io::Result<()> {
+        let seconds = (at.as_secs_f64() * 1e3).round() / 1e3;
+        let line = json!([seconds, kind, text]).to_string();
+        self.latest_size = line.len() + 1;
+        self.written += self.latest_size;
+        self.line(&line)
+    }
+
+    fn line(&mut self, line: &str) -> std::io::Result<()> {
+        self.file.write_all(line.as_bytes())?;
         self.file.write_all(b"\n")?;
         // Keep the file complete at any moment, as the program may be killed.
         self.file.flush()
+    }
+}
+
+impl Drop for Recorder {
+    fn drop(&mut self) {
+        // The last screen; an error here has nobody left to report to.
+        let _ = self.write_pending();
+    }
+}
+
+/// Rounds a colour.
+fn coarse(colour: Color) -> Color {
+    let round = |v: u8| v - v % COLOUR_STEP;
+    match colour {
+        Color::Rgb(r, g, b) => Color::Rgb(round(r), round(g), round(b)),
+        other => other,
     }
 }
 
@@ -89,19 +171,39 @@ fn clamp_size((width, height): (u16, u16)) -> (u16, u16) {
 
 #[cfg(test)]
 mod tests {
+    use std::path::PathBuf;
+
+    use ratatui::style::Style;
+
     use super::*;
+
+    /// Starts a recording in a new folder.
+    fn recorder(size: (u16, u16)) -> (tempfile::TempDir, PathBuf, Recorder) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("run.cast");
+        let recorder = Recorder::from_file(File::create(&path).expect("a file"), size).expect("written");
+        (folder, path, recorder)
+    }
+
+    fn screen(size: (u16, u16), text: &str, colour: u8) -> Buffer {
+        let mut screen = Buffer::empty(Rect::new(0, 0, size.0, size.1));
+        screen.set_string(0, 0, text, Style::new().fg(Color::Rgb(colour, colour, colour)));
+        screen
+    }
+
+    /// Returns the events of a recording: time, kind, text.
+    fn events(path: &Path) -> Vec<(f64, String, String)> {
+        let text = std::fs::read_to_string(path).expect("a recording");
+        text.lines().skip(1).map(|line| serde_json::from_str(line).expect("an event")).collect()
+    }
 
     #[test]
     fn a_recording_is_never_larger_than_the_largest_screen() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let path = folder.path().join("run.cast");
-        let mut recorder = Recorder::from_file(File::create(&path).expect("a file"), (65535, 65535)).expect("written");
-        recorder.resize((200, 60)).and_then(|()| recorder.resize((65535, 65535))).expect("written");
+        let (_folder, path, recorder) = recorder((65535, 65535));
+        drop(recorder);
         let text = std::fs::read_to_string(&path).expect("a recording");
-        let lines: Vec<serde_json::Value> =
-            text.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
-        assert_eq!((&lines[0]["width"], &lines[0]["height"]), (&1000.into(), &500.into()));
-        assert_eq!((&lines[1][2], &lines[2][2]), (&"200x60".into(), &"1000x500".into()));
+        let head: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+        assert_eq!((&head["width"], &head["height"]), (&1000.into(), &500.into()));
     }
 
     #[test]
@@ -114,5 +216,60 @@ mod tests {
         assert_eq!(std::fs::read(&path).expect("kept"), b"mine");
         assert!(Recorder::start(&path, true).is_ok());
         assert!(std::fs::read_to_string(&path).expect("a recording").starts_with("{\"version\":2"));
+    }
+
+    #[test]
+    fn changes_that_nobody_sees_and_frames_in_quick_succession_are_left_out() {
+        let (size, ms) = ((4, 1), Duration::from_millis);
+        let (_folder, path, mut recorder) = recorder(size);
+        for (at, text, colour) in [(0, "ab", 80), (200, "ab", 83), (400, "ax", 80), (410, "ay", 80), (420, "az", 80)] {
+            recorder.frame_at(ms(at), &screen(size, text, colour)).expect("written");
+        }
+        drop(recorder);
+        let events = events(&path);
+        assert_eq!(events.iter().map(|(at, ..)| *at).collect::<Vec<_>>(), [0.0, 0.4, 0.42]);
+        assert!(events[1].2.contains('x') && !events[1].2.contains('a'), "what changed: {}", events[1].2);
+        assert!(events[2].2.contains('z'), "the last frame is recorded");
+    }
+
+    #[test]
+    fn a_frame_left_out_is_recorded_if_it_stays() {
+        let (size, ms) = ((4, 1), Duration::from_millis);
+        let (_folder, path, mut recorder) = recorder(size);
+        for (at, text) in [(0, "a"), (50, "b"), (5000, "c")] {
+            recorder.frame_at(ms(at), &screen(size, text, 80)).expect("written");
+        }
+        drop(recorder);
+        assert_eq!(events(&path).iter().map(|(at, ..)| *at).collect::<Vec<_>>(), [0.0, 0.05, 5.0]);
+    }
+
+    #[test]
+    fn a_recording_stays_below_its_rate_however_much_changes() {
+        let size = (200, 60);
+        let (_folder, path, mut recorder) = recorder(size);
+        for frame in 0..600u16 {
+            let mut all = Buffer::empty(Rect::new(0, 0, size.0, size.1));
+            for (i, cell) in all.content.iter_mut().enumerate() {
+                cell.set_char('x').set_fg(Color::Rgb((i as u16 * 40 + frame * 16) as u8, (i * 24) as u8, 0));
+            }
+            recorder.frame_at(Duration::from_millis(100) * u32::from(frame), &all).expect("written");
+        }
+        drop(recorder);
+        let bytes = std::fs::metadata(&path).expect("a file").len();
+        // The last screen is recorded in any case.
+        assert!((1_000_000..2_500_000).contains(&bytes), "{bytes} in a minute");
+        let (before, last) = (events(&path), 59.9);
+        assert!((before.last().expect("frames").0 - last).abs() < 1e-9, "the last frame is recorded");
+    }
+
+    #[test]
+    fn a_new_size_clears_the_screen() {
+        let (_folder, path, mut recorder) = recorder((4, 1));
+        recorder.frame_at(Duration::ZERO, &screen((4, 1), "ab", 80)).expect("written");
+        recorder.frame_at(Duration::from_secs(1), &screen((6, 2), "ab", 80)).expect("written");
+        drop(recorder);
+        let events = events(&path);
+        assert_eq!((events[1].1.as_str(), events[1].2.as_str()), ("r", "6x2"));
+        assert!(events[2].2.starts_with(CLEAR) && events[2].2.contains("ab"));
     }
 }

@@ -2,7 +2,7 @@
 
 mod guard;
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::io::{Stdout, Write, stdout};
 use std::rc::Rc;
 use std::sync::Once;
@@ -25,39 +25,26 @@ pub use guard::run_guard;
 pub struct Terminal {
     inner: ratatui::Terminal<CrosstermBackend<Output>>,
     size: (u16, u16),
-    recorder: Option<Rc<RefCell<Recorder>>>,
+    recorder: Option<Recorder>,
     /// Whether all further output is discarded.
     closed: Rc<Cell<bool>>,
     /// Dismissed last, after everything has been restored.
     _guard: Option<Guard>,
 }
 
-/// Standard output, with an optional recording of what goes there.
+/// Standard output, until it is closed.
 pub struct Output {
     terminal: Stdout,
-    recorder: Option<Rc<RefCell<Recorder>>>,
     closed: Rc<Cell<bool>>,
 }
 
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
-        if self.closed.get() {
-            return Ok(bytes.len());
-        }
-        let written = self.terminal.write(bytes)?;
-        if let Some(recorder) = &self.recorder {
-            recorder.borrow_mut().add(&bytes[..written]);
-        }
-        Ok(written)
+        if self.closed.get() { Ok(bytes.len()) } else { self.terminal.write(bytes) }
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
-        if self.closed.get() {
-            return Ok(());
-        }
-        self.terminal.flush()?;
-        // A flush ends a frame, which a recording shows all at once.
-        self.recorder.as_ref().map_or(Ok(()), |recorder| recorder.borrow_mut().end_frame())
+        if self.closed.get() { Ok(()) } else { self.terminal.flush() }
     }
 }
 
@@ -78,11 +65,10 @@ impl Terminal {
                 before(info);
             }));
         });
-        let recorder = recorder.map(|recorder| Rc::new(RefCell::new(recorder)));
         let (closed, guard) = (Rc::new(Cell::new(false)), Guard::start());
         let enter = || {
             set_up_modes()?;
-            screen(recorder.clone(), closed.clone())
+            screen(closed.clone())
         };
         match enter() {
             Ok(inner) => {
@@ -106,14 +92,12 @@ impl Terminal {
         let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
         if std::mem::replace(&mut self.size, size) != size {
             self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
-            if let Some(recorder) = &self.recorder {
-                recorder.borrow_mut().resize(size)?;
-            }
         }
         execute!(stdout(), BeginSynchronizedUpdate)?;
-        let drawn = self.inner.draw(render).map(|_| ());
+        let drawn = self.inner.draw(render);
         execute!(stdout(), EndSynchronizedUpdate)?;
-        drawn
+        let frame = drawn?;
+        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.frame(frame.buffer))
     }
 
     /// Restores the terminal, stops this program until it is resumed, and sets the terminal up again.
@@ -128,7 +112,7 @@ impl Terminal {
         // A new instance knows nothing of the old screen, so it redraws everything without querying the terminal.
         self.closed.set(true);
         self.closed = Rc::default();
-        self.inner = screen(self.recorder.clone(), self.closed.clone())?;
+        self.inner = screen(self.closed.clone())?;
         self.size = (0, 0);
         Ok(())
     }
@@ -143,11 +127,8 @@ impl Drop for Terminal {
     }
 }
 
-fn screen(
-    recorder: Option<Rc<RefCell<Recorder>>>,
-    closed: Rc<Cell<bool>>,
-) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
-    let backend = CrosstermBackend::new(Output { terminal: stdout(), recorder, closed });
+fn screen(closed: Rc<Cell<bool>>) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
+    let backend = CrosstermBackend::new(Output { terminal: stdout(), closed });
     // Its size is set before each frame.
     ratatui::Terminal::with_options(backend, TerminalOptions { viewport: Viewport::Fixed(Rect::default()) })
 }

@@ -18,6 +18,11 @@ const HEIGHT: usize = 16;
 /// # Errors
 /// Errors of the encoder.
 pub fn png_of(screen: &Buffer, area: Rect, page: PageColours) -> Result<Vec<u8>, png::EncodingError> {
+    picture_of(screen, area, page).to_png()
+}
+
+/// Renders a part of the screen, 8 x 16 pixels a character.
+pub fn picture_of(screen: &Buffer, area: Rect, page: PageColours) -> Picture {
     let (columns, rows) = (usize::from(area.width) * WIDTH, usize::from(area.height) * HEIGHT);
     let mut picture = Picture::new((columns, rows), page.ground);
     for y in 0..area.height {
@@ -42,7 +47,7 @@ pub fn png_of(screen: &Buffer, area: Rect, page: PageColours) -> Result<Vec<u8>,
             }
         }
     }
-    picture.to_png()
+    picture
 }
 
 /// The dots of a braille character. The font is not used for these, as it draws unset dots as rings.

@@ -1,0 +1,217 @@
+//! A part of a recording as an animated PNG (APNG). Each frame stores what has changed since the one before: the
+//! smallest rectangle around it, transparent where nothing has.
+
+use std::path::Path;
+
+use miette::{IntoDiagnostic, Report, WrapErr};
+use png::{BlendOp, Encoder};
+use ratatui::buffer::Buffer;
+use ratatui::layout::Rect;
+
+use super::{buffer_of, check_within, duration, play};
+use crate::cli::FramesArgs;
+use crate::files::write_atomically;
+use crate::setup::refuse_existing;
+use crate::tui::{PageColours, picture_of};
+use crate::view::Picture;
+
+/// How long the last frame is shown, in seconds.
+const LAST_FRAME_SECONDS: f64 = 2.0;
+
+/// Resolution of the time that a frame is shown, in parts of a second.
+const TIME_UNITS: u16 = 100;
+
+/// Writes the animation that `args` ask for into `out`; returns its path as a line.
+///
+/// # Errors
+/// Fails if a file cannot be read or written, if the recording is invalid (naming the line) or shorter than the part
+/// asked for, or if `out` exists already.
+pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
+    let seconds = duration(&args.cast)?;
+    let to = args.to.unwrap_or(seconds);
+    check_within(&args.cast.to_string_lossy(), [args.from, to].iter(), seconds)?;
+    if args.from >= to {
+        return Err(miette::miette!(help = "give --from below --to", "the animation would be empty"));
+    }
+    refuse_existing(out, args.overwrite)?;
+    let step = args.speed / f64::from(args.fps);
+    let count = ((to - args.from) / step).ceil() as usize;
+    let mut moments: Vec<f64> = (0..count).map(|i| args.from + step * i as f64).collect();
+    moments.push(to);
+    // The file says first how many frames follow, and how large they are: look at all of them before.
+    let mut plan = Plan::default();
+    play(&args.cast, moments.clone(), |screen, at| {
+        plan.add(buffer_of(screen), (at - args.from) / args.speed);
+        Ok(())
+    })?;
+    let bytes = plan.encode(|plan, writer| {
+        let mut at = 0;
+        play(&args.cast, moments, |screen, _| {
+            plan.draw(at, &buffer_of(screen), writer)?;
+            at += 1;
+            Ok(())
+        })
+    })?;
+    write_atomically(out, &bytes)
+        .into_diagnostic()
+        .wrap_err_with(|| format!("{}: cannot be written", out.display()))?;
+    Ok(format!("{}\n", out.display()))
+}
+
+/// The frames of an animation: the moments at which the screen changes.
+#[derive(Default)]
+struct Plan {
+    /// Columns and rows of the largest screen.
+    size: (u16, u16),
+    latest: Option<Buffer>,
+    /// For each moment, whether it is a frame, and its time in seconds.
+    moments: Vec<(bool, f64)>,
+    /// The picture drawn so far.
+    drawn: Option<Picture>,
+}
+
+type Writer<'a> = png::Writer<&'a mut Vec<u8>>;
+
+impl Plan {
+    fn add(&mut self, screen: Buffer, seconds: f64) {
+        self.size = (self.size.0.max(screen.area.width), self.size.1.max(screen.area.height));
+        self.moments.push((self.latest.as_ref() != Some(&screen), seconds));
+        self.latest = Some(screen);
+    }
+
+    /// Encodes the animation, whose frames `draw_all` draws.
+    fn encode(
+        mut self,
+        draw_all: impl FnOnce(&mut Self, &mut Writer) -> Result<(), Report>,
+    ) -> Result<Vec<u8>, Report> {
+        let empty = Buffer::empty(Rect::new(0, 0, self.size.0, self.size.1));
+        let (columns, rows) = picture_of(&empty, empty.area, PageColours::default()).size();
+        let frames = self.moments.iter().filter(|(changed, _)| *changed).count();
+        let mut bytes = Vec::new();
+        let mut encoder = Encoder::new(&mut bytes, columns as u32, rows as u32);
+        encoder.set_color(png::ColorType::Rgba);
+        encoder.set_depth(png::BitDepth::Eight);
+        encoder.set_compression(png::Compression::High);
+        encoder.set_animated(frames as u32, 0).into_diagnostic()?;
+        let mut writer = encoder.write_header().into_diagnostic()?;
+        draw_all(&mut self, &mut writer)?;
+        writer.finish().into_diagnostic()?;
+        Ok(bytes)
+    }
+
+    /// Draws moment `at`, unless nothing has changed.
+    fn draw(&mut self, at: usize, screen: &Buffer, writer: &mut Writer) -> Result<(), Report> {
+        let (true, seconds) = self.moments[at] else { return Ok(()) };
+        let next = self.moments[at + 1..].iter().find(|(changed, _)| *changed).map(|(_, seconds)| *seconds);
+        let last = self.moments.last().map_or(0.0, |(_, seconds)| *seconds) + LAST_FRAME_SECONDS;
+        let units = (next.unwrap_or(last) - seconds) * f64::from(TIME_UNITS);
+        // Smaller screens are drawn into the corner of the largest.
+        let mut whole = Buffer::empty(Rect::new(0, 0, self.size.0, self.size.1));
+        whole.merge(screen);
+        let picture = picture_of(&whole, whole.area, PageColours::default());
+        let (area, pixels) = changes(self.drawn.as_ref(), &picture);
+        let draw = |writer: &mut Writer| -> Result<(), png::EncodingError> {
+            // The first frame covers the whole picture, and has its place already.
+            if self.drawn.is_some() {
+                writer.set_frame_dimension(area[2], area[3])?;
+                writer.set_frame_position(area[0], area[1])?;
+                writer.set_blend_op(BlendOp::Over)?;
+            }
+            writer.set_frame_delay(units.round().clamp(1.0, f64::from(u16::MAX)) as u16, TIME_UNITS)?;
+            writer.write_image_data(&pixels)
+        };
+        draw(writer).into_diagnostic()?;
+        self.drawn = Some(picture);
+        Ok(())
+    }
+}
+
+/// Returns the smallest rectangle (left, top, width, height in pixels) around what differs from `before`, and its
+/// pixels as red, green, blue and opacity: transparent where they are the same.
+fn changes(before: Option<&Picture>, now: &Picture) -> ([u32; 4], Vec<u8>) {
+    let (columns, rows) = now.size();
+    let same = |at: usize| before.is_some_and(|before| before.pixels()[at] == now.pixels()[at]);
+    let changed = (0..columns * rows).filter(|at| !same(*at)).map(|at| (at % columns, at / columns));
+    let bounds = changed.fold(None, |bounds: Option<[usize; 4]>, (x, y)| {
+        Some(bounds.map_or([x, y, x, y], |[x0, y0, x1, y1]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]))
+    });
+    // A frame has at least one pixel.
+    let [left, top, right, bottom] = bounds.unwrap_or([0; 4]);
+    let mut pixels = Vec::with_capacity(4 * (right - left + 1) * (bottom - top + 1));
+    for y in top..=bottom {
+        for at in y * columns + left..=y * columns + right {
+            let (r, g, b) = now.pixels()[at];
+            pixels.extend(if same(at) { [0; 4] } else { [r, g, b, u8::MAX] });
+        }
+    }
+    ([left, top, right - left + 1, bottom - top + 1].map(|v| v as u32), pixels)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs::File;
+    use std::io::BufReader;
+    use std::path::PathBuf;
+
+    use super::*;
+    use crate::frames::tests::{HEADER, recording};
+
+    /// Creates a recording of three screens, the second of them shown for two seconds, and arguments that animate it.
+    fn three_screens() -> (tempfile::TempDir, FramesArgs, PathBuf) {
+        let events = [HEADER, r#"[0.0,"o","ab"]"#, r#"[1.0,"o","\u001b[1;2Hx"]"#, r#"[3.0,"o","\u001b[1;4Hy"]"#];
+        let (folder, mut args) = recording(&events.join("\n"), &[]);
+        let out = folder.path().join("film.png");
+        args.animate = Some(out.clone());
+        (folder, args, out)
+    }
+
+    /// Reads an animation: of each frame, left, top, width, height and how long it is shown, in seconds.
+    fn frames(path: &Path) -> Vec<([u32; 4], f64)> {
+        let mut reader = png::Decoder::new(BufReader::new(File::open(path).expect("a file"))).read_info().expect("PNG");
+        let count = reader.info().animation_control().expect("an animation").num_frames;
+        let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+        (0..count)
+            .map(|_| {
+                reader.next_frame(&mut pixels).expect("a frame");
+                let frame = *reader.info().frame_control().expect("a frame");
+                let seconds = f64::from(frame.delay_num) / f64::from(frame.delay_den);
+                ([frame.x_offset, frame.y_offset, frame.width, frame.height], seconds)
+            })
+            .collect()
+    }
+
+    #[test]
+    fn frames_hold_what_changes_and_for_how_long_it_stays() {
+        let (_folder, args, out) = three_screens();
+        assert_eq!(write(&args, &out).expect("written").trim(), out.to_string_lossy());
+        let frames = frames(&out);
+        assert_eq!(frames.iter().map(|(_, seconds)| *seconds).collect::<Vec<_>>(), [1.0, 2.0, LAST_FRAME_SECONDS]);
+        let areas: Vec<[u32; 4]> = frames.iter().map(|(area, _)| *area).collect();
+        assert_eq!(areas[0], [0, 0, 32, 16]);
+        // The second character, 8 pixels wide, and the fourth.
+        assert!(areas[1][0] >= 8 && areas[1][0] + areas[1][2] <= 16, "{areas:?}");
+        assert!(areas[2][0] >= 24 && areas[2][0] + areas[2][2] <= 32, "{areas:?}");
+    }
+
+    #[test]
+    fn a_part_is_played_faster() {
+        let (_folder, mut args, out) = three_screens();
+        (args.from, args.to, args.speed) = (0.5, Some(3.0), 2.0);
+        write(&args, &out).expect("written");
+        assert_eq!(frames(&out).iter().map(|(_, s)| *s).collect::<Vec<_>>(), [0.4, 0.8, LAST_FRAME_SECONDS]);
+    }
+
+    #[test]
+    fn parts_outside_the_recording_and_existing_files_are_refused() {
+        let (_folder, mut args, out) = three_screens();
+        args.to = Some(9.0);
+        assert!(write(&args, &out).expect_err("too long").to_string().contains("3 s long"));
+        (args.from, args.to) = (2.0, Some(2.0));
+        assert!(write(&args, &out).expect_err("empty").to_string().contains("empty"));
+        assert!(!out.exists());
+        (args.from, args.to) = (0.0, None);
+        std::fs::write(&out, b"mine").expect("a file");
+        assert!(write(&args, &out).is_err());
+        assert_eq!(std::fs::read(&out).expect("kept"), b"mine");
+    }
+}
