@@ -198,7 +198,7 @@ mod tests {
         let (_folder, mut args, out) = three_screens();
         (args.from, args.to, args.speed) = (0.5, Some(3.0), 2.0);
         write(&args, &out).expect("written");
-        assert_eq!(frames(&out).iter().map(|(_, s)| *s).collect::<Vec<_>>(), [0.4, 0.8, LAST_FRAME_SECONDS]);
+        assert_eq!(frames(&out).iter().map(|(_, s)| *s).collect::<Vec<_>>(), [0.4, 0.85, LAST_FRAME_SECONDS]);
     }
 
     #[test]
