@@ -74,9 +74,14 @@ pub enum Record {
 /// Running means of the losses.
 #[derive(Debug, Serialize)]
 pub struct LossRecord {
-    critic: f32,
-    model: f32,
-    actor: f32,
+    critic: Option<f32>,
+    model: Option<f32>,
+    actor: Option<f32>,
+}
+
+/// Returns a loss, unless it is 0: the learner has no such network, or has not updated it yet.
+pub fn known_loss(loss: f32) -> Option<f32> {
+    (loss != 0.0).then_some(loss)
 }
 
 impl Record {
@@ -103,7 +108,11 @@ impl Record {
             env_steps: counters.env_steps,
             episodes: counters.episodes,
             updates_per_second: round(updates_per_second(trainer)),
-            losses: LossRecord { critic: losses.critic, model: losses.model, actor: losses.actor },
+            losses: LossRecord {
+                critic: known_loss(losses.critic),
+                model: known_loss(losses.model),
+                actor: known_loss(losses.actor),
+            },
         }
     }
 

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
 
+use super::records::known_loss;
 use super::updates_per_second;
 use crate::setup::create;
 use crate::text::eprint_line;
@@ -82,7 +83,10 @@ fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {
     line.push(format!("{:.3}", trainer.seconds()));
     line.extend([counters.updates, counters.env_steps, counters.episodes].map(|n| n.to_string()));
     line.push(format!("{:.1}", updates_per_second(trainer)));
-    line.extend([losses.critic, losses.model, losses.actor].map(|loss| loss.to_string()));
+    line.extend(
+        [losses.critic, losses.model, losses.actor]
+            .map(|loss| known_loss(loss).map_or(String::new(), |loss| loss.to_string())),
+    );
     line
 }
 

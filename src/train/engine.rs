@@ -84,6 +84,7 @@ impl Engine {
             current: first,
             evaluation: None,
             next_evaluation_at: None,
+            evaluation_pause: EVALUATION_PAUSE_FACTOR,
             follow: None,
             next_update_at: None,
             new_file: None,
@@ -126,6 +127,8 @@ struct Worker {
     evaluation: Option<RunningEvaluation>,
     /// Earliest start of the next evaluation.
     next_evaluation_at: Option<Instant>,
+    /// The pause after an evaluation, as a multiple of its duration.
+    evaluation_pause: u32,
     /// The followed agent.
     follow: Option<usize>,
     /// Earliest time of the next update, if speed is limited.
@@ -337,7 +340,7 @@ impl Worker {
             return;
         };
         let now = Instant::now();
-        self.next_evaluation_at = Some(now + EVALUATION_PAUSE_FACTOR * (now - began));
+        self.next_evaluation_at = Some(now + self.evaluation_pause * (now - began));
         match result.join() {
             Ok(evaluation) if evaluation.is_finite() => {
                 self.trainer.record_evaluation(updates, evaluation);

@@ -34,7 +34,7 @@ use super::log::{Log, Notice};
 use super::render::Cache;
 use crate::map::Cell;
 use crate::signals::TerminationSignal;
-use crate::train::{Engine, Limits, Snapshot};
+use crate::train::{Command, Engine, Limits, Snapshot};
 use crate::view::{OnArrival, View, Viewer};
 use curves::Axis;
 use pace::Pace;
@@ -43,6 +43,9 @@ use race::Race;
 
 /// The names of the sides.
 pub const LETTERS: [char; 2] = ['A', 'B'];
+
+/// The pause after an evaluation, as a multiple of its duration.
+const EVALUATION_PAUSE_FACTOR: u32 = 2;
 
 /// A run of a comparison.
 struct Side {
@@ -92,6 +95,8 @@ impl Side {
         limits: Limits,
     ) -> Result<Self, Report> {
         let engine = Engine::start(trainer, limits).into_diagnostic()?;
+        // Both curves are compared: a method whose evaluations take long must not be shown by its first steps.
+        engine.send(Command::PauseEvaluations(EVALUATION_PAUSE_FACTOR));
         let viewer = Viewer::start(&engine).into_diagnostic()?;
         let mut app = App::new(engine, viewer, config, Files::default());
         // The race decides where both go next.

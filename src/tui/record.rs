@@ -101,7 +101,9 @@ impl Recorder {
 
     fn is_due(&self, now: Duration) -> bool {
         let affordable = BYTES_AHEAD + BYTES_PER_SECOND * now.as_secs_f64();
-        self.latest.is_none_or(|latest| now >= latest + FRAME_INTERVAL && (self.written + self.latest_size) as f64 <= affordable)
+        self.latest.is_none_or(|latest| {
+            now >= latest + FRAME_INTERVAL && (self.written + self.latest_size) as f64 <= affordable
+        })
     }
 
     /// Writes the pending frame, if there is one, as one event.

@@ -15,7 +15,7 @@ use super::layers::Overlay;
 use super::layout::ScreenLayout;
 use super::screen::Screen;
 use crate::bridge::EdgeStatus;
-use crate::env::{Scene, fetch_reach, maze as maze_world};
+use crate::env::{Scene, WorldKind, fetch_reach, maze as maze_world};
 use crate::view::Field;
 pub use arm::{ArmState, Projection};
 pub use maze::{Cache, MazeState, Tool};
@@ -95,6 +95,15 @@ impl SceneKind {
             Self::Maze => "walk @ \u{2192} G",
             Self::Arm => "reach @ \u{2192} G",
         }
+    }
+}
+
+/// Returns the kind of the world that `scene` shows.
+pub fn world_kind(scene: &Scene) -> &'static WorldKind {
+    match scene {
+        Scene::Arm(arm) if arm.wall().is_some() => &fetch_reach::WALL_KIND,
+        Scene::Arm(_) => &fetch_reach::KIND,
+        Scene::Maze(_) | Scene::Nothing => &maze_world::KIND,
     }
 }
 

@@ -33,6 +33,8 @@ pub enum Command {
     LimitSpeed(Option<f64>),
     /// Evaluate the current networks now.
     Evaluate,
+    /// Pause after each evaluation for this many times its duration.
+    PauseEvaluations(u32),
     /// Follow this agent, or none.
     Follow(Option<usize>),
     /// Save a checkpoint with the front end's event log.
@@ -208,6 +210,10 @@ impl Worker {
             Command::Pause | Command::Resume | Command::Step(_) => Ok(None),
             Command::LimitSpeed(speed) => {
                 (self.current.speed, self.next_update_at) = (speed.filter(|s| *s > 0.0), None);
+                Ok(None)
+            }
+            Command::PauseEvaluations(factor) => {
+                self.evaluation_pause = factor;
                 Ok(None)
             }
             Command::Evaluate => match self.start_evaluation() {

@@ -34,7 +34,7 @@ impl App {
             Action::Freeze => self.freeze(!self.screen.frozen),
             Action::Evaluate => drop(self.command(Command::Evaluate)),
             Action::NewSeed => self.ask_seed(),
-            Action::Settings => self.open_picker(lists::settings(self.screen.run())),
+            Action::Settings => self.open_picker(lists::settings(&self.screen)),
             Action::ResetSetting => self.reset_setting(),
             Action::Method => self.open_picker(lists::methods(&self.screen.run().method)),
             Action::Preset => self.open_picker(lists::presets(self.screen.run().preset)),

@@ -9,12 +9,11 @@ use super::files::checkpoint_file;
 use super::{App, maze_on};
 use crate::env::{WORLDS, WorldKind, maze};
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{
-    Command, ConfigError, MakeWorld, Overrides, Run, Setting, list_settings, settings_from, with_setting,
-};
+use crate::train::{Command, ConfigError, MakeWorld, Run, Setting, list_settings, with_setting};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 use crate::tui::scene::SceneKind;
+use crate::tui::screen::settings_in;
 
 /// Why an answer is not accepted.
 #[derive(Debug, thiserror::Error)]
@@ -84,9 +83,14 @@ impl App {
         match choice {
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => self.ask_setting(name),
-            Choice::Method(method) => self.change_run(|run| run.set_method(method)),
+            Choice::Method(method) if method.learner != self.screen.run().method.learner && self.is_worth_saving() => {
+                let key = self.screen.keymap.key_of(Action::Save);
+                self.open_picker(lists::method_choices(self.screen.unsaved_updates(), method, &key));
+            }
+            Choice::Method(method) | Choice::MethodUnsaved(method) => self.change_run(|run| run.set_method(method)),
             Choice::Preset(preset) => {
-                self.change_run(|run| (run.preset, run.settings) = (preset, preset.settings()));
+                let settings = self.screen.settings_of(preset);
+                self.change_run(|run| (run.preset, run.settings) = (preset, settings));
             }
             Choice::Theme(name) => {
                 self.previewed_over = None;
@@ -156,11 +160,7 @@ impl App {
     /// Returns this run with the settings that its preset has in another kind of world.
     fn run_adapted_to(&self, kind: &WorldKind) -> Run {
         let run = self.screen.run().clone();
-        let overrides = Overrides { defaults: kind.defaults, config: None, set: &[] };
-        match settings_from(run.preset, &overrides) {
-            Ok(settings) => Run { settings, ..run },
-            Err(_) => run,
-        }
+        Run { settings: settings_in(kind, run.preset), ..run }
     }
 
     /// Asks the user how to switch to another map.
@@ -182,7 +182,7 @@ impl App {
     pub(super) fn reset_setting(&mut self) {
         let Some(Dialog::Pick(picker)) = self.screen.dialogs.last() else { return };
         let Some(Choice::Setting(name)) = picker.choice().cloned() else { return };
-        let defaults = list_settings(&self.screen.run().preset.settings());
+        let defaults = list_settings(&self.screen.settings_of(self.screen.run().preset));
         let Some((_, value)) = defaults.into_iter().find(|(known, _)| *known == name) else { return };
         match with_setting(&self.screen.run().settings, &name, &value) {
             Ok(settings) if settings == self.screen.run().settings => {

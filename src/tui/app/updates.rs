@@ -46,12 +46,12 @@ impl App {
 
     /// Shows the new values in open lists of settings.
     fn update_settings_list(&mut self) {
-        let run = self.screen.run().clone();
+        let items = lists::setting_items(&self.screen);
         for dialog in &mut self.screen.dialogs {
             if let Dialog::Pick(picker) = dialog
                 && picker.button.is_some()
             {
-                picker.update(lists::setting_items(&run));
+                picker.update(items.clone());
             }
         }
     }

@@ -13,7 +13,7 @@ use crate::learn::LEARNERS;
 use crate::map::{BUILTIN, Grid, RandomMapKind};
 use crate::text::truncated;
 use crate::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, Run, SETTINGS, Setting, list_settings,
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, list_settings,
 };
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::output::ExportKind;
@@ -72,15 +72,16 @@ pub fn presets(now: Preset) -> Picker {
 }
 
 /// Lists the settings of `run` by group, with a mark where they differ from those of its preset.
-pub fn settings(run: &Run) -> Picker {
-    let mut picker = Picker::new("change a setting (* differs from its default)", setting_items(run));
+pub fn settings(screen: &Screen) -> Picker {
+    let mut picker = Picker::new("change a setting (* differs from its default)", setting_items(screen));
     picker.button = Some((Action::ResetSetting, "default"));
     picker
 }
 
-/// Describes the settings of `run`.
-pub fn setting_items(run: &Run) -> Vec<Item> {
-    let values = list_settings(&run.settings).into_iter().zip(list_settings(&run.preset.settings()));
+/// Describes the settings of the run shown.
+pub fn setting_items(screen: &Screen) -> Vec<Item> {
+    let run = screen.run();
+    let values = list_settings(&run.settings).into_iter().zip(list_settings(&screen.settings_of(run.preset)));
     let all = SETTINGS.iter().zip(values);
     all.map(|(setting, ((_, now), (_, default)))| setting_item(setting, &now, &default, run.preset)).collect()
 }
@@ -137,6 +138,17 @@ pub fn load_choices(unsaved_updates: u64, file: PathBuf, save_key: &str) -> Pick
             .on('y'),
     ];
     Picker::new("load a checkpoint although this run is not saved?", items)
+}
+
+/// Asks whether to continue with `method`, which needs other networks, although this run is not saved.
+pub fn method_choices(unsaved_updates: u64, method: Method, save_key: &str) -> Picker {
+    let yes = format!("yes, continue with {}", method.name());
+    let items = vec![
+        Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
+        Item::new(yes, format!("what {unsaved_updates} unsaved updates taught is lost"), Choice::MethodUnsaved(method))
+            .on('y'),
+    ];
+    Picker::new("discard the networks, which are not saved?", items)
 }
 
 /// Asks what to do after a failure.

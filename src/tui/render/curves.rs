@@ -136,7 +136,11 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     frame.render_widget(Paragraph::new(lines), head);
     let values = || shown.iter().flat_map(|(_, points)| points).map(|p| p.1);
     if values().next().is_none() {
-        let text = if plot.log && plot.series.len() == 1 { " no data yet" } else { " not evaluated yet" };
+        let text = match screen.snapshot.evaluations.is_empty() {
+            _ if plot.log && plot.series.len() == 1 => " no data yet",
+            true => " not evaluated yet",
+            false => " not known here",
+        };
         frame.render_widget(Paragraph::new(Line::styled(text, DIM)), body);
         return;
     }

@@ -147,6 +147,9 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
 
 /// Says when the next evaluation comes, and which key asks for one now.
 fn next(screen: &Screen) -> Line<'static> {
+    if !screen.snapshot.learns {
+        return fact("next", format!("{}: now", screen.keymap.key_of(Action::Evaluate)));
+    }
     let when = match screen.snapshot.next_evaluation {
         NextEvaluation::Running => return fact("next", "running now"),
         NextEvaluation::AtUpdate(_) if !screen.snapshot.phase.is_training() => "paused".to_owned(),

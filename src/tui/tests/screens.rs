@@ -385,7 +385,7 @@ fn the_line_below_the_map_is_never_cut_off() {
 #[test]
 fn settings_are_found_by_their_former_names() {
     for (former, name) in [("replay_capacity", "buffer_size"), ("warmup_env_steps", "learning_starts")] {
-        let mut picker = lists::settings(staged_app(80, 24).screen.run());
+        let mut picker = lists::settings(&staged_app(80, 24).screen);
         picker.paste(former);
         assert_eq!(picker.choice(), Some(&Choice::Setting(name.to_owned())));
     }

@@ -99,7 +99,7 @@ fn settings_are_found_by_words_of_their_description() {
         ("parallel", "agents"),
         ("warmup_env_steps", "learning_starts"),
     ] {
-        let mut list = lists::settings(app.screen.run());
+        let mut list = lists::settings(&app.screen);
         list.paste(word);
         assert_eq!(list.choice(), Some(&Choice::Setting(name.to_owned())), "{word}");
     }

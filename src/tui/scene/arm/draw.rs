@@ -23,6 +23,9 @@ const JOINT_RADIUS: f32 = 0.016;
 const FINGER_RADIUS: f32 = 0.007;
 const DOT_RADIUS: f32 = 0.008;
 
+/// The most bridge candidates drawn.
+const MOST_CANDIDATES: usize = 120;
+
 /// Draws the projection; its name is highlighted if it is the chosen one of `several`.
 pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen: &Screen, several: bool) {
     let mut sketch = Sketch::new(projection);
@@ -101,7 +104,9 @@ fn draw_graph(sketch: &mut Sketch, screen: &Screen) {
         }
     }
     if screen.overlays.has(Overlay::Candidates) {
-        for candidate in view.candidates.iter() {
+        // In space they would hide the arm, which a thousand of them on a map do not.
+        let apart = view.candidates.len().div_ceil(MOST_CANDIDATES).max(1);
+        for candidate in view.candidates.iter().step_by(apart) {
             let at = sketch.projection.flat(candidate.at);
             sketch.canvas.faint_dot(
                 &sketch.projection.frame,
