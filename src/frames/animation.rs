@@ -18,6 +18,9 @@ use crate::view::Picture;
 /// How long the last frame is shown, in seconds.
 const LAST_FRAME_SECONDS: f64 = 2.0;
 
+/// The most frames of an animation: half an hour at 10 frames per second.
+const MAX_FRAMES: usize = 18_000;
+
 /// Resolution of the time that a frame is shown, in parts of a second.
 const TIME_UNITS: u16 = 100;
 
@@ -34,8 +37,18 @@ pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
         return Err(miette::miette!(help = "give --from below --to", "the animation would be empty"));
     }
     refuse_existing(out, args.overwrite)?;
+    let is_input =
+        std::fs::canonicalize(out).is_ok_and(|out| std::fs::canonicalize(&args.cast).is_ok_and(|c| c == out));
+    if is_input {
+        let help = "give --animate another file";
+        return Err(miette::miette!(help = help, "{}: is the recording itself", out.display()));
+    }
     let step = args.speed / f64::from(args.fps);
     let count = ((to - args.from) / step).ceil() as usize;
+    if count > MAX_FRAMES {
+        let help = "give --from and --to, fewer --fps, or a higher --speed";
+        return Err(miette::miette!(help = help, "the animation would have {count} frames, more than {MAX_FRAMES}"));
+    }
     let mut moments: Vec<f64> = (0..count).map(|i| args.from + step * i as f64).collect();
     moments.push(to);
     // The file says first how many frames follow, and how large they are: look at all of them before.
@@ -113,6 +126,8 @@ impl Plan {
         let draw = |writer: &mut Writer| -> Result<(), png::EncodingError> {
             // The first frame covers the whole picture, and has its place already.
             if self.drawn.is_some() {
+                // From the corner, every size is possible: the position still is that of the frame before.
+                writer.set_frame_position(0, 0)?;
                 writer.set_frame_dimension(area[2], area[3])?;
                 writer.set_frame_position(area[0], area[1])?;
                 writer.set_blend_op(BlendOp::Over)?;
@@ -194,6 +209,20 @@ mod tests {
     }
 
     #[test]
+    fn small_frames_after_large_ones_and_changes_of_size_are_drawn() {
+        let far = [HEADER, r#"[0,"o","ab"]"#, r#"[1,"r","9x3"]"#, r#"[2,"o","\u001b[3;9Hz"]"#, r#"[3,"r","4x1"]"#];
+        let (folder, mut args) = recording(&far.join("\n"), &[]);
+        let out = folder.path().join("film.png");
+        args.animate = Some(out.clone());
+        write(&args, &out).expect("written");
+        let last = frames(&out).last().map(|(area, _)| *area).expect("frames");
+        assert!(last[0] + last[2] <= 72 && last[1] + last[3] <= 48, "{last:?}");
+        std::fs::write(&args.cast, format!("{HEADER}\n[0,\"o\",\"x\"]\n[1e18,\"o\",\"y\"]\n")).expect("a file");
+        args.overwrite = true;
+        assert!(write(&args, &out).expect_err("too long").to_string().contains("frames, more than"));
+    }
+
+    #[test]
     fn a_part_is_played_faster() {
         let (_folder, mut args, out) = three_screens();
         (args.from, args.to, args.speed) = (0.5, Some(3.0), 2.0);
@@ -206,7 +235,11 @@ mod tests {
         let (_folder, mut args, out) = three_screens();
         args.to = Some(9.0);
         assert!(write(&args, &out).expect_err("too long").to_string().contains("3 s long"));
-        (args.from, args.to) = (2.0, Some(2.0));
+        args.overwrite = true;
+        args.to = None;
+        let cast = args.cast.clone();
+        assert!(write(&args, &cast).expect_err("its input").to_string().contains("the recording itself"));
+        (args.overwrite, args.from, args.to) = (false, 2.0, Some(2.0));
         assert!(write(&args, &out).expect_err("empty").to_string().contains("empty"));
         assert!(!out.exists());
         (args.from, args.to) = (0.0, None);

@@ -20,11 +20,12 @@ use crate::setup::create;
 /// Columns and rows of the largest screen that is recorded or drawn, more than any real terminal has.
 pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
 
-/// Average size of a recording; frames are left out where it would grow faster. A little below 2 MB a minute.
-const BYTES_PER_SECOND: f64 = 30_000.0;
+/// Average size of a recording; frames are left out where it would grow faster. With the first and the last screen, 2 MB in
+/// the first minute.
+const BYTES_PER_SECOND: f64 = 26_000.0;
 
 /// Bytes that a recording may be ahead of that: the first screen is drawn at once.
-const BYTES_AHEAD: f64 = 150_000.0;
+const BYTES_AHEAD: f64 = 100_000.0;
 
 /// Minimum time between two recorded frames.
 const FRAME_INTERVAL: Duration = Duration::from_millis(100);

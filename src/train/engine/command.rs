@@ -97,6 +97,7 @@ impl Worker {
         self.refresh_snapshot(true)?;
         Ok(match (kept.networks, kept.agents) {
             _ if !self.current.learns => "changed; agents step at random, nothing is learned".to_owned(),
+            (true, true) if self.current.phase == Phase::Done => "changed; the limit of the run is reached".to_owned(),
             (true, true) => "changed; training continues".to_owned(),
             (true, false) => "changed; agents restarted, networks and replay kept".to_owned(),
             (false, _) => "changed; networks reset, replay kept".to_owned(),

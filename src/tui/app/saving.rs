@@ -240,6 +240,10 @@ impl App {
                 let problem = "the trainer hung or crashed: progress since the last checkpoint is lost";
                 saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
             }
+            Some(_) if worth_saving => {
+                let saved = snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
+                summary += &format!("\nnot saved: {} updates", snapshot.counters.updates.saturating_sub(saved));
+            }
             _ => {}
         }
         if let Some((updates, path)) = &snapshot.saved {
