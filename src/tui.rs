@@ -19,6 +19,7 @@ mod app;
 mod canvas;
 mod compare;
 mod config;
+mod contours;
 mod dialog;
 mod event_loop;
 mod export;

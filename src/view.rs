@@ -22,7 +22,7 @@ use crate::train::{Engine, Snapshot};
 pub use arm::ArmView;
 use arm::ArmWorker;
 pub use colour::{Rgb, blend, contour, distance_colour, lightness, sample};
-pub use contour::{contour_at, contour_interval};
+pub use contour::{ContourLine, contour_interval, contour_lines};
 pub use field::Field;
 pub use maze::MazeView;
 use maze::MazeWorker;

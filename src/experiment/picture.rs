@@ -9,13 +9,16 @@ use crate::env::{Environment, PointMaze, Task};
 use crate::learn::{Policy, Scratch};
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
 use crate::train::{EvaluationJob, TaskWalk, Trainer};
-use crate::view::{Picture, Raster, Rgb, contour, contour_at, contour_interval, distance_colour};
+use crate::view::{Picture, Raster, Rgb, contour, contour_interval, contour_lines, distance_colour};
 
 /// Pixels along the longer side, at most.
 const MAX_PIXELS: usize = 340;
 
 /// Pixels along a cell's side, at most.
 const MAX_PIXELS_PER_CELL: usize = 8;
+
+/// Pixels between two contour lines, on average, at least.
+pub const LINE_SPACING: f32 = 30.0;
 
 const WALL: Rgb = (58, 58, 66);
 /// The plan: red; the path walked: white; on dark edges, to stand out from every ground.
@@ -79,11 +82,12 @@ fn field(map: &Grid, raster: Raster, goal: &[f32], policy: &dyn Policy) -> Pictu
     let mut field = vec![f32::NAN; raster.pixels.0 * raster.pixels.1];
     free.iter().zip(&distances).for_each(|(i, distance)| field[*i] = *distance);
     let farthest = distances.iter().copied().filter(|distance| distance.is_finite()).fold(1.0, f32::max);
-    let interval = contour_interval(farthest);
     for i in free {
-        let ground = distance_colour(colorous::VIRIDIS, field[i] / farthest);
-        let line = contour_at(&field, raster.pixels.0, interval, i);
-        picture.pixels_mut()[i] = if line.is_some() { contour(ground) } else { ground };
+        picture.pixels_mut()[i] = distance_colour(colorous::VIRIDIS, field[i] / farthest);
+    }
+    let interval = contour_interval(&field, raster.pixels.0, LINE_SPACING);
+    for i in contour_lines(&field, raster.pixels.0, interval).into_iter().flat_map(|line| line.pixels) {
+        picture.pixels_mut()[i] = contour(picture.pixels_mut()[i]);
     }
     picture
 }

@@ -15,6 +15,8 @@ pub struct Canvas {
     pixels: Vec<Option<Rgb>>,
     /// What a terminal without colours shows for each pixel.
     marks: Vec<char>,
+    /// Pixels of thin lines, which do not become backgrounds.
+    thin: Vec<bool>,
     /// Pixels changed since the last full paint.
     changed: Vec<usize>,
 }
@@ -41,7 +43,9 @@ impl Canvas {
     /// Creates an empty canvas for `map_frame`.
     pub fn new(map_frame: &MapFrame) -> Self {
         let (columns, rows) = map_frame.raster.pixels;
-        Self { columns, pixels: vec![None; columns * rows], marks: vec![' '; columns * rows], changed: Vec::new() }
+        let count = columns * rows;
+        let (pixels, marks, thin) = (vec![None; count], vec![' '; count], vec![false; count]);
+        Self { columns, pixels, marks, thin, changed: Vec::new() }
     }
 
     /// Returns the number of pixels.
@@ -66,7 +70,13 @@ impl Canvas {
 
     /// Sets pixel `i`.
     pub fn set(&mut self, i: usize, rgb: Option<Rgb>, mark: char) {
-        (self.pixels[i], self.marks[i]) = (rgb, mark);
+        (self.pixels[i], self.marks[i], self.thin[i]) = (rgb, mark, false);
+        self.changed.push(i);
+    }
+
+    /// Gives pixel `i` the colour of a thin line.
+    pub fn set_thin(&mut self, i: usize, rgb: Option<Rgb>) {
+        (self.pixels[i], self.thin[i]) = (rgb, true);
         self.changed.push(i);
     }
 
@@ -174,7 +184,13 @@ impl Canvas {
         }
         let mut colours = [None; MAX_PIXELS];
         (0..count).for_each(|n| colours[n] = self.pixels[own(n)]);
-        let (mask, front, back) = two_colours(&colours[..count]);
+        let (mut mask, mut front, mut back) = two_colours(&colours[..count]);
+        if map_frame.marker == Marker::Braille && back.is_some() {
+            let thin = (0..count).fold(0, |thin, n| thin | u8::from(self.thin[own(n)]) << n);
+            if is_inside_out(mask, thin) {
+                (mask, front, back) = (!mask, back, front);
+            }
+        }
         let colour = |rgb: Option<Rgb>| rgb.map_or(Color::Reset, |rgb| theme.colour(rgb));
         cell.set_char(glyph(map_frame.marker, mask)).set_style(Style::new().fg(colour(front)).bg(colour(back)));
     }
@@ -232,6 +248,13 @@ fn two_colours(colours: &[Option<Rgb>]) -> (u8, Option<Rgb>, Option<Rgb>) {
     (mask, mean(mask), mean(all & !mask))
 }
 
+/// Returns whether a pattern of dots, which leave gaps between them, looks better with front and back exchanged: the back
+/// is what most dots show, and if there are as many of both not what is `thin`.
+fn is_inside_out(mask: u8, thin: u8) -> bool {
+    let count = |mask: u8| mask.count_ones();
+    count(mask) > 4 && mask != u8::MAX || count(mask) == 4 && count(thin & !mask) > count(thin & mask)
+}
+
 /// Returns the character with the parts in `mask` in front: row by row, bit 0 at the upper left.
 fn glyph(marker: Marker, mask: u8) -> char {
     const QUADRANTS: [char; 16] = [
@@ -272,6 +295,13 @@ mod tests {
         assert_eq!(mask, 0b0101);
         assert_eq!((front, back), (Some((5, 5, 5)), Some((252, 252, 252))));
         assert_eq!(glyph(Marker::Quadrant, mask), '\u{258c}');
+    }
+
+    #[test]
+    fn lines_of_dots_are_in_front() {
+        let (line, ground) = (0b1010_1010, 0b0101_0101);
+        assert_eq!([line, ground].map(|mask| is_inside_out(mask, line)), [false, true]);
+        assert!(is_inside_out(0b1110_1111, 0) && !is_inside_out(0b0001_0000, 0) && !is_inside_out(u8::MAX, 0));
     }
 
     #[test]

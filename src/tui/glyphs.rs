@@ -1,9 +1,10 @@
 //! Letters and signs on top of the pixels.
 
 use ratatui::buffer::Buffer;
-use ratatui::layout::{Position, Rect};
+use ratatui::layout::Position;
 use ratatui::style::{Color, Modifier, Style};
 
+use super::contours::Label;
 use super::raster::MapFrame;
 use super::theme::{ColourDepth, Rgb, Theme, ink, rgb_of_indexed};
 
@@ -35,19 +36,9 @@ impl Glyphs<'_> {
         }
     }
 
-    /// Writes a number on the existing background around a position, unless another is too near.
-    pub fn write(&mut self, at: [f32; 2], text: &str, taken: &mut Vec<Rect>) {
-        let Some(at) = self.map_frame.character_of(at) else { return };
-        let area = self.map_frame.area;
-        let length = text.len() as u16;
-        let from = at.x.saturating_sub(length / 2).clamp(area.x, area.right().saturating_sub(length).max(area.x));
-        let own = Rect::new(from.saturating_sub(1), at.y, length + 2, 1);
-        if taken.iter().any(|other| other.intersects(own)) {
-            return;
-        }
-        taken.push(own);
-        let cells = (from..area.right()).map(|x| Position::new(x, at.y));
-        text.chars().zip(cells).for_each(|(c, at)| self.put(at, c, None));
+    /// Writes a label on the existing background.
+    pub fn label(&mut self, label: &Label) {
+        label.text.chars().zip(label.area.positions()).for_each(|(c, at)| self.put(at, c, None));
     }
 
     fn put(&mut self, at: Position, symbol: char, rgb: Option<Rgb>) {

@@ -4,9 +4,10 @@ use super::MethodResults;
 use super::figures::{Figure, Shows};
 use super::grip;
 use crate::experiment::measure::{Bridge, Walked};
+use crate::experiment::picture::LINE_SPACING;
 use crate::map::{Grid, builtin};
 use crate::text::counted;
-use crate::view::{Picture, Rgb, contour, contour_at, contour_interval, distance_colour};
+use crate::view::{Picture, Rgb, contour, contour_interval, contour_lines, distance_colour};
 
 /// Pixels along a panel's longer side, about.
 pub const PANEL_PIXELS: usize = 330;
@@ -165,11 +166,9 @@ fn field(map: &Grid, values: &[Option<f32>]) -> Picture {
     });
     let of_pixel = |i: usize| values[(i / columns / scale) * map.width() + i % columns / scale].unwrap_or(f32::NAN);
     let pixels: Vec<f32> = (0..columns * map.height() * scale).map(of_pixel).collect();
-    let interval = contour_interval(farthest - nearest);
-    for (i, pixel) in picture.pixels_mut().iter_mut().enumerate() {
-        if pixels[i].is_finite() && contour_at(&pixels, columns, interval, i).is_some() {
-            *pixel = contour(*pixel);
-        }
+    let interval = contour_interval(&pixels, columns, LINE_SPACING);
+    for i in contour_lines(&pixels, columns, interval).into_iter().flat_map(|line| line.pixels) {
+        picture.pixels_mut()[i] = contour(picture.pixels_mut()[i]);
     }
     picture
 }

@@ -15,6 +15,8 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 
 use crate::env::ArmScene;
+use crate::tui::contours;
+use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::screen::Screen;
 use crate::view::ArmView;
@@ -45,10 +47,20 @@ pub struct ArmState {
 /// Draws the arm into the first area, and the line below it into the second.
 pub fn draw(frame: &mut Frame, [area, info]: [Rect; 2], scene: &ArmScene, screen: &Screen, layout: &mut ScreenLayout) {
     layout.projections = projection::arrange(area, screen);
+    layout.contour_interval = contour_interval(screen);
     for projection in &layout.projections {
-        draw::draw(frame, projection, scene, screen, layout.projections.len() > 1);
+        draw::draw(frame, projection, scene, screen, layout);
     }
-    info::draw(frame, info, screen);
+    info::draw(frame, info, screen, layout);
+}
+
+/// Returns the steps between two contour lines, the same in all projections, if there are any.
+fn contour_interval(screen: &Screen) -> Option<f32> {
+    let view = &screen.arm.view;
+    let shown = screen.field.is_distance() && view.kind == screen.field && screen.overlays.has(Overlay::Contours);
+    let fields = view.fields.iter().zip(view.planes.iter());
+    let fields: Vec<_> = fields.map(|(field, plane)| (&**field, plane.raster.pixels.0)).collect();
+    contours::interval(&fields, None).filter(|_| shown)
 }
 
 /// Formats a position in centimetres.

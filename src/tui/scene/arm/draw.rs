@@ -4,18 +4,18 @@ use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::Line;
 
-use super::info::contour_steps;
 use super::projection::{Angle, Projection};
 use super::shapes::{Sketch, edges};
 use crate::bridge::EdgeStatus;
 use crate::env::ArmScene;
-use crate::tui::canvas::CANDIDATE_MARK;
+use crate::tui::canvas::{CANDIDATE_MARK, Canvas, shade};
+use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layers::Overlay;
+use crate::tui::layout::ScreenLayout;
 use crate::tui::render::{BOLD, REVERSED};
 use crate::tui::screen::Screen;
-use crate::tui::theme::{Rgb, blend, contour};
-use crate::view::contour_at;
+use crate::tui::theme::{ColourDepth, Rgb, blend};
 
 /// Radii in metres: links (as the arm collides), joints, fingers, waypoints and explorers.
 const LINK_RADIUS: f32 = 0.026;
@@ -26,10 +26,13 @@ const DOT_RADIUS: f32 = 0.008;
 /// The most bridge candidates drawn.
 const MOST_CANDIDATES: usize = 120;
 
-/// Draws the projection; its name is highlighted if it is the chosen one of `several`.
-pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen: &Screen, several: bool) {
+/// Draws one projection of `layout`; its name is highlighted if it is the chosen one of several.
+pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen: &Screen, layout: &ScreenLayout) {
     let mut sketch = Sketch::new(projection);
-    draw_field(&mut sketch, screen);
+    let labels = draw_field(&mut sketch, layout.contour_interval, screen);
+    let under =
+        |label: &Label, canvas: &Canvas| label.pixels(&projection.frame).map(|i| canvas.colour(i)).collect::<Vec<_>>();
+    let labels: Vec<_> = labels.into_iter().map(|label| (under(&label, &sketch.canvas), label)).collect();
     draw_surroundings(&mut sketch, scene, screen);
     draw_graph(&mut sketch, screen);
     draw_explorers(&mut sketch, screen);
@@ -37,9 +40,13 @@ pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen
     draw_arm(&mut sketch, screen);
     sketch.circle(screen.arm.goal, scene.goal_radius(), (screen.theme.goal, '*'));
     sketch.canvas.paint(frame.buffer_mut(), &projection.frame, &screen.theme);
+    let mut glyphs = Glyphs { map_frame: &projection.frame, theme: &screen.theme, buffer: frame.buffer_mut() };
+    // Where nothing else has been drawn since.
+    let free = labels.iter().filter(|(before, label)| under(label, &sketch.canvas) == *before);
+    free.for_each(|(_, label)| glyphs.label(label));
     draw_symbols(frame, projection, screen);
     let area = projection.frame.area;
-    let chosen = several && projection.angle == screen.arm.angle;
+    let chosen = layout.projections.len() > 1 && projection.angle == screen.arm.angle;
     let style = if chosen { BOLD.patch(REVERSED) } else { BOLD };
     let style = style.fg(screen.theme.colour(screen.theme.cursor)).bg(screen.theme.colour(screen.theme.unknown));
     let name = Line::styled(format!(" {} ", title(projection.angle, screen)), style);
@@ -63,20 +70,24 @@ fn title(angle: Angle, screen: &Screen) -> String {
     }
 }
 
-/// Draws D on the plane through the goal, with contour lines.
-fn draw_field(sketch: &mut Sketch, screen: &Screen) {
+/// Draws D on the plane through the goal, with contour lines; returns their labels.
+fn draw_field(sketch: &mut Sketch, contour_interval: Option<f32>, screen: &Screen) -> Vec<Label> {
     let (theme, view, canvas) = (&screen.theme, &screen.arm.view, &mut sketch.canvas);
     (0..canvas.len()).for_each(|i| canvas.set(i, Some(theme.unknown), ' '));
     let field = view.planes.iter().position(|plane| *plane == sketch.projection.plane).map(|n| &view.fields[n]);
-    let Some(field) = field.filter(|_| view.kind == screen.field) else { return };
-    let farthest = screen.farthest();
+    let Some(field) = field.filter(|_| view.kind == screen.field) else { return Vec::new() };
+    let (farthest, mono) = (screen.farthest(), theme.depth == ColourDepth::Mono);
     for (i, value) in field.iter().enumerate().filter(|(_, value)| value.is_finite()) {
-        let rgb = theme.distance_colour(value / farthest);
-        let line = screen.overlays.has(Overlay::Contours)
-            && contour_at(field, canvas.columns(), contour_steps(farthest), i).is_some();
-        let (rgb, mark) = if line { (contour(rgb), '\u{b7}') } else { (rgb, ' ') };
-        canvas.set(i, Some(rgb), mark);
+        let share = value / farthest;
+        canvas.set(i, Some(theme.distance_colour(share)), if mono { shade(share) } else { ' ' });
     }
+    let Some(interval) = contour_interval else { return Vec::new() };
+    let frame = &sketch.projection.frame;
+    let goal = frame.raster.pixel_of(sketch.projection.flat(screen.arm.goal)).unwrap_or_default();
+    let mut labels = contours::draw(canvas, frame, field, (interval, goal));
+    // The first row has the projection's name.
+    labels.retain(|label| label.area.y > frame.area.y);
+    labels
 }
 
 /// Draws the table's edges, the region of goals and the wall.

@@ -6,38 +6,34 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::Paragraph;
 
 use crate::tui::action::Action;
-use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::render::DIM;
 use crate::tui::render::scale::{BAR_WIDTH, SHORT_BAR_WIDTH, scale};
 use crate::tui::render::text::short;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
-use crate::view::contour_interval;
 
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayout) {
     let cell = screen.maze.inspecting.or(screen.maze.hovered);
-    let line = if cell.is_some() {
-        cell_facts(screen)
-    } else {
-        let width = usize::from(area.width);
-        let scaled = scaled_down_texts(screen, layout);
-        let shortest = scaled.last().map_or(0, String::len);
-        let mut line = scale(screen, BAR_WIDTH);
-        if line.width() + shortest > width {
-            line = scale(screen, SHORT_BAR_WIDTH);
-        }
-        let used = line.width();
-        let scaled = scaled.into_iter().find(|text| used + text.len() <= width);
-        for text in scaled.into_iter().chain(contour_text(screen)) {
-            if line.width() + text.len() <= width {
-                line.push_span(Span::styled(text, DIM));
-            }
-        }
-        line
-    };
+    let line = if cell.is_some() { cell_facts(screen) } else { meaning(usize::from(area.width), screen, layout) };
     frame.render_widget(Paragraph::new(line), area);
+}
+
+/// Says what colours, pixels and lines mean: with the texts, and the bar, that fit into `width`.
+fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static> {
+    let [long, short] = scaled_down_texts(screen, layout);
+    let interval = contour_text(screen, layout);
+    let texts = [[&*long, &interval], [&short, &interval], [&long, ""], [&short, ""], [&interval, ""]]
+        .map(|texts| texts.concat());
+    let bars = [BAR_WIDTH, SHORT_BAR_WIDTH];
+    let options = texts.iter().flat_map(|text| bars.map(|bar| (text, bar)));
+    let lines = options.map(|(text, bar)| {
+        let mut line = scale(screen, bar);
+        line.push_span(Span::styled(text.clone(), DIM));
+        line
+    });
+    lines.into_iter().find(|line| line.width() <= width).unwrap_or_else(|| scale(screen, SHORT_BAR_WIDTH))
 }
 
 fn cell_facts(screen: &Screen) -> Line<'static> {
@@ -58,16 +54,15 @@ fn cell_facts(screen: &Screen) -> Line<'static> {
 }
 
 /// Says how many cells a dot of the map shows, if it shows several: at length, and in short.
-fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> Vec<String> {
+fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> [String; 2] {
     let cells = layout.map.as_ref().map_or(0.0, |map| map.raster.cells_per_pixel());
     let short = format!(", 1 dot = {cells:.1} cells");
     let key = screen.keymap.key_of(Action::ZoomIn);
-    if cells > 1.01 { vec![format!("{short}: {key} zooms in"), short] } else { Vec::new() }
+    if cells > 1.01 { [format!("{short}: {key} zooms in"), short] } else { Default::default() }
 }
 
-/// Returns the distance between contour lines, if they are shown.
-fn contour_text(screen: &Screen) -> Option<String> {
-    let shown = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
-    let shown = shown && screen.theme.depth != ColourDepth::Mono;
-    shown.then(|| format!(", a line every {:.0}", contour_interval(screen.maze.view.farthest.max(1.0))))
+/// Says how many steps are between contour lines, if they are shown.
+fn contour_text(screen: &Screen, layout: &ScreenLayout) -> String {
+    let interval = layout.contour_interval.filter(|_| screen.theme.depth != ColourDepth::Mono);
+    interval.map_or_else(String::new, |interval| format!(", a line every {interval:.0}"))
 }

@@ -10,17 +10,18 @@ use super::edges;
 use super::unexplored::Unexplored;
 use crate::map::Grid;
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, WALL_MARK, shade};
+use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::render::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
-use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend, contour};
+use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend};
 use crate::view::maze::Exploration;
-use crate::view::{Field, Ground, Raster, contour_at, contour_interval};
+use crate::view::{Field, Ground, Raster};
 
-/// Minimum characters per cell for drawing bridge candidates and labels, and for drawing candidates in sizes.
+/// Minimum characters per cell for drawing bridge candidates, and for drawing them in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;
 const MIN_SIZED_CANDIDATE_SCALE: f32 = 2.0;
 
@@ -37,16 +38,20 @@ const TRAIL_MARK: char = '\u{b7}';
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
     let Some(map_frame) = MapFrame::fit(area, &screen.maze.map, screen.marker, screen.maze.viewport) else { return };
     layout.map = Some(map_frame.clone());
-    let base = cache.0.take().filter(|base| base.shows(&map_frame, screen));
-    let base = base.unwrap_or_else(|| Base::new(&map_frame, screen));
+    let before = cache.0.take();
+    let interval = before.as_ref().and_then(|base| base.contour_interval);
+    let base = before.filter(|base| base.shows(&map_frame, screen));
+    let base = base.unwrap_or_else(|| Base::new(&map_frame, interval, screen));
+    layout.contour_interval = base.contour_interval;
     let mut canvas = base.canvas.clone();
     draw_moving_parts(&mut canvas, &map_frame, screen);
     for at in map_frame.area.positions() {
         frame.buffer_mut()[at].clone_from(&base.painted[at]);
     }
     canvas.paint_changes(frame.buffer_mut(), &map_frame, &screen.theme);
+    let labels = base.labels.iter().filter(|label| !is_covered(label, &canvas, &map_frame, &screen.theme));
     let mut glyphs = Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
-    draw_symbols(&mut glyphs, &base, screen);
+    draw_symbols(&mut glyphs, labels.collect(), screen);
     cache.0 = Some(base);
 }
 
@@ -67,12 +72,14 @@ struct Base {
     canvas: Canvas,
     /// The canvas as characters.
     painted: Buffer,
-    /// A position on each contour, and the contour's distance.
-    labels: Vec<([f32; 2], f32)>,
+    /// Steps between two contour lines, if they are drawn, and their labels.
+    contour_interval: Option<f32>,
+    labels: Vec<Label>,
 }
 
 impl Base {
-    fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
+    /// Draws map and field, with contour lines at the same interval as `before` if possible.
+    fn new(map_frame: &MapFrame, before: Option<f32>, screen: &Screen) -> Self {
         let mut canvas = Canvas::new(map_frame);
         let columns = canvas.columns();
         let grounds: Vec<Ground> =
@@ -80,9 +87,14 @@ impl Base {
         terrain(&mut canvas, &grounds, &screen.theme);
         let field = Self::field_on(&map_frame.raster, screen).cloned();
         let unexplored = Unexplored::new(&grounds, screen);
-        let mut labels = Vec::new();
+        let (mut contour_interval, mut labels) = (None, Vec::new());
         if let Some(field) = &field {
-            labels = colour(&mut canvas, map_frame, (field, &grounds), &unexplored, screen);
+            colour(&mut canvas, field, screen);
+            if screen.field.is_distance() && screen.overlays.has(Overlay::Contours) {
+                let open = open_field(field, &grounds, &unexplored);
+                contour_interval = contours::interval(&[(&open, columns)], before);
+                labels = draw_contours(&mut canvas, map_frame, (&open, contour_interval), screen);
+            }
         }
         unexplored.draw(&mut canvas, map_frame, screen);
         let exploration = screen.maze.view.exploration.clone();
@@ -98,6 +110,7 @@ impl Base {
             exploration,
             cut_off: screen.maze.view.cut_off.clone(),
             canvas,
+            contour_interval,
             labels,
         }
     }
@@ -140,29 +153,10 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
     }
 }
 
-/// Draws the field as colours, with contour lines where values mean something; returns a position for each line's
-/// label.
-fn colour(
-    canvas: &mut Canvas,
-    map_frame: &MapFrame,
-    (field, grounds): (&[f32], &[Ground]),
-    unexplored: &Unexplored,
-    screen: &Screen,
-) -> Vec<([f32; 2], f32)> {
+/// Draws the field as colours.
+fn colour(canvas: &mut Canvas, field: &[f32], screen: &Screen) {
     let (theme, farthest) = (&screen.theme, screen.maze.view.farthest.max(1.0));
-    let apart = contour_interval(farthest);
-    let lines = screen.field.is_distance() && screen.overlays.has(Overlay::Contours);
     let mono = theme.depth == ColourDepth::Mono;
-    // Lines would follow the walls that cross pixels, as distances differ on both sides.
-    let level_field: Vec<f32> = field
-        .iter()
-        .zip(grounds)
-        .map(|(value, ground)| if matches!(ground, Ground::Free(_)) { *value } else { f32::NAN })
-        .collect();
-    let columns = canvas.columns();
-    let goal = canvas.at(map_frame, screen.maze.goal.centre()).map_or((0, 0), |i| (i % columns, i / columns));
-    // Label each line at its point nearest to the goal, which moves least as the field changes.
-    let mut labels: Vec<(f32, usize, usize)> = Vec::new();
     for (i, value) in field.iter().copied().enumerate().filter(|(_, value)| value.is_finite()) {
         let share = match screen.field {
             Field::Error => value.abs() / MAX_SHOWN_ERROR,
@@ -175,28 +169,34 @@ fn colour(
         };
         if canvas.is_wall(i) {
             canvas.set(i, Some(blend(rgb, theme.wall, CROSSED_WALL_SHARE)), WALL_MARK);
-            continue;
-        }
-        // Without colours, the edges of shades show where distances are equal.
-        let mark = if mono { shade(share) } else { ' ' };
-        let Some(level) = contour_at(&level_field, columns, apart, i).filter(|_| lines && !unexplored.hides(i)) else {
-            canvas.set(i, Some(rgb), mark);
-            continue;
-        };
-        canvas.set(i, Some(contour(rgb)), mark);
-        let off = (i % columns).abs_diff(goal.0).pow(2) + (i / columns).abs_diff(goal.1).pow(2);
-        match labels.iter_mut().find(|(known, ..)| *known == level) {
-            Some(label) if off < label.2 => *label = (level, i, off),
-            Some(_) => {}
-            None => labels.push((level, i, off)),
+        } else {
+            // Without colours, the edges of shades show where distances are equal.
+            canvas.set(i, Some(rgb), if mono { shade(share) } else { ' ' });
         }
     }
-    let [left, top, width, height] = map_frame.raster.window;
-    let position = |i: usize| {
-        let (across, down) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
-        [left + across / columns as f32 * width, top + down / map_frame.raster.pixels.1 as f32 * height]
-    };
-    labels.into_iter().map(|(level, i, _)| (position(i), level)).collect()
+}
+
+/// Returns the field where contour lines may be: they would follow the walls that cross pixels, as distances differ on both
+/// sides, and mean nothing where values do not.
+fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) -> Vec<f32> {
+    let is_open = |i: usize| matches!(grounds[i], Ground::Free(_)) && !unexplored.hides(i);
+    field.iter().enumerate().map(|(i, value)| if is_open(i) { *value } else { f32::NAN }).collect()
+}
+
+/// Draws contour lines; returns their labels, near the goal.
+fn draw_contours(
+    canvas: &mut Canvas,
+    map_frame: &MapFrame,
+    (field, interval): (&[f32], Option<f32>),
+    screen: &Screen,
+) -> Vec<Label> {
+    let goal = map_frame.raster.pixel_of(screen.maze.goal.centre()).unwrap_or_default();
+    interval.map_or_else(Vec::new, |interval| contours::draw(canvas, map_frame, field, (interval, goal)))
+}
+
+/// Returns whether the planned path or an agent is where a label would be.
+fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Theme) -> bool {
+    label.pixels(map_frame).any(|i| [theme.path, theme.agent].map(Some).contains(&canvas.colour(i)))
 }
 
 /// Draws what changes from frame to frame, as pixels.
@@ -261,8 +261,8 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
     }
 }
 
-/// Draws letters and signs.
-fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
+/// Draws letters and signs, and those of `labels` which they leave room for.
+fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
     let (theme, scale) = (&screen.theme, glyphs.map_frame.scale());
     let shows = |overlay| screen.overlays.has(overlay);
     if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
@@ -280,12 +280,9 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
             glyphs.symbol(*at, arrow(*action), None);
         }
     }
-    if scale >= MIN_BRIDGE_SCALE {
-        let mut taken: Vec<Rect> = Vec::new();
-        for (at, level) in &base.labels {
-            glyphs.write(*at, &format!("{level:.0}"), &mut taken);
-        }
-    }
+    let under =
+        |label: &Label, buffer: &Buffer| label.area.positions().map(|at| buffer[at].clone()).collect::<Vec<_>>();
+    let labels: Vec<_> = labels.into_iter().map(|label| (label, under(label, glyphs.buffer))).collect();
     if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
         if let Some(bridge) = &search.found {
             glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
@@ -312,6 +309,11 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
     }
     if let Some(cursor) = screen.maze.editor.cursor.or(screen.maze.inspecting) {
         glyphs.letter(cursor.centre(), '+', theme.cursor);
+    }
+    for (label, before) in labels {
+        if under(label, glyphs.buffer) == before {
+            glyphs.label(label);
+        }
     }
 }
 

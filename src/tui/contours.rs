@@ -1,0 +1,188 @@
+//! Contour lines on a canvas, and the labels in their gaps.
+
+use ratatui::layout::Rect;
+
+use super::canvas::Canvas;
+use super::raster::MapFrame;
+use super::theme::contour;
+use crate::view::{ContourLine, contour_interval, contour_lines};
+
+/// How far apart lines are on average, at least, in pixels.
+const SPACING: f32 = 6.0;
+
+/// Characters between two labels across and down, and between two of the same level in each direction, at least.
+const LABEL_SPACING: (u16, u16) = (4, 2);
+const SAME_LEVEL_SPACING: (u16, u16) = (24, 8);
+
+/// A label covers at most this share of its line.
+const MAX_COVERED_SHARE: f32 = 0.7;
+
+/// The value of a contour line, written in a gap of it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Label {
+    /// The characters it covers, in one row.
+    pub area: Rect,
+    /// What it says.
+    pub text: String,
+}
+
+impl Label {
+    /// Returns the pixels that it covers.
+    pub fn pixels(&self, map_frame: &MapFrame) -> impl Iterator<Item = usize> + use<> {
+        pixels_of(self.area, map_frame)
+    }
+}
+
+/// How much farther apart or closer than that lines may be before the interval changes: without that, it could change to
+/// and fro while the field changes.
+const TOLERANCE: f32 = 0.15;
+
+/// Returns the steps between two lines on fields with rows of `columns` pixels, of which each gets the same lines:
+/// as `before` if that is nearly right.
+pub fn interval(fields: &[(&[f32], usize)], before: Option<f32>) -> Option<f32> {
+    let with = |spacing: f32| {
+        fields.iter().map(|(field, columns)| contour_interval(field, *columns, spacing)).reduce(f32::max)
+    };
+    let spacings = [SPACING, (1.0 - TOLERANCE) * SPACING, (1.0 + TOLERANCE) * SPACING];
+    let same = before.is_some() && spacings.into_iter().any(|spacing| with(spacing) == before);
+    if same { before } else { with(SPACING) }
+}
+
+/// Draws the lines of `field` at the multiples of `interval`, with gaps for the labels that it returns: as near to the
+/// pixel at column and row `near` as there is room, where they move least as the field changes.
+pub fn draw(
+    canvas: &mut Canvas,
+    map_frame: &MapFrame,
+    field: &[f32],
+    (interval, near): (f32, (usize, usize)),
+) -> Vec<Label> {
+    let lines = contour_lines(field, canvas.columns(), interval);
+    let labels = place_labels(&lines, map_frame, field, near);
+    let mut in_gap = vec![false; canvas.len()];
+    labels.iter().flat_map(|label| label.pixels(map_frame)).for_each(|i| in_gap[i] = true);
+    for i in lines.iter().flat_map(|line| &line.pixels).copied().filter(|i| !in_gap[*i]) {
+        let line = canvas.colour(i).map(contour);
+        canvas.set_thin(i, line);
+    }
+    labels
+}
+
+/// Places labels where their characters show nothing but known values and their own line.
+fn place_labels(
+    lines: &[ContourLine],
+    map_frame: &MapFrame,
+    field: &[f32],
+    (column, row): (usize, usize),
+) -> Vec<Label> {
+    let columns = map_frame.raster.pixels.0;
+    // The number of the line at each pixel, counted from 1; 0 if there is none.
+    let mut line_at = vec![0; field.len()];
+    for (n, line) in lines.iter().enumerate() {
+        line.pixels.iter().for_each(|i| line_at[*i] = n + 1);
+    }
+    let off = |i: usize| (i % columns).abs_diff(column).pow(2) + (i / columns).abs_diff(row).pow(2);
+    let mut longest_first: Vec<usize> = (0..lines.len()).collect();
+    longest_first.sort_by_key(|n| std::cmp::Reverse(lines[*n].pixels.len()));
+    let mut labels: Vec<Label> = Vec::new();
+    for n in longest_first {
+        let line = &lines[n];
+        let text = format!("{:.0}", line.level);
+        let mut places = line.pixels.clone();
+        places.sort_by_key(|i| off(*i));
+        let mut areas = places.into_iter().filter_map(|i| area_around(i, text.len() as u16, map_frame));
+        let most_covered = (MAX_COVERED_SHARE * line.pixels.len() as f32) as usize;
+        let has_room = |area: &Rect| {
+            let free = |i: usize| field[i].is_finite() && [0, n + 1].contains(&line_at[i]);
+            let covered = pixels_of(*area, map_frame).filter(|i| line_at[*i] == n + 1).count();
+            covered <= most_covered
+                && labels.iter().all(|other| {
+                    let spacing = if other.text == text { SAME_LEVEL_SPACING } else { LABEL_SPACING };
+                    !with_margins(*area, spacing).intersects(other.area)
+                })
+                && pixels_of(*area, map_frame).all(free)
+        };
+        if let Some(area) = areas.find(has_room) {
+            labels.push(Label { area, text });
+        }
+    }
+    labels
+}
+
+/// Returns the `width` characters around the one that shows pixel `i`, if all of them are in the frame.
+fn area_around(i: usize, width: u16, map_frame: &MapFrame) -> Option<Rect> {
+    let columns = map_frame.raster.pixels.0;
+    let (across, down) = map_frame.marker.pixels();
+    let [column, row] = [i % columns / across, i / columns / down].map(|at| at as u16);
+    let left = column.checked_sub(width / 2).filter(|left| left + width <= map_frame.area.width)?;
+    Some(Rect::new(map_frame.area.x + left, map_frame.area.y + row, width, 1))
+}
+
+fn with_margins(area: Rect, (across, down): (u16, u16)) -> Rect {
+    let (x, y) = (area.x.saturating_sub(across), area.y.saturating_sub(down));
+    Rect::new(x, y, area.right() + across - x, area.bottom() + down - y)
+}
+
+/// Returns the pixels that the characters of `area` show.
+fn pixels_of(area: Rect, map_frame: &MapFrame) -> impl Iterator<Item = usize> + use<> {
+    let columns = map_frame.raster.pixels.0;
+    let (across, down) = map_frame.marker.pixels();
+    let [left, right] = [area.left(), area.right()].map(|x| usize::from(x - map_frame.area.x) * across);
+    let [top, bottom] = [area.top(), area.bottom()].map(|y| usize::from(y - map_frame.area.y) * down);
+    (top..bottom).flat_map(move |row| (left..right).map(move |column| row * columns + column))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::tui::raster::Marker;
+    use crate::view::Raster;
+
+    const AREA: Rect = Rect::new(4, 2, 60, 20);
+
+    /// Returns labels on a field of 60 by 40 half blocks, and the pixels of its lines.
+    fn labels(value: impl Fn(usize, usize) -> f32) -> (Vec<Label>, Vec<usize>) {
+        let raster = Raster { window: [0.0, 0.0, 60.0, 40.0], pixels: (60, 40) };
+        let map_frame = MapFrame { area: AREA, raster, marker: Marker::HalfBlock };
+        let field: Vec<f32> = (0..60 * 40).map(|i| value(i % 60, i / 60)).collect();
+        let mut canvas = Canvas::new(&map_frame);
+        let ground = (100, 100, 100);
+        (0..canvas.len()).for_each(|i| canvas.set(i, Some(ground), ' '));
+        let labels = draw(&mut canvas, &map_frame, &field, (10.0, (0, 0)));
+        for label in &labels {
+            assert_eq!(label.area, label.area.intersection(AREA), "in the frame");
+            assert!(label.pixels(&map_frame).all(|i| field[i].is_finite() && canvas.colour(i) == Some(ground)));
+        }
+        (labels, (0..canvas.len()).filter(|i| canvas.colour(*i) != Some(ground)).collect())
+    }
+
+    #[test]
+    fn each_line_has_a_label_in_a_gap() {
+        let (labels, pixels) = labels(|x, _| x as f32);
+        let texts: Vec<&str> = labels.iter().map(|label| &*label.text).collect();
+        assert_eq!(texts, ["10", "20", "30", "40", "50"]);
+        // Each is 40 pixels long, 2 of which are below the label.
+        assert_eq!(pixels.len(), 5 * 38);
+        assert!(labels.iter().all(|label| label.area.y == AREA.y), "nearest to the upper left corner");
+    }
+
+    #[test]
+    fn the_interval_changes_only_if_it_has_to() {
+        let interval_after = |slope: f32, before: Option<f32>| {
+            let field: Vec<f32> = (0..600).map(|i| slope * (i % 60) as f32).collect();
+            interval(&[(&field, 60)], before)
+        };
+        assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, None)), [5.0, 10.0].map(Some));
+        assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, Some(5.0))), [5.0, 5.0].map(Some));
+        assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, Some(10.0))), [10.0, 10.0].map(Some));
+        assert_eq!(interval_after(0.4, Some(10.0)), Some(5.0));
+    }
+
+    #[test]
+    fn labels_avoid_walls_and_other_lines() {
+        assert_eq!(labels(|x, _| 100.0 + 10.0 * x as f32).0, [], "a line in each column");
+        // Three digits reach the walls beside the lines.
+        let (beside_wall, _) = labels(|x, y| if x % 10 == 1 && y < 20 { f32::NAN } else { 100.0 + x as f32 });
+        assert_eq!(beside_wall.len(), 5);
+        assert!(beside_wall.iter().all(|label| label.area.y >= AREA.y + 10), "below the walls: {beside_wall:?}");
+    }
+}
