@@ -224,7 +224,7 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
             screen.maze.view.trail.last().into_iter().chain(&screen.maze.view.path).copied().collect();
         canvas.lines(map_frame, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
     }
-    if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
+    if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
         let [accepted, rejected] = theme.search;
         let at = |numbers: &[f32]| [numbers[0], numbers[1]];
         search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(map_frame, at(b), rejected, 'x'));
@@ -286,7 +286,7 @@ fn draw_symbols(glyphs: &mut Glyphs, base: &Base, screen: &Screen) {
             glyphs.write(*at, &format!("{level:.0}"), &mut taken);
         }
     }
-    if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
+    if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
         if let Some(bridge) = &search.found {
             glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
         }
