@@ -4,6 +4,8 @@
 mod compare;
 mod reproduce;
 mod suite;
+#[cfg(feature = "tui")]
+mod tour;
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -21,6 +23,8 @@ use crate::train::{Limits, METHODS, Method, Preset};
 pub use compare::CompareArgs;
 pub use reproduce::{BudgetArg, ReproduceArgs};
 pub use suite::SuiteArgs;
+#[cfg(feature = "tui")]
+pub use tour::TourArgs;
 
 /// Exit status of a failure while running.
 pub const EXIT_FAILURE: u8 = 1;
@@ -37,6 +41,7 @@ const DEFAULT_MAP: &str = "fourrooms";
 const EXAMPLES: &str = "\
 Examples:
   gdg-tui                                    watch an agent learn the four rooms
+  gdg-tui tour                               a guided minute and a half
   gdg-tui city --seed 3                      the city with another seed
   gdg-tui --no-ui fourrooms --max-updates 60000 --require-success 0.95
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
@@ -86,6 +91,9 @@ pub enum Command {
     },
     /// Print the reference of all settings in Markdown
     Settings,
+    /// Take a guided tour of the four rooms: a minute and a half
+    #[cfg(feature = "tui")]
+    Tour(TourArgs),
     /// Watch two methods train side by side on the same map
     #[cfg(feature = "tui")]
     Compare(CompareArgs),

@@ -6,9 +6,9 @@ use std::io::IsTerminal;
 use std::process::ExitCode;
 
 use clap::{CommandFactory, Parser};
-#[cfg(feature = "tui")]
-use gdg_tui::cli::CompareArgs;
 use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, LogLevel, ReproduceArgs, SuiteArgs};
+#[cfg(feature = "tui")]
+use gdg_tui::cli::{CompareArgs, TourArgs};
 #[cfg(feature = "tui")]
 use gdg_tui::env::Scene;
 use gdg_tui::experiment::{ablate, reproduce, suite};
@@ -34,6 +34,8 @@ fn main() -> ExitCode {
         }
         Some(Command::Runs { folder }) => printed(runs::list(folder), EXIT_BAD_INPUT),
         Some(Command::Settings) => print(&reference_page()),
+        #[cfg(feature = "tui")]
+        Some(Command::Tour(args)) => run_tour(args),
         #[cfg(feature = "tui")]
         Some(Command::Compare(args)) => run_comparison(args),
         Some(Command::Suite(args)) => run_suite(args),
@@ -66,6 +68,24 @@ fn main() -> ExitCode {
         None => train(&cli),
     };
     ExitCode::from(status)
+}
+
+#[cfg(feature = "tui")]
+fn run_tour(args: &TourArgs) -> u8 {
+    logging::start(args.log_level);
+    let prepared = tui::prepare_tour(args, &Registry::builtin()).and_then(|trainer| {
+        if !std::io::stdout().is_terminal() {
+            let help = "gdg-tui --no-ui trains without one";
+            return Err(miette::miette!(help = help, "a tour is something to watch: it needs a terminal"));
+        }
+        Ok((trainer, tui::prepare(&args.interface, args.overwrite)?))
+    });
+    match prepared {
+        Ok((trainer, interface)) => {
+            tui::take_tour(trainer, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE))
+        }
+        Err(error) => fail(error, EXIT_BAD_INPUT),
+    }
 }
 
 #[cfg(feature = "tui")]

@@ -12,6 +12,7 @@
 //! * `scene`: what is drawn in the place of the map and how it reacts, a folder for each kind of world; `raster`, `canvas`,
 //!   `glyphs`, `layers` and `theme` turn it into characters.
 //! * `render`: the panes and everything else around it.
+//! * `tour`: the guided tour.
 //! * `export`: writes what is shown to files; `terminal`: the terminal itself; `record`: recordings of it.
 
 mod action;
@@ -40,14 +41,17 @@ mod terminal;
 #[cfg(test)]
 mod tests;
 mod theme;
+mod tour;
+
+use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use crate::cli::{InterfaceArgs, TrainArgs};
+use crate::cli::{InterfaceArgs, TourArgs, TrainArgs};
 use crate::report::ExplainedError;
-use crate::setup::Setup;
+use crate::setup::{self, Setup};
 use crate::signals::TerminationSignal;
-use crate::train::Engine;
+use crate::train::{Engine, Limits, Registry, Trainer};
 use crate::view::Viewer;
 use app::{App, Files};
 pub use compare::{prepare as prepare_comparison, run as compare};
@@ -94,9 +98,38 @@ pub fn run(
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
-    app.screen.first_run = config::used_path().is_some_and(|path| !path.exists());
+    app.screen.first_run = is_first_run();
     if let Some(warning) = warning {
         app.notify(&warning);
     }
+    event_loop::show(app, recorder, &termination)
+}
+
+/// Returns whether the interface has not been used yet.
+fn is_first_run() -> bool {
+    config::used_path().is_some_and(|path| !path.exists())
+}
+
+/// Prepares the run of the guided tour.
+///
+/// # Errors
+/// The run needs more memory than is left.
+pub fn prepare_tour(args: &TourArgs, registry: &Arc<Registry>) -> Result<Trainer, Report> {
+    let run = tour::run();
+    let maze = setup::open_maze(tour::steps::MAP, &run, registry)?;
+    setup::begin(run, &maze, registry, setup::threads(args.threads))
+}
+
+/// Runs the trainer with the guided tour and returns the exit status.
+///
+/// # Errors
+/// Errors of the terminal, of training or of saving.
+pub fn take_tour(trainer: Trainer, PreparedInterface { config, recorder }: PreparedInterface) -> Result<u8, Report> {
+    let termination = TerminationSignal::listen(terminal::restore)?;
+    let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
+    let viewer = Viewer::start(&engine).into_diagnostic()?;
+    let mut app = App::new(engine, viewer, config, Files::default());
+    app.screen.first_run = is_first_run();
+    app.begin_tour();
     event_loop::show(app, recorder, &termination)
 }

@@ -112,6 +112,12 @@ pub enum Action {
     Autosave,
     /// Export the map, the curves or the screen to a file.
     Export,
+    /// Take the guided tour.
+    Tour,
+    /// Go to the next step of the tour.
+    NextTourStep,
+    /// End the tour.
+    EndTour,
     /// Find an action by name.
     Palette,
     /// Show or hide the help.
@@ -141,6 +147,8 @@ pub enum Mode {
     Editing,
     /// Watching a run while a saved one is offered: only the keys that are not those of [`Self::Watching`].
     Offered,
+    /// Taking the guided tour: only the keys that are not those of [`Self::Watching`].
+    Touring,
     /// Comparing two runs.
     Comparing,
     /// Choosing a setting from the list.
@@ -151,7 +159,8 @@ pub enum Mode {
 
 impl Mode {
     /// All modes.
-    const ALL: [Self; 6] = [Self::Watching, Self::Editing, Self::Offered, Self::Comparing, Self::Settings, Self::Help];
+    const ALL: [Self; 7] =
+        [Self::Watching, Self::Editing, Self::Offered, Self::Touring, Self::Comparing, Self::Settings, Self::Help];
 }
 
 impl Action {
@@ -200,6 +209,8 @@ pub enum When {
     Comparing,
     /// While a saved run is offered: these keys go before those of [`Self::Watching`].
     Offered,
+    /// During the tour: these keys go before those of [`Self::Watching`].
+    Touring,
     /// In the list of settings.
     Settings,
     /// In the help.
@@ -213,6 +224,7 @@ impl When {
             Self::Always | Self::Watching | Self::Comparing => "",
             Self::Editing => " (in the editor)",
             Self::Offered => " (while it is offered)",
+            Self::Touring => " (in the tour)",
             Self::Settings => " (in the list)",
             Self::Help => " (in the help)",
         }
@@ -259,9 +271,12 @@ impl Binding {
             (Mode::Watching, when) => matches!(when, When::Always | When::Watching),
             (Mode::Editing, when) => matches!(when, When::Always | When::Editing),
             (Mode::Offered, when) => matches!(when, When::Always | When::Offered),
-            (Mode::Comparing, When::Comparing) | (Mode::Settings, When::Settings) | (Mode::Help, When::Help) => true,
-            (Mode::Comparing, when) => when != When::Editing && self.action.applies_to_two(),
-            (Mode::Settings | Mode::Help, _) => false,
+            (Mode::Touring, When::Touring)
+            | (Mode::Comparing, When::Comparing)
+            | (Mode::Settings, When::Settings)
+            | (Mode::Help, When::Help) => true,
+            (Mode::Comparing, when) => !matches!(when, When::Editing | When::Touring) && self.action.applies_to_two(),
+            (Mode::Touring | Mode::Settings | Mode::Help, _) => false,
         }
     }
 

@@ -56,6 +56,8 @@ pub struct App {
     saving: Saving,
     /// Looks for a saved run to offer.
     pub search: Option<Search>,
+    /// Whether the tour begins with the next run.
+    pub(super) tour_requested: bool,
     /// Internal errors so far.
     failures: Vec<Failure>,
     pub(super) rng: ChaCha8Rng,
@@ -84,6 +86,7 @@ impl App {
             autosaved: Instant::now(),
             saving: Saving::new(files),
             search: None,
+            tour_requested: false,
             failures: Vec::new(),
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             done: false,
@@ -106,6 +109,7 @@ impl App {
         self.screen.log.start_run(&self.screen.snapshot.log);
         self.screen.following = None;
         self.screen.offer = None;
+        self.screen.tour = None;
         self.screen.layout = ScreenLayout::default();
         if !self.screen.has_field(self.screen.field) {
             self.screen.field = Field::default();
@@ -114,6 +118,9 @@ impl App {
         self.viewer.request(Request::Field(self.screen.field));
         self.viewer.request(Request::OnArrival(self.screen.on_arrival));
         self.start_scene();
+        if std::mem::take(&mut self.tour_requested) {
+            self.begin_tour();
+        }
     }
 
     /// Returns the engine's snapshots.

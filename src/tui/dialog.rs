@@ -65,6 +65,8 @@ pub enum Choice {
     Load(PathBuf),
     /// Loads a checkpoint without saving.
     LoadUnsaved(PathBuf),
+    /// Starts the guided tour.
+    Tour,
     /// Writes an export to a file.
     Export(ExportKind),
     /// Quits, saving first or not.

@@ -31,6 +31,7 @@ impl Keymap {
     /// # Errors
     /// An unknown binding or key, or a key bound twice.
     pub fn new(changes: &BTreeMap<String, Vec<String>>) -> Result<Self, KeymapError> {
+        let changes = &with_new_names(changes);
         let known = |name: &String| bindings().any(|b| b.name == *name);
         if let Some(name) = changes.keys().find(|name| !known(name)) {
             let nearest = bindings()
@@ -72,8 +73,8 @@ impl Keymap {
     pub fn action(&self, key: KeyEvent, mode: Mode) -> Option<Action> {
         let key = normalised(KeyCombination::from(key));
         let of = |mode| self.keys.iter().find(|(k, b)| *k == key && b.is_active(mode)).map(|(_, b)| b.action);
-        // The offer's own keys go first, the others stay.
-        of(mode).or_else(|| (mode == Mode::Offered).then(|| of(Mode::Watching)).flatten())
+        // The own keys of offer and tour go first, the others stay.
+        of(mode).or_else(|| matches!(mode, Mode::Offered | Mode::Touring).then(|| of(Mode::Watching)).flatten())
     }
 
     /// Returns the first key of `action` for display, or the command palette's key if it has none.
@@ -94,6 +95,20 @@ impl Keymap {
         let own = self.keys.iter().filter(|(_, b)| b.name == binding.name);
         own.map(|(key, _)| short_name(&format(*key).to_string(*key))).collect()
     }
+}
+
+/// Bindings that have been renamed: the old name, and the new one.
+const RENAMED: [(&str, &str); 1] = [("tour", "on-arrival")];
+
+/// Returns the changes with the new names of renamed bindings, unless the new name is given as well.
+fn with_new_names(changes: &BTreeMap<String, Vec<String>>) -> BTreeMap<String, Vec<String>> {
+    let mut changes = changes.clone();
+    for (old, new) in RENAMED {
+        if let Some(keys) = changes.remove(old) {
+            changes.entry(new.to_owned()).or_insert(keys);
+        }
+    }
+    changes
 }
 
 /// Normalises shift, which only some terminals report along with the shifted character: set for uppercase letters,
@@ -183,6 +198,15 @@ mod tests {
         let keymap = keymap(&[]).expect("keys");
         assert_eq!(keymap.key_of(Action::Pan(-1, 0)), "Shift-\u{2190}");
         assert_eq!(keymap.key_of(Action::NewSeed), "R");
+    }
+
+    #[test]
+    fn old_names_of_renamed_bindings_are_accepted() {
+        let t = press(KeyCode::F(6), KeyModifiers::NONE);
+        let old = keymap(&[("tour", &["f6"])]).expect("the old name");
+        assert_eq!(old.action(t, Mode::Watching), Some(Action::OnArrival));
+        let both = keymap(&[("tour", &["f7"]), ("on-arrival", &["f6"])]).expect("both names");
+        assert_eq!(both.action(t, Mode::Watching), Some(Action::OnArrival), "the new name wins");
     }
 
     #[test]

@@ -42,6 +42,8 @@ pub struct ScreenLayout {
     pub rows: (Rect, usize),
     /// The lines of the help shown.
     pub help_lines: Option<Range<usize>>,
+    /// The box of the guided tour, and the step it belongs to.
+    pub tour: Option<(usize, Rect)>,
     /// Whether there is no room for panes beside or below the map.
     pub lacks_panel: bool,
     clicks: Vec<(Rect, Click)>,

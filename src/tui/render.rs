@@ -24,6 +24,7 @@ mod log;
 pub(super) mod scale;
 mod side;
 pub(super) mod text;
+mod tour;
 mod training;
 
 use ratatui::Frame;
@@ -110,6 +111,7 @@ pub fn draw_panes(frame: &mut Frame, screen: &Screen, cache: &mut Cache) -> Scre
         let [map, info] = Layout::vertical([Constraint::Min(0), Constraint::Length(1)]).areas(map_pane);
         scene::draw(frame, [map, info], screen, &mut layout, cache);
         hint::draw(frame, map, screen, &mut layout);
+        tour::draw(frame, map, screen, &mut layout);
         if !side.is_empty() {
             side::draw(frame, side, screen, &mut layout);
         }

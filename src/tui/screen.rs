@@ -14,6 +14,8 @@ use super::panes::Pane;
 use super::raster::Marker;
 use super::scene::{self, ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
+use super::tour::Tour;
+use crate::bridge::SearchOutcome;
 use crate::env::WorldKind;
 use crate::text::grouped;
 use crate::train::{Overrides, Phase, Preset, Run, Settings, Snapshot, Success, settings_from};
@@ -59,6 +61,8 @@ pub struct Screen {
     pub following: Option<usize>,
     /// The saved run that is offered.
     pub offer: Option<Offer>,
+    /// The guided tour, while it lasts.
+    pub tour: Option<Tour>,
     /// Whether the interface has not been used yet: a line says what there is to see.
     pub first_run: bool,
     /// Where things were last drawn.
@@ -89,6 +93,7 @@ impl Screen {
             frozen: false,
             following: None,
             offer: None,
+            tour: None,
             first_run: false,
             layout: ScreenLayout::default(),
         }
@@ -129,9 +134,16 @@ impl Screen {
     pub fn mode(&self) -> Mode {
         match self.offer {
             _ if self.maze.editor.is_open() => Mode::Editing,
+            _ if self.tour.is_some() => Mode::Touring,
             Some(_) => Mode::Offered,
             None => Mode::Watching,
         }
+    }
+
+    /// Returns the bridge search that is shown: the latest, unless the tour explains another.
+    pub fn search(&self) -> Option<&Arc<SearchOutcome>> {
+        let explained = self.tour.as_ref().and_then(|tour| tour.bridge.as_ref()).map(|bridge| &bridge.search);
+        explained.or(self.snapshot.search.as_ref())
     }
 
     /// Returns method, preset, seed and settings.

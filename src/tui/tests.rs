@@ -7,6 +7,7 @@ mod dialogs;
 mod found;
 mod mouse;
 mod screens;
+mod tour;
 mod words;
 
 use std::collections::BTreeMap;

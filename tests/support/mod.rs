@@ -49,8 +49,8 @@ impl Session {
         let pty = native_pty_system().openpty(size(80, 24)).unwrap();
         let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
         command.args(args);
-        // A checkpoint carries its own settings.
-        if !args.contains(&"--resume") {
+        // A checkpoint carries its own settings, and the tour has always the same.
+        if !args.contains(&"--resume") && args.first() != Some(&"tour") {
             command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
         }
         command.cwd(folder);

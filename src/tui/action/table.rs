@@ -91,9 +91,9 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::GoalHere, "goal-here", &["enter"], "", "put the goal at the cursor")
                 .watching()
                 .also("target set"),
-            bind(Action::OnArrival, "tour", &["t"], "", "when @ arrives: restart, visit other goals, or stay")
+            bind(Action::OnArrival, "on-arrival", &["t"], "", "when @ arrives: restart, visit other goals, or stay")
                 .watching()
-                .also("arrival loop repeat"),
+                .also("tour loop repeat"),
             bind(Action::Follow, "follow", &["f"], "", "follow the next exploring agent")
                 .watching()
                 .also("track watch explorer"),
@@ -263,6 +263,13 @@ pub const SECTIONS: &[Section] = &[
     Section {
         title: "program",
         bindings: &[
+            bind(Action::Tour, "guided-tour", &[], "", "take the guided tour of the four rooms")
+                .also("tutorial demo introduction explain learn lesson beginner first steps"),
+            bind(Action::NextTourStep, "next-step", &["enter", "right"], "", "next step of the tour (or click)")
+                .within(When::Touring),
+            bind(Action::TogglePause, "pause-tour", &["p"], "", "pause or resume training and tour")
+                .within(When::Touring),
+            bind(Action::EndTour, "end-tour", &["esc"], "", "end the tour").within(When::Touring),
             bind(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find an action by name").also("command search"),
             bind(Action::Help, "help", &["?", "f1"], "help", "show or hide this help")
                 .also("keys shortcuts manual documentation bindings usage"),

@@ -78,6 +78,9 @@ impl App {
                 self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
             }
             Action::Export => self.open_picker(lists::exports(self.screen.scene())),
+            Action::Tour => self.ask_tour(),
+            Action::NextTourStep => self.next_tour_step(),
+            Action::EndTour => self.end_tour(),
             Action::Palette => self.open_picker(lists::actions(&self.screen)),
             Action::Help => self.screen.dialogs.push(Dialog::Help(Help::default())),
             Action::SearchHelp => {
@@ -185,7 +188,7 @@ impl App {
         }
     }
 
-    pub(super) fn open_picker(&mut self, picker: Picker) {
+    pub(in crate::tui) fn open_picker(&mut self, picker: Picker) {
         self.screen.dialogs.push(Dialog::Pick(picker));
     }
 

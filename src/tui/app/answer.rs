@@ -122,6 +122,7 @@ impl App {
                 self.notify(&format!("loading {} ...", path.display()));
                 self.command(Command::Load(path));
             }
+            Choice::Tour => self.start_tour_run(),
             Choice::Export(kind) => self.export = Some(kind),
             Choice::Quit { save: true } => self.save_and_quit(),
             Choice::Quit { save: false } => self.done = true,

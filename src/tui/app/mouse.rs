@@ -19,9 +19,24 @@ impl App {
         {
             return self.act(action);
         }
+        if self.moves_tour_on(mouse.kind) {
+            return;
+        }
         if self.screen.maximised || !self.on_mouse_in_scene(mouse.kind, at) {
             self.on_wheel(mouse.kind);
         }
+    }
+
+    /// Has a click move the tour on; returns whether that is all it does. The click that ends the tour sets a goal.
+    fn moves_tour_on(&mut self, kind: MouseEventKind) -> bool {
+        let Some(tour) = self.screen.tour.as_ref().filter(|_| !self.screen.maze.editor.is_open()) else { return false };
+        let last = tour.is_last();
+        match kind {
+            MouseEventKind::Down(MouseButton::Left) => self.act(Action::NextTourStep),
+            MouseEventKind::Drag(MouseButton::Left) => {}
+            _ => return false,
+        }
+        !last
     }
 
     /// Scrolls curves and log.

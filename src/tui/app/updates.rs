@@ -30,6 +30,8 @@ impl App {
         self.screen.pausing &= self.screen.snapshot.phase.is_training();
         let notice = self.screen.snapshot.notice.clone();
         if notice.number > before.notice.number {
+            // A run that cannot be started is no tour.
+            self.tour_requested &= !notice.is_error;
             if notice.is_error { self.report(&notice.text) } else { self.notify(&notice.text) }
         }
         if let (Phase::Failed(error), true) = (&self.screen.snapshot.phase, before.phase != self.screen.snapshot.phase)
@@ -66,7 +68,7 @@ impl App {
     }
 
     /// Freezes the screen, or unfreezes it and shows the current state.
-    pub(super) fn freeze(&mut self, frozen: bool) {
+    pub(in crate::tui) fn freeze(&mut self, frozen: bool) {
         self.screen.frozen = frozen;
         if !frozen {
             let (snapshot, view) = (self.snapshots().borrow().clone(), self.views().borrow().clone());
@@ -128,6 +130,7 @@ impl App {
             }
         }
         let offer_changed = self.on_offer_tick();
-        self.screen.log.on_tick() || offer_changed
+        let tour_changed = self.on_tour_tick();
+        self.screen.log.on_tick() || offer_changed || tour_changed
     }
 }

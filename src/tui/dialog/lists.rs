@@ -29,7 +29,9 @@ pub fn actions(screen: &Screen) -> Picker {
     let (keymap, scene) = (&screen.keymap, screen.scene());
     let here = |b: &&Binding| {
         let active = b.is_active(Mode::Watching) || b.is_active(Mode::Editing);
-        active || screen.offer.is_some() && b.is_active(Mode::Offered)
+        active
+            || screen.offer.is_some() && b.is_active(Mode::Offered)
+            || screen.tour.is_some() && b.is_active(Mode::Touring)
     };
     let named = |b: &&Binding| b.action != Action::Palette && scene.offers(b.action) && here(b);
     let item = |b: &Binding| Item {
@@ -149,6 +151,19 @@ pub fn method_choices(unsaved_updates: u64, method: Method, save_key: &str) -> P
             .on('y'),
     ];
     Picker::new("discard the networks, which are not saved?", items)
+}
+
+/// Asks whether to leave this run for the guided tour.
+pub fn tour_choices(unsaved_updates: u64, save_key: &str) -> Picker {
+    let lost = match unsaved_updates {
+        0 => "a new run on the four rooms, about 90 seconds".to_owned(),
+        n => format!("a new run on the four rooms, about 90 seconds; {n} unsaved updates are lost"),
+    };
+    let items = vec![
+        Item::new("take the tour", lost, Choice::Tour).on('y'),
+        Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
+    ];
+    Picker::new("guided tour", items)
 }
 
 /// Asks what to do after a failure.

@@ -30,7 +30,7 @@ const COMPARISON: &str = "Two methods train on the same map with the same seed, 
 
 /// Draws the help in the middle of `area`, as far down as it is scrolled or early enough to fill it.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, help: &Help, layout: &mut ScreenLayout) {
-    let modes = [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Settings, Mode::Help];
+    let modes = [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring, Mode::Settings, Mode::Help];
     draw_about(frame, area, screen, (help, screen.scene().introduction(), &modes), layout);
 }
 

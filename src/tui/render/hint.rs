@@ -14,6 +14,9 @@ use crate::tui::theme::ColourDepth;
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+    if screen.tour.is_some() {
+        return;
+    }
     let width = usize::from(area.width);
     let Some(line) = offer(screen, width).or_else(|| what_to_see(screen, width)) else { return };
     let width = (line.width() as u16).min(area.width);

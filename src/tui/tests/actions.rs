@@ -3,10 +3,11 @@
 use super::*;
 use crate::tui::action::{Action, Binding, Mode, When};
 use crate::tui::dialog::Choice;
+use crate::tui::tour::Tour;
 
 /// Returns whether the trainer has a binding, not only comparisons.
 fn is_of_trainer(binding: &Binding) -> bool {
-    [Mode::Watching, Mode::Editing, Mode::Offered].into_iter().any(|mode| binding.is_active(mode))
+    [Mode::Watching, Mode::Editing, Mode::Offered, Mode::Touring].into_iter().any(|mode| binding.is_active(mode))
 }
 
 /// Returns the whole help, page by page.
@@ -53,7 +54,7 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
 /// Describes the state that actions change.
 fn state(app: &App) -> String {
     format!(
-        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?} {:?}",
         app.screen.dialogs.len(),
         app.screen.pane,
         app.screen.maximised,
@@ -69,6 +70,7 @@ fn state(app: &App) -> String {
         (app.screen.frozen, app.screen.following, app.screen.pausing, app.is_done(), app.is_suspending()),
         app.screen.log.entries().len(),
         app.screen.maze.map.free_count(),
+        app.screen.tour.as_ref().map(Tour::step),
     )
 }
 
@@ -102,6 +104,9 @@ fn every_key_triggers_its_action() {
             }
             if binding.when == When::Offered {
                 app.offer(saved_run(folder.path(), &app));
+            }
+            if binding.when == When::Touring {
+                app.begin_tour();
             }
             let before = state(&app);
             let combination = crokey::parse(key).expect("a key");

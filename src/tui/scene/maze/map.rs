@@ -224,7 +224,7 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
             screen.maze.view.trail.last().into_iter().chain(&screen.maze.view.path).copied().collect();
         canvas.lines(map_frame, stops.windows(2).map(|ends| [ends[0], ends[1]]), (theme.path, 1.0, '+'));
     }
-    if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
+    if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
         let [accepted, rejected] = theme.search;
         let at = |numbers: &[f32]| [numbers[0], numbers[1]];
         search.rejected.chunks_exact(2).for_each(|b| canvas.ground_dot(map_frame, at(b), rejected, 'x'));
@@ -283,7 +283,7 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
     let under =
         |label: &Label, buffer: &Buffer| label.area.positions().map(|at| buffer[at].clone()).collect::<Vec<_>>();
     let labels: Vec<_> = labels.into_iter().map(|label| (label, under(label, glyphs.buffer))).collect();
-    if let (true, Some(search)) = (shows(Overlay::Search), &screen.snapshot.search) {
+    if let (true, Some(search)) = (shows(Overlay::Search), screen.search()) {
         if let Some(bridge) = &search.found {
             glyphs.letter([bridge.point[0], bridge.point[1]], 'B', theme.search[0]);
         }

@@ -1,0 +1,36 @@
+//! Options of `gdg-tui tour`.
+
+use clap::Args;
+
+use super::{InterfaceArgs, LogLevel};
+
+const EXAMPLES: &str = "\
+Examples:
+  gdg-tui tour                               a minute and a half on the four rooms, with captions
+  gdg-tui tour --record tour.cast            record it; gdg-tui frames renders frames of it
+
+Enter, the right arrow or a click goes to the next step, p pauses, Esc ends the tour. Then training goes on as usual: it is
+the run of gdg-tui fourrooms --seed 0.
+
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM.";
+
+/// Options of `gdg-tui tour`.
+#[derive(Debug, Args)]
+#[command(after_help = EXAMPLES)]
+pub struct TourArgs {
+    /// Threads per update; results do not depend on their number [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    pub threads: Option<u16>,
+
+    /// Options of the interface.
+    #[command(flatten)]
+    pub interface: InterfaceArgs,
+
+    /// Replace the recording if it exists
+    #[arg(long, requires = "record")]
+    pub overwrite: bool,
+
+    /// Minimum severity written to the log file; the help screen (?) shows its path
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
+    pub log_level: LogLevel,
+}

@@ -1,0 +1,155 @@
+//! The caption of the guided tour: a box beside what it explains, never over it.
+
+use ratatui::Frame;
+use ratatui::layout::{Position, Rect};
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+use ratatui::widgets::{Block, Clear, Padding, Paragraph};
+
+use super::text::wrapped;
+use super::{BOLD, REVERSED};
+use crate::tui::action::Action;
+use crate::tui::glyphs::Glyphs;
+use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::screen::Screen;
+use crate::tui::theme::ColourDepth;
+use crate::tui::tour::Tour;
+
+/// Widths of the box that are tried, in columns, and what border and padding take.
+const WIDTHS: [u16; 4] = [40, 34, 30, 48];
+const MARGIN_COLUMNS: u16 = 4;
+const MARGIN_ROWS: u16 = 2;
+
+/// Positions that are tried across, at most.
+const TRIES: u16 = 60;
+
+/// What it costs to cover a character of the subject, to touch one, and to cover goal or agent; in rows of distance.
+const COVERED_COST: f32 = 1000.0;
+const TOUCHED_COST: f32 = 2.0;
+const HIDDEN_COST: f32 = 30.0;
+
+/// Draws the caption into the map's `area`, and its signs on the map.
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+    let (Some(tour), Some(map_frame)) = (&screen.tour, &layout.map) else { return };
+    let mut glyphs = Glyphs { map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
+    for (at, sign) in &tour.caption.marks {
+        match sign {
+            sign if sign.is_alphabetic() => glyphs.letter(*at, *sign, screen.theme.cursor),
+            sign => glyphs.symbol(*at, *sign, None),
+        }
+    }
+    let characters =
+        |positions: &[[f32; 2]]| positions.iter().filter_map(|at| map_frame.character_of(*at)).collect::<Vec<_>>();
+    let mut subject = characters(&tour.caption.subject);
+    subject.dedup();
+    let view = &screen.maze.view;
+    let others = [Some(screen.maze.goal.centre()), view.trail.last().copied()];
+    let others = characters(&others.into_iter().flatten().collect::<Vec<_>>());
+    let Some(place) = place(area, tour, (&subject, &others), screen.layout.tour) else { return };
+    layout.tour = Some((tour.step(), place));
+    let keys = draw_box(frame, place, screen, tour, layout);
+    if let Some(target) = subject.first() {
+        point_at(frame, place, *target, keys, border(screen));
+    }
+}
+
+fn border(screen: &Screen) -> Style {
+    match screen.theme.depth {
+        ColourDepth::Mono => BOLD,
+        _ => BOLD.fg(screen.theme.colour(screen.theme.cursor)),
+    }
+}
+
+/// Returns the rows that the text takes in a box of `width` columns, border included.
+fn rows(tour: &Tour, width: u16) -> u16 {
+    wrapped(&tour.caption.text, usize::from(width - MARGIN_COLUMNS)).len() as u16 + MARGIN_ROWS
+}
+
+/// Returns where the box goes: where it was, as long as it does not cover the subject; otherwise, the best place.
+fn place(
+    area: Rect,
+    tour: &Tour,
+    (subject, others): (&[Position], &[Position]),
+    before: Option<(usize, Rect)>,
+) -> Option<Rect> {
+    if let Some((step, rect)) = before
+        && step == tour.step()
+    {
+        let now = Rect { height: rect.height.max(rows(tour, rect.width)), ..rect };
+        if area.union(now) == area && !subject.iter().any(|at| now.contains(*at)) {
+            return Some(now);
+        }
+    }
+    let cost = |rect: Rect| {
+        let around = Rect::new(rect.x.saturating_sub(1), rect.y.saturating_sub(1), rect.width + 2, rect.height + 2);
+        let count = |rect: Rect, of: &[Position]| of.iter().filter(|at| rect.contains(**at)).count() as f32;
+        let gap = subject.first().map_or(0.0, |at| distance(rect, *at));
+        COVERED_COST * count(rect, subject)
+            + TOUCHED_COST * count(around, subject)
+            + HIDDEN_COST * count(rect, others)
+            + gap
+    };
+    let sizes = WIDTHS.into_iter().map(|width| (width, rows(tour, width)));
+    let fitting = sizes.filter(|(width, rows)| *width <= area.width && *rows <= area.height);
+    let stride = usize::from((area.width / TRIES).max(1));
+    let places = fitting.flat_map(|(width, height)| {
+        let xs = (area.x..=area.right() - width).step_by(stride);
+        xs.flat_map(move |x| (area.y..=area.bottom() - height).map(move |y| Rect { x, y, width, height }))
+    });
+    places.map(|rect| (rect, cost(rect))).min_by(|a, b| a.1.total_cmp(&b.1)).map(|(rect, _)| rect)
+}
+
+/// Returns the distance between a box and a character, in rows.
+fn distance(rect: Rect, at: Position) -> f32 {
+    let (across, down) = gaps(rect, at);
+    (f32::from(across.unsigned_abs()) / 2.0).hypot(f32::from(down.unsigned_abs()))
+}
+
+/// Returns how many columns and rows a character is away from a box: negative to the left of it or above.
+fn gaps(rect: Rect, at: Position) -> (i16, i16) {
+    let gap = |at: u16, from: u16, end: u16| {
+        let (at, from, last) = (at as i16, from as i16, end as i16 - 1);
+        (at - from).min(0) + (at - last).max(0)
+    };
+    (gap(at.x, rect.x, rect.right()), gap(at.y, rect.y, rect.bottom()))
+}
+
+/// Draws the box with text and keys; returns where the keys are.
+fn draw_box(frame: &mut Frame, area: Rect, screen: &Screen, tour: &Tour, layout: &mut ScreenLayout) -> Rect {
+    let title = Line::styled(format!(" {} ", tour.title()), BOLD.patch(REVERSED));
+    let block = Block::bordered().border_style(border(screen)).title(title).padding(Padding::horizontal(1));
+    let inner = block.inner(area);
+    frame.render_widget(Clear, area);
+    frame.render_widget(block, area);
+    let lines: Vec<Line> = wrapped(&tour.caption.text, usize::from(inner.width)).into_iter().map(Line::from).collect();
+    frame.render_widget(Paragraph::new(lines), inner);
+    let mut keys = ClickableLine::default();
+    let next = if tour.is_last() { "done" } else { "next" };
+    for (action, label) in [(Action::NextTourStep, next), (Action::EndTour, "end")] {
+        let key = screen.keymap.key_of(action);
+        keys.push(Span::styled(format!(" {key} {label} "), Style::new()), Click::Act(action));
+    }
+    let width = (keys.width() as u16).min(area.width.saturating_sub(2));
+    let bar = Rect { x: area.right() - 1 - width, y: area.bottom() - 1, width, height: 1 };
+    keys.draw(frame, bar, layout);
+    bar
+}
+
+/// Draws an arrow on the border that faces `target`, beside the keys.
+fn point_at(frame: &mut Frame, area: Rect, target: Position, keys: Rect, style: Style) {
+    let (across, down) = gaps(area, target);
+    let x = target.x.clamp(area.x + 1, area.right() - 2);
+    let y = target.y.clamp(area.y + 1, area.bottom() - 2);
+    let (at, arrow) = match (across, down) {
+        (0, 0) => return,
+        (across, down) if across.unsigned_abs() / 2 >= down.unsigned_abs() => match across {
+            ..0 => (Position::new(area.x, y), '\u{25c0}'),
+            _ => (Position::new(area.right() - 1, y), '\u{25b6}'),
+        },
+        (_, ..0) => (Position::new(x, area.y), '\u{25b2}'),
+        _ => (Position::new(x.min(keys.x - 1), area.bottom() - 1), '\u{25bc}'),
+    };
+    if let Some(cell) = frame.buffer_mut().cell_mut(at) {
+        cell.set_char(arrow).set_style(style);
+    }
+}

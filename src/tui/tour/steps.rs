@@ -1,0 +1,322 @@
+//! The steps of the tour.
+
+use std::sync::Arc;
+
+use super::Tour;
+use crate::bridge::SearchOutcome;
+use crate::learn::Scratch;
+use crate::map::Cell;
+use crate::tui::action::Action;
+use crate::tui::app::App;
+use crate::tui::layers::Overlay;
+use crate::tui::screen::Screen;
+use crate::tui::theme::ColourDepth;
+use crate::view::{ContourLine, contour_lines};
+
+/// The map of the tour, and where its agent starts.
+pub const MAP: &str = "fourrooms";
+pub const START: Cell = Cell::new(3, 3);
+
+/// A goal beside a wall, a place behind the wall, and one as far away in the goal's own room.
+const GOAL_AT_WALL: Cell = Cell::new(52, 37);
+const BEHIND_WALL: Cell = Cell::new(36, 37);
+const SAME_ROOM: Cell = Cell::new(68, 37);
+
+/// How much longer than in the same room D must be to have learned of the wall; and the least there, relative to the truth.
+const BENT: f32 = 1.4;
+const PLAUSIBLE: f32 = 0.7;
+
+/// A goal in the far room, and the doors to it: corners, and a place before the door.
+const FAR_GOAL: Cell = Cell::new(80, 62);
+const DOORS: [([Cell; 2], Cell); 2] = [
+    ([Cell::new(64, 48), Cell::new(71, 55)], Cell::new(68, 44)),
+    ([Cell::new(40, 72), Cell::new(47, 79)], Cell::new(36, 76)),
+];
+
+/// How many times as far it must be round a closed door, and how near to the old D when it is open again.
+const LONGER: f32 = 2.5;
+const BACK: f32 = 1.3;
+
+/// Steps that a bridge must save to be shown, and seconds after which any will do.
+const CLEAR_GAIN: f32 = 3.0;
+const PATIENCE_SECS: f32 = 8.0;
+
+/// Cells between points of a line that captions do not cover.
+const SPACING: f32 = 2.0;
+
+/// A step.
+pub struct Step {
+    /// The caption's title.
+    pub title: &'static str,
+    /// Seconds to read it after its subject has been seen, and until it ends anyway.
+    pub reading_secs: f32,
+    pub limit_secs: f32,
+    /// What it does at first.
+    pub enter: fn(&mut App),
+    /// What it says now.
+    pub look: fn(&Screen, &mut Tour) -> Caption,
+}
+
+/// What the box says, and about what.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Caption {
+    /// Two or three short sentences.
+    pub text: String,
+    /// Positions that the box never covers; it points to the first.
+    pub subject: Vec<[f32; 2]>,
+    /// Signs drawn on the map.
+    pub marks: Vec<([f32; 2], char)>,
+    /// Whether what it explains is to be seen now.
+    pub seen: bool,
+}
+
+/// All steps.
+pub const STEPS: &[Step] = &[
+    Step { title: "No reward", reading_secs: 8.0, limit_secs: 8.0, enter: aim_at_wall, look: wandering },
+    Step { title: "D bends", reading_secs: 7.0, limit_secs: 25.0, enter: |_| {}, look: bending },
+    Step { title: "Contours", reading_secs: 7.0, limit_secs: 10.0, enter: |_| {}, look: contour },
+    Step { title: "A bridge", reading_secs: 9.0, limit_secs: 24.0, enter: show_search, look: bridge },
+    Step { title: "A plan", reading_secs: 1.5, limit_secs: 16.0, enter: aim_far, look: plan },
+    Step { title: "A door closes", reading_secs: 5.0, limit_secs: 24.0, enter: close_door, look: closed },
+    Step { title: "It opens again", reading_secs: 4.0, limit_secs: 12.0, enter: open_door, look: opened },
+    Step { title: "Now you", reading_secs: 12.0, limit_secs: 12.0, enter: |_| {}, look: now_you },
+];
+
+/// Returns D from a position to the goal.
+fn distance_to_goal(screen: &Screen, from: [f32; 2]) -> f32 {
+    distance(screen, &from, &screen.maze.goal.centre())
+}
+
+fn distance(screen: &Screen, from: &[f32], to: &[f32]) -> f32 {
+    screen.snapshot.networks.policy.distance(from, to, &mut Scratch::default())
+}
+
+/// Returns points along the lines that connect `stops`.
+fn points_along(stops: &[[f32; 2]]) -> Vec<[f32; 2]> {
+    let between = |ends: &[[f32; 2]]| {
+        let [from, to] = [ends[0], ends[1]];
+        let n = (straight(from, to) / SPACING).ceil().max(1.0) as usize;
+        let share = move |i: usize| i as f32 / n as f32;
+        (0..=n).map(move |i| [0, 1].map(|axis| from[axis] + share(i) * (to[axis] - from[axis])))
+    };
+    stops.windows(2).flat_map(between).collect()
+}
+
+/// Returns the steps between two positions without walls: at most one cell per step along each axis.
+fn straight(from: [f32; 2], to: [f32; 2]) -> f32 {
+    (from[0] - to[0]).abs().max((from[1] - to[1]).abs())
+}
+
+/// Returns the rest of the agent's planned path, from where it is.
+fn path_ahead(screen: &Screen) -> Vec<[f32; 2]> {
+    let view = &screen.maze.view;
+    let stops: Vec<[f32; 2]> = view.trail.last().into_iter().chain(&view.path).copied().collect();
+    points_along(&stops)
+}
+
+fn is_mono(screen: &Screen) -> bool {
+    screen.theme.depth == ColourDepth::Mono
+}
+
+fn aim_at_wall(app: &mut App) {
+    app.set_goal(GOAL_AT_WALL);
+    app.send_walker();
+}
+
+fn wandering(screen: &Screen, _: &mut Tour) -> Caption {
+    let text = if is_mono(screen) {
+        "The o are agents that wander about. Nobody rewards them. Shades show what they learn: D, the number of steps to G. \
+         The denser, the farther."
+    } else {
+        "The white dots are agents that wander about. Nobody rewards them. Colours show what they learn: D, the number of \
+         steps to G. Light is near, dark is far."
+    };
+    Caption { text: text.to_owned(), subject: vec![screen.maze.goal.centre()], seen: true, ..Caption::default() }
+}
+
+fn bending(screen: &Screen, _: &mut Tour) -> Caption {
+    let (behind, goal) = (BEHIND_WALL.centre(), screen.maze.goal.centre());
+    let (straight, learned) = (straight(behind, goal), distance_to_goal(screen, behind));
+    let open = distance_to_goal(screen, SAME_ROOM.centre());
+    let seen = open >= PLAUSIBLE * straight && learned >= BENT * open.max(straight);
+    let then = if seen { "D has learned to go round the wall." } else { "Watch it learn of the wall." };
+    let text = format!(
+        "From P, G would be {straight:.0} steps away, were there no wall. Learned so far: D = {learned:.0}. {then}"
+    );
+    let subject = [vec![behind, goal], points_along(&[behind, goal])].concat();
+    Caption { text, subject, marks: vec![(behind, 'P')], seen }
+}
+
+/// Returns the positions on the contour line nearest to `near`, the nearest first, and its distance.
+fn contour_near(screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)> {
+    let (view, raster) = (&screen.maze.view, screen.maze.view.raster?);
+    if view.kind != screen.field || !view.kind.is_distance() {
+        return None;
+    }
+    let [left, top, width, height] = raster.window;
+    let (columns, rows) = raster.pixels;
+    let position = |i: usize| {
+        let (across, down) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
+        [left + across / columns as f32 * width, top + down / rows as f32 * height]
+    };
+    let lines = contour_lines(&view.field, columns, screen.layout.contour_interval?);
+    let nearest = |line: &ContourLine| {
+        let off = line.pixels.iter().map(|i| straight(position(*i), near));
+        off.fold(f32::INFINITY, f32::min)
+    };
+    let line = lines.iter().min_by(|a, b| nearest(a).total_cmp(&nearest(b)))?;
+    let mut places: Vec<[f32; 2]> = line.pixels.iter().map(|i| position(*i)).collect();
+    places.sort_by(|a, b| straight(*a, near).total_cmp(&straight(*b, near)));
+    Some((places, line.level))
+}
+
+fn contour(screen: &Screen, tour: &mut Tour) -> Caption {
+    // The clearest find is kept, so that the next step need not wait for one.
+    let kept = tour.bridge.as_ref().map_or(CLEAR_GAIN, |bridge| bridge.gain() + 1.0);
+    if let Some(clearer) = found_bridge(screen, kept) {
+        tour.bridge = Some(clearer);
+    }
+    let Some((line, level)) = contour_near(screen, Cell::new(24, 24).centre()) else {
+        return Caption { text: "Contour lines connect places with the same D.".to_owned(), ..Caption::default() };
+    };
+    let text = format!(
+        "The dots mark a contour line: from every place on it, G is D = {level:.0} steps away. Where lines bend, D knows the \
+         way round a wall."
+    );
+    let marks = line.iter().map(|at| (*at, '\u{2022}')).collect();
+    Caption { text, subject: line, marks, seen: true }
+}
+
+fn show_search(app: &mut App) {
+    let shows = app.show_overlay(Overlay::Search, true);
+    if let Some(tour) = &mut app.screen.tour {
+        tour.shows_search = shows;
+    }
+}
+
+/// A bridge search with a find that is clear to see.
+pub struct FoundBridge {
+    /// The search.
+    pub search: Arc<SearchOutcome>,
+    /// Start, bridge and goal.
+    stops: [[f32; 2]; 3],
+    /// D(a,B), D(B,g) and D(a,g), rounded to steps.
+    distances: [f32; 3],
+}
+
+/// Returns the latest search if it has found a bridge by the networks that are shown, which may be newer than its own.
+fn found_bridge(screen: &Screen, least_gain: f32) -> Option<FoundBridge> {
+    let search = screen.snapshot.search.as_ref()?;
+    let at = |numbers: &[f32]| [numbers[0], numbers[1]];
+    let stops = [at(&search.state), at(&search.found.as_ref()?.point), at(&search.goal)];
+    let distances = [(0, 1), (1, 2), (0, 2)].map(|(from, to)| distance(screen, &stops[from], &stops[to]).round());
+    let bridge = FoundBridge { search: search.clone(), stops, distances };
+    (bridge.gain() >= least_gain).then_some(bridge)
+}
+
+impl FoundBridge {
+    /// Returns the steps that it saves.
+    fn gain(&self) -> f32 {
+        let [first, second, direct] = self.distances;
+        direct - first - second
+    }
+}
+
+fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
+    if tour.bridge.is_none() {
+        tour.bridge = found_bridge(screen, if tour.elapsed < PATIENCE_SECS { CLEAR_GAIN } else { 1.0 });
+    }
+    let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = &tour.bridge else {
+        let text = "Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). Wait for a find.";
+        return Caption { text: text.to_owned(), subject: vec![screen.maze.goal.centre()], ..Caption::default() };
+    };
+    let text = format!(
+        "An agent found this bridge B: D(a,B) + D(B,g) was {first:.0} + {second:.0} = {:.0}, less than D(a,g) = {direct:.0}. \
+         One hard task becomes two easier ones.",
+        first + second
+    );
+    let subject = [vec![stops[1]], points_along(stops)].concat();
+    Caption { text, subject, marks: Vec::new(), seen: true }
+}
+
+fn aim_far(app: &mut App) {
+    app.hide_search();
+    app.set_goal(FAR_GOAL);
+    app.send_walker();
+}
+
+fn plan(screen: &Screen, tour: &mut Tour) -> Caption {
+    let path = path_ahead(screen);
+    if path.len() > tour.route.len() {
+        tour.route.clone_from(&path);
+    }
+    let line = if is_mono(screen) { "The + are" } else { "The red line is" };
+    let text = format!(
+        "G is now in the far room. {line} the plan: from bridge to bridge, each near enough to be reached surely. @ walks it."
+    );
+    let seen = screen.maze.view.walk.arrived && tour.elapsed > 1.0;
+    Caption { text, subject: [vec![screen.maze.goal.centre()], path].concat(), marks: Vec::new(), seen }
+}
+
+/// Returns the cells of a door, given two of its corners.
+fn cells_between([from, to]: [Cell; 2]) -> Vec<Cell> {
+    (from.y..=to.y).flat_map(|y| (from.x..=to.x).map(move |x| Cell::new(x, y))).collect()
+}
+
+fn close_door(app: &mut App) {
+    let Some(tour) = &app.screen.tour else { return };
+    let leads_through =
+        |cells: &[Cell]| tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5));
+    let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
+    let (corners, before) = through.unwrap_or(&DOORS[0]);
+    let watched = (before.centre(), distance_to_goal(&app.screen, before.centre()));
+    app.close_door(cells_between(*corners));
+    app.send_walker();
+    if let Some(tour) = &mut app.screen.tour {
+        tour.watched = watched;
+    }
+}
+
+/// Returns the door that was closed, the place before it, and the path of the agent.
+fn around_door(screen: &Screen, tour: &Tour) -> Vec<[f32; 2]> {
+    let (place, _) = tour.watched;
+    let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
+    let door = cells_between(door).into_iter().map(Cell::centre);
+    [vec![place], door.collect(), path_ahead(screen)].concat()
+}
+
+fn closed(screen: &Screen, tour: &mut Tour) -> Caption {
+    let (place, before) = tour.watched;
+    let now = distance_to_goal(screen, place);
+    let text = format!(
+        "A wall now closes this door: you can draw one with {}. The plan changes at once. D follows: from P it was \
+         {before:.0}, now {now:.0}.",
+        screen.keymap.key_of(Action::ToggleEdit)
+    );
+    let subject = around_door(screen, tour);
+    Caption { text, subject, marks: vec![(place, 'P')], seen: now >= LONGER * before }
+}
+
+fn open_door(app: &mut App) {
+    app.open_door();
+    app.send_walker();
+}
+
+fn opened(screen: &Screen, tour: &mut Tour) -> Caption {
+    let (place, before) = tour.watched;
+    let now = distance_to_goal(screen, place);
+    let text = format!("The door is open again. The plan may use it, and D falls: from P it is {now:.0}.");
+    let subject = around_door(screen, tour);
+    Caption { text, subject, marks: vec![(place, 'P')], seen: now <= BACK * before }
+}
+
+fn now_you(screen: &Screen, _: &mut Tour) -> Caption {
+    let key = |action| screen.keymap.key_of(action);
+    let text = format!(
+        "Click anywhere: @ walks there. Press {} to draw walls, {} for help. Training goes on.",
+        key(Action::ToggleEdit),
+        key(Action::Help)
+    );
+    let walker = screen.maze.view.trail.last().copied().unwrap_or(screen.maze.view.walk.start);
+    Caption { text, subject: vec![screen.maze.goal.centre(), walker], marks: Vec::new(), seen: true }
+}

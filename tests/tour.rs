@@ -1,0 +1,32 @@
+//! The guided tour by the real program, in a pseudo-terminal and without one.
+#![cfg(unix)]
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+mod support;
+
+use support::Session;
+
+#[test]
+fn the_tour_is_recorded_and_goes_on_by_enter() {
+    let folder = tempfile::tempdir().unwrap();
+    let cast = folder.path().join("tour.cast");
+    let args = ["tour", "--threads", "1", "--record", cast.to_str().unwrap()];
+    let mut session = Session::start(folder.path(), &args);
+    session.wait_for("1/8 No reward");
+    session.press("\r");
+    session.wait_for("2/8 D bends");
+    session.press("\x1b");
+    session.wait_until_gone("2/8 D bends");
+    session.signal("TERM");
+    assert_eq!(session.end(), 143);
+    assert!(std::fs::read_to_string(&cast).unwrap().contains("No reward"));
+}
+
+#[test]
+fn a_tour_needs_a_terminal() {
+    let mut command = std::process::Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+    let command = command.arg("tour").env("XDG_STATE_HOME", env!("CARGO_TARGET_TMPDIR"));
+    let output = command.env("NO_COLOR", "1").output().unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(String::from_utf8_lossy(&output.stderr).contains("needs a terminal"));
+}
