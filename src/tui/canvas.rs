@@ -70,7 +70,7 @@ impl Canvas {
 
     /// Sets pixel `i`.
     pub fn set(&mut self, i: usize, rgb: Option<Rgb>, mark: char) {
-        (self.pixels[i], self.marks[i], self.thin[i]) = (rgb, mark, false);
+        (self.pixels[i], self.marks[i]) = (rgb, mark);
         self.changed.push(i);
     }
 
