@@ -332,6 +332,23 @@ pub struct InterfaceArgs {
     pub ui_config: Option<PathBuf>,
 }
 
+/// Options of commands that only show something.
+#[cfg(feature = "tui")]
+#[derive(Debug, Args)]
+pub struct ScreenArgs {
+    /// Options of the interface.
+    #[command(flatten)]
+    pub interface: InterfaceArgs,
+
+    /// Replace the recording if it exists
+    #[arg(long, requires = "record")]
+    pub overwrite: bool,
+
+    /// Minimum severity written to the log file; the help screen (?) shows its path
+    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
+    pub log_level: LogLevel,
+}
+
 /// Method and settings of a run.
 #[derive(Debug, Args)]
 pub struct RunArgs {

@@ -4,17 +4,21 @@
 #[cfg(feature = "tui")]
 use std::io::IsTerminal;
 use std::process::ExitCode;
+#[cfg(feature = "tui")]
+use std::sync::Arc;
 
 use clap::{CommandFactory, Parser};
 use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, LogLevel, ReproduceArgs, SuiteArgs};
 #[cfg(feature = "tui")]
-use gdg_tui::cli::{CompareArgs, TourArgs};
+use gdg_tui::cli::{CompareArgs, ScreenArgs, TourArgs};
 #[cfg(feature = "tui")]
 use gdg_tui::env::Scene;
 use gdg_tui::experiment::{ablate, reproduce, suite};
 use gdg_tui::map::{print_ascii, random};
 use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
+#[cfg(feature = "tui")]
+use gdg_tui::tui::PreparedInterface;
 use gdg_tui::{bench, export_policy, facts, faults, headless, logging, report, runs, setup};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
@@ -72,36 +76,39 @@ fn main() -> ExitCode {
 
 #[cfg(feature = "tui")]
 fn run_tour(args: &TourArgs) -> u8 {
-    logging::start(args.log_level);
-    let prepared = tui::prepare_tour(args, &Registry::builtin()).and_then(|trainer| {
-        if !std::io::stdout().is_terminal() {
-            let help = "gdg-tui --no-ui trains without one";
-            return Err(miette::miette!(help = help, "a tour is something to watch: it needs a terminal"));
-        }
-        Ok((trainer, tui::prepare(&args.interface, args.overwrite)?))
-    });
-    match prepared {
-        Ok((trainer, interface)) => {
-            tui::take_tour(trainer, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE))
-        }
-        Err(error) => fail(error, EXIT_BAD_INPUT),
-    }
+    let needs_terminal = miette::miette!(
+        help = "gdg-tui --no-ui trains without one",
+        "a tour is something to watch: it needs a terminal"
+    );
+    watch(&args.screen, needs_terminal, |registry| tui::prepare_tour(args, registry), tui::take_tour)
 }
 
 #[cfg(feature = "tui")]
 fn run_comparison(args: &CompareArgs) -> u8 {
+    let needs_terminal = miette::miette!(
+        help = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
+        "a comparison is something to watch: it needs a terminal"
+    );
+    watch(&args.screen, needs_terminal, |registry| tui::prepare_comparison(args, registry), tui::compare)
+}
+
+/// Prepares and shows something that makes no sense without a terminal; without one, reports `needs_terminal`.
+#[cfg(feature = "tui")]
+fn watch<T>(
+    args: &ScreenArgs,
+    needs_terminal: Report,
+    prepare: impl FnOnce(&Arc<Registry>) -> Result<T, Report>,
+    show: impl FnOnce(T, PreparedInterface) -> Result<u8, Report>,
+) -> u8 {
     logging::start(args.log_level);
-    let prepared = tui::prepare_comparison(args, &Registry::builtin()).and_then(|trainers| {
+    let prepared = prepare(&Registry::builtin()).and_then(|prepared| {
         if !std::io::stdout().is_terminal() {
-            let help = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one";
-            return Err(miette::miette!(help = help, "a comparison is something to watch: it needs a terminal"));
+            return Err(needs_terminal);
         }
-        Ok((trainers, tui::prepare(&args.interface, args.overwrite)?))
+        Ok((prepared, tui::prepare(&args.interface, args.overwrite)?))
     });
     match prepared {
-        Ok((trainers, interface)) => {
-            tui::compare(trainers, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE))
-        }
+        Ok((prepared, interface)) => show(prepared, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
         Err(error) => fail(error, EXIT_BAD_INPUT),
     }
 }

@@ -18,7 +18,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use crate::env::Scene;
-use crate::train::{Engine, Snapshot};
+use crate::train::{Engine, Networks, Snapshot};
 pub use arm::ArmView;
 use arm::ArmWorker;
 pub use colour::{Rgb, blend, contour, distance_colour, lightness, sample};
@@ -212,5 +212,35 @@ impl RefreshTimer {
     /// Makes it due at once.
     fn make_due(&mut self) {
         self.0 = None;
+    }
+}
+
+/// The networks that a field shows, and when it was last computed.
+struct ShownNetworks {
+    networks: Arc<Networks>,
+    timer: RefreshTimer,
+}
+
+impl ShownNetworks {
+    fn new(snapshot: &Snapshot) -> Self {
+        Self { networks: snapshot.networks.clone(), timer: RefreshTimer::default() }
+    }
+
+    /// Changes to the networks of `snapshot` if the field has to be computed now; returns whether it has to.
+    fn follow(&mut self, snapshot: &Snapshot) -> bool {
+        let changed = !Arc::ptr_eq(&snapshot.networks, &self.networks);
+        let due = self.timer.is_urgent() || changed && self.timer.is_due(pause_factor(snapshot));
+        if due {
+            self.networks = snapshot.networks.clone();
+        }
+        due
+    }
+}
+
+/// Appends a position to a trail that keeps the latest `most`.
+fn push_to_trail<const N: usize>(trail: &mut Vec<[f32; N]>, at: [f32; N], most: usize) {
+    trail.push(at);
+    if trail.len() > most {
+        trail.remove(0);
     }
 }

@@ -19,7 +19,7 @@ const TASKS_PER_DISTANCE: usize = 15;
 /// Updates after which a run is given up.
 const MAX_UPDATES: u64 = 40_000;
 
-/// Maximum number of seeds; one takes up to a minute.
+/// Maximum number of seeds; one can take a minute.
 const MAX_SEEDS: usize = 3;
 
 /// Measures the time from scratch to the success rate on a built-in map, without that of evaluations, for seeds 1, 2, ...

@@ -40,6 +40,11 @@ pub enum EdgeStatus {
     Demoted,
 }
 
+impl EdgeStatus {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Untried, Self::Confirmed, Self::Demoted];
+}
+
 impl From<WalkRecord> for EdgeStatus {
     fn from(practice: WalkRecord) -> Self {
         match practice {

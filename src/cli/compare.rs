@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::{InterfaceArgs, LogLevel, MethodParser};
+use super::{MethodParser, ScreenArgs};
 use crate::train::Method;
 
 const EXAMPLES: &str = "\
@@ -45,15 +45,7 @@ pub struct CompareArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
 
-    /// Options of the interface.
+    /// Options of what is shown and recorded.
     #[command(flatten)]
-    pub interface: InterfaceArgs,
-
-    /// Replace the recording if it exists
-    #[arg(long, requires = "record")]
-    pub overwrite: bool,
-
-    /// Minimum severity written to the log file; the help screen (?) shows its path
-    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
-    pub log_level: LogLevel,
+    pub screen: ScreenArgs,
 }

@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::{InterfaceArgs, LogLevel};
+use super::ScreenArgs;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -22,15 +22,7 @@ pub struct TourArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub threads: Option<u16>,
 
-    /// Options of the interface.
+    /// Options of what is shown and recorded.
     #[command(flatten)]
-    pub interface: InterfaceArgs,
-
-    /// Replace the recording if it exists
-    #[arg(long, requires = "record")]
-    pub overwrite: bool,
-
-    /// Minimum severity written to the log file; the help screen (?) shows its path
-    #[arg(long, value_name = "LEVEL", value_enum, default_value_t = LogLevel::Info)]
-    pub log_level: LogLevel,
+    pub screen: ScreenArgs,
 }

@@ -56,7 +56,7 @@ impl JobWorld {
         }
     }
 
-    /// Returns what tells it from other worlds of the same name: the map as text.
+    /// Returns what distinguishes it from other worlds of the same name: the map as text.
     pub fn content(&self) -> String {
         self.map().map_or(String::new(), |map| print_ascii(map))
     }

@@ -6,6 +6,7 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::updates_per_second;
+use crate::learn::Losses;
 use crate::setup::Setup;
 use crate::train::{
     BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer, WorldChange,
@@ -79,11 +80,6 @@ pub struct LossRecord {
     actor: Option<f32>,
 }
 
-/// Returns a loss, unless it is 0: the learner has no such network, or has not updated it yet.
-pub fn known_loss(loss: f32) -> Option<f32> {
-    (loss != 0.0).then_some(loss)
-}
-
 impl Record {
     pub fn start(setup: &Setup, facts: Map<String, Value>) -> Self {
         let run = setup.trainer.run();
@@ -109,9 +105,9 @@ impl Record {
             episodes: counters.episodes,
             updates_per_second: round(updates_per_second(trainer)),
             losses: LossRecord {
-                critic: known_loss(losses.critic),
-                model: known_loss(losses.model),
-                actor: known_loss(losses.actor),
+                critic: Losses::known(losses.critic),
+                model: Losses::known(losses.model),
+                actor: Losses::known(losses.actor),
             },
         }
     }

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
 
-use super::records::known_loss;
 use super::updates_per_second;
+use crate::learn::Losses;
 use crate::setup::create;
 use crate::text::eprint_line;
 use crate::train::{Evaluation, Score, Trainer};
@@ -85,7 +85,7 @@ fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {
     line.push(format!("{:.1}", updates_per_second(trainer)));
     line.extend(
         [losses.critic, losses.model, losses.actor]
-            .map(|loss| known_loss(loss).map_or(String::new(), |loss| loss.to_string())),
+            .map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string())),
     );
     line
 }

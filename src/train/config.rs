@@ -93,6 +93,12 @@ pub fn settings_from(preset: Preset, overrides: &Overrides) -> Result<Settings, 
     Ok(settings)
 }
 
+/// Returns the settings of `preset` in a world with these default settings, which count only if they are valid.
+pub fn settings_in_world(preset: Preset, defaults: &[&'static str]) -> Settings {
+    let overrides = Overrides { defaults, ..Overrides::default() };
+    settings_from(preset, &overrides).unwrap_or_else(|_| preset.settings())
+}
+
 /// Applies `name=value`; errors begin with `source`.
 fn apply_assignment(values: &mut Map<String, Value>, text: &str, source: &str) -> Result<(), Box<ConfigError>> {
     let shown = truncated(text, MAX_QUOTED_CHARS);

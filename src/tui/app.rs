@@ -46,7 +46,7 @@ pub struct App {
     pub screen: Screen,
     /// The number of the latest goal request.
     pub(super) goal_requests: u64,
-    /// The goal request and the cells cut off from it of which the user was told.
+    /// The goal request, and the cells cut off from it, that the user has been warned of.
     warned_of: Option<(u64, Arc<Vec<bool>>)>,
     /// The mouse position the map is being dragged from.
     pub(super) dragged_from: Option<Position>,

@@ -104,7 +104,7 @@ impl Side {
         Ok(Self { app, title, pace: Pace::default(), cache: Cache::default() })
     }
 
-    /// Takes note of what trainer and viewer have published, even if the screen is frozen.
+    /// Takes over what trainer and viewer have published, even if the screen is frozen.
     fn follow(&mut self, own: usize, race: &mut Race, snapshot: &Snapshot, view: &View) {
         self.pace.add(snapshot);
         observe(race, own, view);
@@ -147,7 +147,7 @@ impl Comparison {
     /// Puts both agents at `start` and lets them walk to `goal`.
     fn start_race(&mut self, start: Cell, goal: Cell) {
         for side in &mut self.sides {
-            // The goal comes last, as its number tells when both have been set.
+            // The goal comes last, as its number shows when both have been set.
             side.app.place_walker(Some(start));
             side.app.set_goal(goal);
         }

@@ -2,7 +2,9 @@
 //! picks one of them.
 
 mod arm;
+mod legend;
 pub mod maze;
+mod walk;
 
 use crossterm::event::MouseEventKind;
 use ratatui::Frame;
@@ -15,7 +17,7 @@ use super::layers::Overlay;
 use super::layout::ScreenLayout;
 use super::screen::Screen;
 use crate::bridge::EdgeStatus;
-use crate::env::{Scene, WorldKind, fetch_reach, maze as maze_world};
+use crate::env::{Scene, fetch_reach, maze as maze_world};
 use crate::view::Field;
 pub use arm::{ArmState, Projection};
 pub use maze::{Cache, MazeState, Tool};
@@ -98,15 +100,6 @@ impl SceneKind {
     }
 }
 
-/// Returns the kind of the world that `scene` shows.
-pub fn world_kind(scene: &Scene) -> &'static WorldKind {
-    match scene {
-        Scene::Arm(arm) if arm.wall().is_some() => &fetch_reach::WALL_KIND,
-        Scene::Arm(_) => &fetch_reach::KIND,
-        Scene::Maze(_) | Scene::Nothing => &maze_world::KIND,
-    }
-}
-
 /// Draws the scene into the first area, and the line below it into the second.
 pub fn draw(frame: &mut Frame, areas: [Rect; 2], screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
     match &screen.snapshot.scene {
@@ -148,20 +141,19 @@ pub fn proportions(screen: &Screen) -> (f32, f32) {
     }
 }
 
-/// Returns the nodes and edges of the bridge graph.
-pub fn graph_size(screen: &Screen) -> (usize, usize) {
+/// Returns the number of bridge candidates.
+pub fn candidate_count(screen: &Screen) -> usize {
     match screen.scene() {
-        SceneKind::Maze => (screen.maze.view.candidates.len(), screen.maze.view.edges.len()),
-        SceneKind::Arm => (screen.arm.view.candidates.len(), screen.arm.view.edges.len()),
+        SceneKind::Maze => screen.maze.view.candidates.len(),
+        SceneKind::Arm => screen.arm.view.candidates.len(),
     }
 }
 
-/// Returns whether agents have walked along an edge of the bridge graph, or failed to.
-pub fn has_tried_edges(screen: &Screen) -> bool {
-    let tried = |status: EdgeStatus| status != EdgeStatus::Untried;
+/// Returns the number of edges of the bridge graph with this record.
+pub fn edge_count(screen: &Screen, status: EdgeStatus) -> usize {
     match screen.scene() {
-        SceneKind::Maze => screen.maze.view.edges.iter().any(|(_, status)| tried(*status)),
-        SceneKind::Arm => screen.arm.view.edges.iter().any(|(_, status)| tried(*status)),
+        SceneKind::Maze => screen.maze.view.edges.iter().filter(|(_, s)| *s == status).count(),
+        SceneKind::Arm => screen.arm.view.edges.iter().filter(|(_, s)| *s == status).count(),
     }
 }
 

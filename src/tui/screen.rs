@@ -12,13 +12,12 @@ use super::layout::ScreenLayout;
 use super::log::Log;
 use super::panes::Pane;
 use super::raster::Marker;
-use super::scene::{self, ArmState, MazeState, SceneKind};
+use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
 use crate::bridge::SearchOutcome;
-use crate::env::WorldKind;
 use crate::text::grouped;
-use crate::train::{Overrides, Phase, Preset, Run, Settings, Snapshot, Success, settings_from};
+use crate::train::{Phase, Preset, Run, Settings, Snapshot, Success, settings_in_world};
 use crate::view::{Field, OnArrival};
 
 /// Everything that the screen shows.
@@ -119,7 +118,7 @@ impl Screen {
 
     /// Returns the settings of `preset` in the world shown.
     pub fn settings_of(&self, preset: Preset) -> Settings {
-        settings_in(scene::world_kind(&self.snapshot.scene), preset)
+        settings_in_world(preset, self.snapshot.world_defaults)
     }
 
     /// Returns the largest value that the colours show, at least 1.
@@ -197,10 +196,4 @@ impl Screen {
             None => text,
         }
     }
-}
-
-/// Returns the settings of `preset` in worlds of this kind.
-pub fn settings_in(kind: &WorldKind, preset: Preset) -> Settings {
-    let overrides = Overrides { defaults: kind.defaults, config: None, set: &[] };
-    settings_from(preset, &overrides).unwrap_or_else(|_| preset.settings())
 }

@@ -10,11 +10,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
-use super::{Field, RefreshTimer, SceneWorker, View, pause_factor};
+use super::{Field, SceneWorker, ShownNetworks, View};
 use crate::env::fetch_reach::Pose;
 use crate::env::{ArmScene, Environment, FetchReach, Scene};
 use crate::learn::Scratch;
-use crate::train::{Networks, Snapshot};
+use crate::train::Snapshot;
 pub use plane::Plane;
 pub use reach::Reach;
 
@@ -65,8 +65,8 @@ pub(super) struct ArmWorker {
     world: FetchReach,
     rng: ChaCha8Rng,
     pilot: Pilot,
-    /// Networks that the fields were computed from.
-    shown: Arc<Networks>,
+    /// Networks that the fields are computed from.
+    shown: ShownNetworks,
     planes: Arc<Vec<Plane>>,
     on_arrival: OnArrival,
     resting: u32,
@@ -74,7 +74,6 @@ pub(super) struct ArmWorker {
     /// Whether the view has changed since it was published.
     changed: bool,
     scratch: Scratch,
-    field_timer: RefreshTimer,
 }
 
 impl ArmWorker {
@@ -88,14 +87,13 @@ impl ArmWorker {
             world: scene.world(1),
             rng,
             pilot: Pilot::new(snapshot),
-            shown: snapshot.networks.clone(),
+            shown: ShownNetworks::new(snapshot),
             planes: Arc::default(),
             on_arrival: OnArrival::default(),
             resting: 0,
             view: ArmView::default(),
             changed: true,
             scratch: Scratch::default(),
-            field_timer: RefreshTimer::default(),
         };
         worker.restart(None);
         worker
@@ -116,7 +114,7 @@ impl ArmWorker {
             self.view.farthest = fields.iter().flatten().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
             (self.view.planes, self.view.fields) = (planes, Arc::new(fields));
         }
-        self.field_timer.done(began);
+        self.shown.timer.done(began);
         self.changed = true;
     }
 }
@@ -136,22 +134,22 @@ impl SceneWorker for ArmWorker {
             super::Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
             super::Request::Field(kind) => {
                 self.view.kind = kind;
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             super::Request::Arm(Request::Goal(goal, number)) => {
                 self.view.goal = (Some(goal), number);
                 self.start_reach();
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             super::Request::Arm(Request::Start(at)) => {
                 self.restart(at);
                 if self.view.kind == Field::FromStart {
-                    self.field_timer.make_due();
+                    self.shown.timer.make_due();
                 }
             }
             super::Request::Arm(Request::Planes(planes)) => {
                 self.planes = planes;
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             super::Request::Maze(_) => {}
         }
@@ -167,9 +165,7 @@ impl SceneWorker for ArmWorker {
             (self.view.candidates, self.view.edges) = (Arc::new(candidates), Arc::new(edges));
             self.changed = true;
         }
-        let shown = Arc::ptr_eq(&snapshot.networks, &self.shown);
-        if self.field_timer.is_urgent() || !shown && self.field_timer.is_due(pause_factor(snapshot)) {
-            self.shown = snapshot.networks.clone();
+        if self.shown.follow(snapshot) {
             self.refresh_fields();
         }
     }

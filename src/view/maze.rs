@@ -11,11 +11,11 @@ use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 
 use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
-use super::{Field, Raster, RefreshTimer, SceneWorker, View, pause_factor};
+use super::{Field, Raster, RefreshTimer, SceneWorker, ShownNetworks, View, pause_factor};
 use crate::env::{Environment, MazeScene, PointMaze, Scene};
 use crate::learn::Scratch;
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use crate::train::{Networks, Snapshot};
+use crate::train::Snapshot;
 pub use exploration::{Exploration, Knowledge};
 pub use walk::Walk;
 
@@ -91,8 +91,8 @@ pub(super) struct MazeWorker {
     search: StepSearch,
     rng: ChaCha8Rng,
     pilot: Pilot,
-    /// Networks that the field was computed from.
-    shown: Arc<Networks>,
+    /// Networks that the field is computed from.
+    shown: ShownNetworks,
     /// Visits that the exploration was derived from.
     visits: Arc<Vec<u32>>,
     /// Visits of the latest snapshot.
@@ -107,7 +107,6 @@ pub(super) struct MazeWorker {
     changed: bool,
     resting: u32,
     scratch: Scratch,
-    field_timer: RefreshTimer,
     exploration_timer: RefreshTimer,
 }
 
@@ -126,7 +125,7 @@ impl SceneWorker for MazeWorker {
             super::Request::OnArrival(on_arrival) => self.on_arrival = on_arrival,
             super::Request::Field(kind) => {
                 self.view.kind = kind;
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             super::Request::Maze(request) => self.handle_own(request),
             super::Request::Arm(_) => {}
@@ -155,9 +154,7 @@ impl SceneWorker for MazeWorker {
             (self.view.candidates, self.view.edges) = (Arc::new(candidates), Arc::new(edges));
             self.changed = true;
         }
-        let shown = Arc::ptr_eq(&snapshot.networks, &self.shown);
-        if self.field_timer.is_urgent() || !shown && self.field_timer.is_due(pause_factor(snapshot)) {
-            self.shown = snapshot.networks.clone();
+        if self.shown.follow(snapshot) {
             self.refresh_field();
             self.inspection_due = true;
         }
@@ -180,7 +177,7 @@ impl MazeWorker {
             search: StepSearch::new(world.map()),
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             pilot: Pilot::new(snapshot),
-            shown: snapshot.networks.clone(),
+            shown: ShownNetworks::new(snapshot),
             visits: Arc::default(),
             latest_visits: Arc::default(),
             frame: None,
@@ -192,7 +189,6 @@ impl MazeWorker {
             changed: true,
             resting: 0,
             scratch: Scratch::default(),
-            field_timer: RefreshTimer::default(),
             exploration_timer: RefreshTimer::default(),
             world,
         };
@@ -206,21 +202,21 @@ impl MazeWorker {
                 self.view.goal = (Some(cell), number);
                 self.refresh_cut_off();
                 self.start_walk();
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             Request::Start(cell) => {
                 self.restart(cell);
                 if self.view.kind == Field::FromStart {
-                    self.field_timer.make_due();
+                    self.shown.timer.make_due();
                 }
             }
             Request::Frame(raster, arrows) => {
                 self.frame = Some((raster, arrows));
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             Request::Directions(shown) => {
                 self.directions = shown;
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             Request::Inspect(cell) => {
                 self.inspect = cell;
@@ -246,7 +242,7 @@ impl MazeWorker {
             self.view.walk.finished_walks = (0, 0);
             self.restart_at_start();
         }
-        self.field_timer.make_due();
+        self.shown.timer.make_due();
         self.exploration_timer.make_due();
     }
 
@@ -284,8 +280,7 @@ impl MazeWorker {
             return;
         }
         let truth = self.true_steps(cell, goal);
-        let shown = self.shown.clone();
-        let learned = shown.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
+        let learned = self.shown.networks.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
         let visits = self.latest_visits.get(self.world.map().index(cell)).copied().unwrap_or(0);
         self.view.inspected = Some(CellInfo { cell, learned, truth, visits });
     }

@@ -26,6 +26,13 @@ pub struct Losses {
     pub actor: f32,
 }
 
+impl Losses {
+    /// Returns a loss, unless it is 0: the learner has no such network, or has not updated it yet.
+    pub fn known(loss: f32) -> Option<f32> {
+        (loss != 0.0).then_some(loss)
+    }
+}
+
 impl Sum for Losses {
     fn sum<I: Iterator<Item = Self>>(parts: I) -> Self {
         parts.fold(Self::default(), |sum, part| Self {

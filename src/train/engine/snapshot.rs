@@ -76,6 +76,8 @@ pub struct Snapshot {
     pub title: Arc<str>,
     /// Drawable contents of the world, updated with the networks.
     pub scene: Scene,
+    /// Default settings of worlds of this kind, as `name=value`.
+    pub world_defaults: &'static [&'static str],
     /// What the trainer is doing.
     pub phase: Phase,
     /// Progress of the run.
@@ -186,6 +188,7 @@ impl Snapshot {
             generation: 0,
             title: trainer.world().title().into(),
             scene: trainer.world().scene(),
+            world_defaults: trainer.registry().world(trainer.world().kind()).map_or(&[], |kind| kind.defaults),
             phase: Phase::Running,
             counters: trainer.counters(),
             limits: Limits::default(),

@@ -3,6 +3,7 @@
 use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
+use crate::bridge::EdgeStatus;
 use crate::train::{Command, Step};
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::dialog::{Dialog, Help, Picker, Prompt, Question, lists};
@@ -49,7 +50,10 @@ impl App {
             Action::Toggle(overlay) => {
                 let shown = self.screen.overlays.toggle(overlay);
                 self.act_in_scene(action);
-                let none = overlay == Overlay::Edges && shown && !scene::has_tried_edges(&self.screen);
+                let tried = |status| scene::edge_count(&self.screen, status) > 0;
+                let none = overlay == Overlay::Edges
+                    && shown
+                    && ![EdgeStatus::Confirmed, EdgeStatus::Demoted].into_iter().any(tried);
                 let more = if none { ", but agents have not tried any yet" } else { "" };
                 self.notify(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }

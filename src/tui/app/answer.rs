@@ -9,11 +9,10 @@ use super::files::checkpoint_file;
 use super::{App, maze_on};
 use crate::env::{WORLDS, WorldKind, maze};
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{Command, ConfigError, MakeWorld, Run, Setting, list_settings, with_setting};
+use crate::train::{Command, ConfigError, MakeWorld, Run, Setting, list_settings, settings_in_world, with_setting};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 use crate::tui::scene::SceneKind;
-use crate::tui::screen::settings_in;
 
 /// Why an answer is not accepted.
 #[derive(Debug, thiserror::Error)]
@@ -161,7 +160,7 @@ impl App {
     /// Returns this run with the settings that its preset has in another kind of world.
     fn run_adapted_to(&self, kind: &WorldKind) -> Run {
         let run = self.screen.run().clone();
-        Run { settings: settings_in(kind, run.preset), ..run }
+        Run { settings: settings_in_world(run.preset, kind.defaults), ..run }
     }
 
     /// Asks the user how to switch to another map.

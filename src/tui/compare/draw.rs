@@ -106,7 +106,7 @@ fn header(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut S
     bar.draw(frame, area, layout);
 }
 
-/// Returns the screen that tells whether training runs: of a side that trains, if any does.
+/// Returns the screen that shows whether training runs: of a side that trains, if any does.
 fn training_side(comparison: &Comparison) -> &Screen {
     let [a, b] = comparison.sides.each_ref().map(|side| &side.app.screen);
     if b.snapshot.phase.is_training() && !a.snapshot.phase.is_training() { b } else { a }

@@ -51,11 +51,11 @@ pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
     if let Some((Some(_), Some(greedy))) = success.map(|s| (s.planned, s.greedy)) {
         facts.push(Fact { place: Place::Aside, ..Fact::new("actor alone", rate(greedy)) });
     }
-    let evaluation = snapshot.evaluations.last().map(|(_, evaluation)| evaluation);
-    let error = evaluation.and_then(|e| e.distance_error);
-    facts.extend(error.map(|error| Fact::new("D error", format!("{:.0} %", 100.0 * error.mape))));
-    let evaluated = snapshot.evaluations.last().map(|(updates, _)| short(*updates as f64));
-    facts.extend(evaluated.map(|updates| Fact { place: Place::Aside, ..Fact::new("at update", updates) }));
+    if let Some((updates, evaluation)) = snapshot.evaluations.last() {
+        let error = evaluation.distance_error;
+        facts.extend(error.map(|error| Fact::new("D error", format!("{:.0} %", 100.0 * error.mape))));
+        facts.push(Fact { place: Place::Aside, ..Fact::new("at update", short(*updates as f64)) });
+    }
     facts.push(Fact::new("races", format!("{arrived}/{races}")));
     let state = match walk {
         walk if walk.arrived => "arrived in",

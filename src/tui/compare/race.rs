@@ -72,7 +72,7 @@ impl Race {
         (self.arrived, self.over) = ([None; 2], None);
     }
 
-    /// Takes note of how a side's agent is doing.
+    /// Registers how a side's agent is doing.
     pub fn observe(&mut self, side: usize, view: &MazeView) {
         let walk = &view.walk;
         if view.goal.1 != self.requests[side] || self.arrived[side].is_some() {
@@ -102,20 +102,21 @@ impl Race {
 
     /// Returns one of the map's own starts, or else a random cell, from which a path leads to `goal`.
     pub fn random_start(&mut self, goal: Cell) -> Cell {
-        let mut search = StepSearch::new(&self.map);
-        let steps = search.steps_from(goal);
-        let starts: Vec<Cell> =
-            self.map.starts().iter().copied().filter(|cell| steps[self.map.index(*cell)] != UNREACHABLE).collect();
-        if starts.is_empty() { self.connected_cell(goal) } else { starts[self.rng.random_range(0..starts.len())] }
+        let starts = self.map.starts().to_vec();
+        self.draw_connected(starts, goal).unwrap_or_else(|| self.connected_cell(goal))
     }
 
     /// Returns a random cell connected to `cell`.
     fn connected_cell(&mut self, cell: Cell) -> Cell {
+        self.draw_connected(self.map.free_cells().collect(), cell).unwrap_or(cell)
+    }
+
+    /// Draws one of `cells` that a path connects to `cell`, if there is one.
+    fn draw_connected(&mut self, mut cells: Vec<Cell>, cell: Cell) -> Option<Cell> {
         let mut search = StepSearch::new(&self.map);
         let steps = search.steps_from(cell);
-        let cells: Vec<Cell> =
-            self.map.free_cells().filter(|cell| steps[self.map.index(*cell)] != UNREACHABLE).collect();
-        if cells.is_empty() { cell } else { cells[self.rng.random_range(0..cells.len())] }
+        cells.retain(|cell| steps[self.map.index(*cell)] != UNREACHABLE);
+        (!cells.is_empty()).then(|| cells[self.rng.random_range(0..cells.len())])
     }
 }
 

@@ -4,7 +4,8 @@ use ratatui::text::{Line, Span};
 
 use super::text::{clock, fact, short};
 use super::{BOLD, DIM};
-use crate::learn::Stage;
+use crate::bridge::EdgeStatus;
+use crate::learn::{Losses, Stage};
 use crate::text::grouped;
 use crate::train::{DistanceScore, NextEvaluation, Score};
 use crate::tui::action::Action;
@@ -87,7 +88,7 @@ fn explain(line: &mut Line<'static>) {
     }
 }
 
-/// Returns the losses of what the learner has: it reports 0 for networks that it lacks.
+/// Returns the losses of what the learner has.
 fn losses(screen: &Screen) -> Vec<Line<'static>> {
     let snapshot = &screen.snapshot;
     if !snapshot.learns {
@@ -97,12 +98,13 @@ fn losses(screen: &Screen) -> Vec<Line<'static>> {
         let starts = screen.run().settings.train.learning_starts;
         return vec![fact("learning", format!("from step {}", short(starts as f64)))];
     }
-    let losses = [
-        ("D loss", format!("{:.4}", snapshot.losses.critic), snapshot.losses.critic),
-        ("f loss", format!("{:.4}", snapshot.losses.model), snapshot.losses.model),
-        ("mu loss", format!("{:.1} steps", snapshot.losses.actor), snapshot.losses.actor),
+    let Losses { critic, model, actor } = snapshot.losses;
+    let lines = [
+        Losses::known(critic).map(|loss| fact("D loss", format!("{loss:.4}"))),
+        Losses::known(model).map(|loss| fact("f loss", format!("{loss:.4}"))),
+        Losses::known(actor).map(|loss| fact("mu loss", format!("{loss:.1} steps"))),
     ];
-    losses.into_iter().filter(|(_, _, loss)| *loss != 0.0).map(|(name, text, _)| fact(name, text)).collect()
+    lines.into_iter().flatten().collect()
 }
 
 /// Returns the seconds until the run ends, if known.
@@ -200,8 +202,9 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
         Some(bridge) => format!("{} tried, saves {:.0}", s.tried(), bridge.gain),
         None => format!("{} tried, none", s.tried()),
     });
-    let (nodes, edges) = scene::graph_size(screen);
-    vec![fact("bridges", format!("{nodes}, {} edges", short(edges as f64))), fact("search", search)]
+    let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();
+    let bridges = format!("{}, {} edges", scene::candidate_count(screen), short(edges as f64));
+    vec![fact("bridges", bridges), fact("search", search)]
 }
 
 /// Says where the time goes.

@@ -68,7 +68,7 @@ impl ArmWorker {
 
     /// Returns the values at `states`, which lie at the positions in `shown`.
     fn distances(&mut self, states: &[f32], shown: &[(usize, [f32; 3])], goal: [f32; 3]) -> Vec<f32> {
-        let policy = &*self.shown.policy;
+        let policy = &*self.shown.networks.policy;
         let mut distances = vec![0.0; shown.len()];
         match (self.view.kind, self.pilot.graph()) {
             (Field::Composed, Some(graph)) => {

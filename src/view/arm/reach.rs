@@ -2,6 +2,7 @@
 
 use super::{ArmWorker, OnArrival};
 use crate::env::Environment;
+use crate::view::push_to_trail;
 
 /// Number of steps that the arm stays at the goal.
 const REST_STEPS: u32 = 12;
@@ -86,10 +87,7 @@ impl ArmWorker {
         self.world.step(&action, &mut self.rng);
         let state = self.state();
         self.view.pose = self.world.pose(0);
-        self.view.trail.push(self.view.pose.grip);
-        if self.view.trail.len() > TRAIL_STEPS {
-            self.view.trail.remove(0);
-        }
+        push_to_trail(&mut self.view.trail, self.view.pose.grip, TRAIL_STEPS);
         let reach = &mut self.view.reach;
         reach.distances = (self.pilot.distance(&state, &goal), self.pilot.distance(&state, &target));
         reach.waypoint = (target != goal).then_some(target);
@@ -103,6 +101,6 @@ impl ArmWorker {
         }
         self.view.goal.0 = Some(self.scene.random_goal(&mut self.rng));
         self.start_reach();
-        self.field_timer.make_due();
+        self.shown.timer.make_due();
     }
 }

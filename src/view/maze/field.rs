@@ -15,7 +15,7 @@ impl MazeWorker {
     pub(super) fn refresh_field(&mut self) {
         let began = Instant::now();
         if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone()) {
-            let shown = self.shown.clone();
+            let shown = self.shown.networks.clone();
             let policy = &*shown.policy;
             self.view.field = Arc::new(self.field(raster, goal.centre(), policy));
             self.view.farthest = self.view.field.iter().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
@@ -32,7 +32,7 @@ impl MazeWorker {
                 self.view.directions = Arc::new(at.into_iter().zip(actions.iter().copied()).collect());
             }
         }
-        self.field_timer.done(began);
+        self.shown.timer.done(began);
         self.changed = true;
     }
 

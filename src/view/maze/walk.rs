@@ -3,6 +3,7 @@
 use super::{MazeWorker, OnArrival, cell_of};
 use crate::env::Environment;
 use crate::map::Cell;
+use crate::view::push_to_trail;
 
 /// Number of steps that the walking agent rests at the goal.
 const REST_STEPS: u32 = 15;
@@ -76,7 +77,7 @@ impl MazeWorker {
                 self.view.goal.0 = Some(cell_of(goal));
                 self.refresh_cut_off();
                 self.start_walk();
-                self.field_timer.make_due();
+                self.shown.timer.make_due();
             }
             OnArrival::Stay | OnArrival::Wait => {}
         }
@@ -119,9 +120,6 @@ impl MazeWorker {
         self.pilot.act(&at, &target, &mut action);
         self.world.step(&action, &mut self.rng);
         self.view.walk.steps += 1;
-        self.view.trail.push(at);
-        if self.view.trail.len() > TRAIL_STEPS {
-            self.view.trail.remove(0);
-        }
+        push_to_trail(&mut self.view.trail, at, TRAIL_STEPS);
     }
 }

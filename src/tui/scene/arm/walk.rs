@@ -4,8 +4,8 @@ use ratatui::text::Line;
 
 use super::centimetres;
 use crate::env::Scene;
-use crate::tui::action::Action;
 use crate::tui::render::text::{fact, heading};
+use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
 
 /// Returns the pane's lines.
@@ -52,11 +52,7 @@ fn reacher(screen: &Screen) -> Vec<Line<'static>> {
         fact("arrived", format!("{} of {}", reach.finished.0, reach.finished.1)),
         fact("then", screen.on_arrival.name()),
     ]);
-    lines.push(Line::default());
-    let key = |action| screen.keymap.key_of(action);
-    lines.push(Line::from(format!(" {} or click: new goal", key(Action::NewGoal))));
-    lines.push(Line::from(format!(" {} or right-click: new start", key(Action::NewStart))));
-    lines.push(Line::from(format!(" {}: follow an explorer", key(Action::Follow))));
+    lines.extend(walk::keys(screen));
     lines
 }
 
@@ -65,9 +61,8 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
     let place = |numbers: &[f32]| {
         <[f32; 3]>::try_from(numbers.get(..3).unwrap_or_default()).map_or("-".to_owned(), centimetres)
     };
-    let aim = if followed.aim == followed.goal { "the goal".to_owned() } else { place(&followed.aim) };
     let left = followed.state.iter().zip(&followed.goal).take(3).map(|(s, g)| (s - g).powi(2)).sum::<f32>().sqrt();
-    vec![
+    let mut lines = vec![
         heading("x, y, z in cm"),
         fact("agent", format!("{} of {}", followed.agent, screen.run().settings.train.agents)),
         fact("from", place(&followed.start)),
@@ -75,11 +70,7 @@ fn explorer(screen: &Screen) -> Vec<Line<'static>> {
         fact("goal \u{2691}", place(&followed.goal)),
         fact("steps", format!("{} of {}", followed.steps.0, followed.steps.1)),
         fact("left", format_metres(left)),
-        fact("D to goal", format_steps(followed.distances.1)),
-        fact("target", aim),
-        fact("D to it", format_steps(followed.distances.0)),
-        fact("path", if followed.planned { "through bridges" } else { "actor alone" }),
-        Line::default(),
-        Line::from(format!(" {}: next agent", screen.keymap.key_of(Action::Follow))),
-    ]
+    ];
+    lines.extend(walk::pursuit(screen, followed, place, format_steps));
+    lines
 }

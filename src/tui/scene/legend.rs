@@ -1,0 +1,50 @@
+//! What the legends of all scenes have in common.
+
+use ratatui::style::Style;
+use ratatui::text::{Line, Span};
+
+use super::{edge_count, overlays};
+use crate::bridge::EdgeStatus;
+use crate::tui::action::Action;
+use crate::tui::layers::Overlay;
+use crate::tui::render::DIM;
+use crate::tui::render::scale::scale;
+use crate::tui::render::text::heading;
+use crate::tui::screen::Screen;
+use crate::tui::theme::Rgb;
+
+/// Returns the scale of colours, and a line per overlay with its sign.
+pub fn overlay_lines(screen: &Screen, sign_of: impl Fn(Overlay, &Screen) -> Option<(char, Rgb)>) -> Vec<Line<'static>> {
+    let mut lines = vec![scale(screen, 5), heading("toggle by key or click")];
+    for overlay in overlays(screen) {
+        let key = screen.keymap.key_of(Action::Toggle(overlay));
+        let shown = screen.overlays.has(overlay);
+        let mut line =
+            Line::from(vec![Span::raw(format!(" {key:<2}")), Span::raw(if shown { "[x] " } else { "[ ] " })]);
+        line.push_span(Span::styled(overlay.name(), if shown { Style::new() } else { DIM }));
+        if let Some((sign, rgb)) = sign_of(overlay, screen) {
+            line.extend([Span::raw(" "), sample(screen, sign, rgb)]);
+        }
+        lines.push(line);
+    }
+    lines
+}
+
+/// Returns how many edges agents have walked, failed on and not tried, with `untried` after the last number.
+pub fn edge_lines(screen: &Screen, untried: &'static str) -> impl Iterator<Item = Line<'static>> {
+    let kinds = [(EdgeStatus::Confirmed, "walked"), (EdgeStatus::Demoted, "failed"), (EdgeStatus::Untried, untried)];
+    kinds
+        .into_iter()
+        .zip(screen.theme.edges)
+        .map(|((status, name), rgb)| sign(screen, '\u{2500}', rgb, &format!("{} {name}", edge_count(screen, status))))
+}
+
+/// Returns a sign and its meaning.
+pub fn sign(screen: &Screen, sign: char, rgb: Rgb, meaning: &str) -> Line<'static> {
+    Line::from(vec![Span::raw(" "), sample(screen, sign, rgb), Span::raw(format!(" {meaning}"))])
+}
+
+/// Returns a sign in its colour.
+pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
+    Span::styled(sign.to_string(), Style::new().fg(screen.theme.colour(rgb)))
+}

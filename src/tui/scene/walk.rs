@@ -1,0 +1,37 @@
+//! What the panes about a followed agent of any scene have in common.
+
+use ratatui::text::Line;
+
+use crate::train::FollowedAgent;
+use crate::tui::action::Action;
+use crate::tui::render::text::fact;
+use crate::tui::screen::Screen;
+
+/// Returns the keys that change what the walking agent does.
+pub fn keys(screen: &Screen) -> [Line<'static>; 4] {
+    let key = |action| screen.keymap.key_of(action);
+    [
+        Line::default(),
+        Line::from(format!(" {} or click: new goal", key(Action::NewGoal))),
+        Line::from(format!(" {} or right-click: new start", key(Action::NewStart))),
+        Line::from(format!(" {}: follow an explorer", key(Action::Follow))),
+    ]
+}
+
+/// Returns what an exploring agent pursues, with places and distances as this scene formats them.
+pub fn pursuit(
+    screen: &Screen,
+    followed: &FollowedAgent,
+    format_place: impl Fn(&[f32]) -> String,
+    format_steps: impl Fn(f32) -> String,
+) -> [Line<'static>; 6] {
+    let aim = if followed.aim == followed.goal { "the goal".to_owned() } else { format_place(&followed.aim) };
+    [
+        fact("D to goal", format_steps(followed.distances.1)),
+        fact("target", aim),
+        fact("D to it", format_steps(followed.distances.0)),
+        fact("path", if followed.planned { "through bridges" } else { "actor alone" }),
+        Line::default(),
+        Line::from(format!(" {}: next agent", screen.keymap.key_of(Action::Follow))),
+    ]
+}
