@@ -95,6 +95,7 @@ fn without_times(results: Vec<Vec<u8>>) -> Vec<Value> {
     let without = |bytes: Vec<u8>| {
         let mut result: Value = serde_json::from_slice(&bytes).unwrap();
         result.as_object_mut().unwrap().remove("seconds").unwrap();
+        result.as_object_mut().unwrap().remove("checksum").unwrap();
         result
     };
     results.into_iter().map(without).collect()
@@ -220,6 +221,35 @@ fn jobs_are_listed_and_run_by_name() {
     let mut resume = Command::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
     resume.args(["--no-ui", "--max-updates", "40", "--eval-tasks", "1", "--resume"]).arg(checkpoint);
     assert!(resume.env("XDG_STATE_HOME", place.0.path()).output().unwrap().status.success());
+}
+
+#[test]
+fn damaged_results_are_named_and_made_again() {
+    let place = Place::new();
+    let args = ["maps/open.map", "--budget", "30", "--out", "out"];
+    assert_eq!(place.run(&args).status, Some(0));
+    let file = place.path("out/jobs").join(&place.files("out/jobs")[0]);
+    let written = std::fs::read_to_string(&file).unwrap();
+    let done = |text: &str| {
+        std::fs::write(&file, text).unwrap();
+        place.run(&args).err
+    };
+    has_parts(&done(&written), &["1 job done, 0 to run"]);
+    let digit = written.replacen("\"updates\": 30", "\"updates\": 20", 1);
+    assert_ne!(digit, written);
+    has_parts(&done(&digit), &["open-1-", ".json: is damaged: its checksum is wrong; it runs again", "1 to run"]);
+    has_parts(&done(&written[..written.len() / 2]), &["is damaged: EOF while parsing", "1 to run"]);
+    // As written before there were checksums.
+    let older: Vec<&str> = written.lines().filter(|line| !line.contains("\"checksum\"")).collect();
+    let older = older.join("\n").replace("],\n}", "]\n}");
+    has_parts(&done(&older), &["1 job done, 0 to run"]);
+
+    std::fs::remove_file(&file).unwrap();
+    std::fs::create_dir(&file).unwrap();
+    let blocked = place.run(&args);
+    assert_eq!(blocked.status, Some(1), "{}", blocked.err);
+    has_parts(&blocked.err, &["open-1-", ".json: the result cannot be saved", "move it away"]);
+    assert!(!blocked.err.contains("begins"), "nothing is trained in vain: {}", blocked.err);
 }
 
 #[test]

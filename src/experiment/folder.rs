@@ -8,9 +8,11 @@
 //! ```
 
 use std::fs::{File, TryLockError};
+use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
+use serde::{Deserialize, Serialize};
 
 use super::job::{Job, JobResult};
 use crate::files::{self, backup_path, write_atomically};
@@ -22,12 +24,42 @@ const MAX_RESULT_BYTES: u64 = 64 << 20;
 /// A job's state on disk.
 #[derive(Clone, Debug)]
 pub enum State {
-    /// Nothing is stored.
+    /// Nothing is stored, or a result that cannot be used.
     NotBegun,
     /// Begun: the checkpoint's number of updates.
     Begun(u64),
     /// There is a result.
     Done(Box<JobResult>),
+}
+
+/// Why a result cannot be used.
+#[derive(Debug, thiserror::Error)]
+enum ResultError {
+    /// The file cannot be read.
+    #[error("cannot be read: {0}")]
+    Unreadable(#[from] std::io::Error),
+    /// It is not what was written.
+    #[error("is damaged: {0}")]
+    Damaged(String),
+    /// The beginning of the other job's key is the same.
+    #[error("is the result of another job")]
+    Other,
+}
+
+/// A result as it is stored.
+#[derive(Serialize, Deserialize)]
+struct StoredResult {
+    #[serde(flatten)]
+    result: JobResult,
+    /// CRC-32 of the result as compact JSON, in hexadecimal digits.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    checksum: Option<String>,
+}
+
+fn checksum_of(result: &JobResult) -> String {
+    // What cannot be written as JSON is not equal to anything that was read.
+    let json = serde_json::to_vec(result).unwrap_or_default();
+    format!("{:08x}", crc32fast::hash(&json))
 }
 
 /// The folder of an experiment.
@@ -92,13 +124,49 @@ impl Folder {
         self.0.join(format!("jobs/{}.json", job.name))
     }
 
-    /// Returns the job's state. A result that is damaged or belongs to another job counts as none.
+    /// Returns the job's state. A result that cannot be used counts as none; [`Self::problem`] says why.
     pub fn state(&self, job: &Job) -> State {
-        let bytes = files::read(&self.result(job), MAX_RESULT_BYTES).unwrap_or_default();
-        match serde_json::from_slice::<JobResult>(&bytes) {
-            Ok(result) if result.key == job.key => State::Done(Box::new(result)),
-            _ => describe(&self.checkpoint(job)).map_or(State::NotBegun, |found| State::Begun(found.updates)),
+        match self.read(job) {
+            Ok(Some(result)) => State::Done(Box::new(result)),
+            Ok(None) | Err(_) => {
+                describe(&self.checkpoint(job)).map_or(State::NotBegun, |found| State::Begun(found.updates))
+            }
         }
+    }
+
+    /// Returns why the job's result cannot be used, if there is one that cannot.
+    pub fn problem(&self, job: &Job) -> Option<String> {
+        self.read(job).err().map(|problem| format!("{}: {problem}", self.result(job).display()))
+    }
+
+    /// Reads the job's result, if there is one.
+    fn read(&self, job: &Job) -> Result<Option<JobResult>, ResultError> {
+        let bytes = match files::read(&self.result(job), MAX_RESULT_BYTES) {
+            Err(error) if error.kind() == ErrorKind::NotFound => return Ok(None),
+            bytes => bytes?,
+        };
+        let StoredResult { result, checksum } =
+            serde_json::from_slice(&bytes).map_err(|error| ResultError::Damaged(error.to_string()))?;
+        // Results from before there were checksums have none.
+        if checksum.is_some_and(|checksum| checksum != checksum_of(&result)) {
+            return Err(ResultError::Damaged("its checksum is wrong".to_owned()));
+        }
+        if result.key != job.key {
+            return Err(ResultError::Other);
+        }
+        Ok(Some(result))
+    }
+
+    /// Checks that the job's result can be written.
+    ///
+    /// # Errors
+    /// Something that is not a file is in its place, or a file that cannot be replaced.
+    pub fn check_result_writable(&self, job: &Job) -> Result<(), Report> {
+        let path = self.result(job);
+        files::check_writable(&path).map_err(|error| {
+            let help = "move it away, or give --out another folder";
+            miette!(help = help, "{}: the result cannot be saved: {error}", path.display())
+        })
     }
 
     /// Returns the job's result, if it is done.
@@ -128,7 +196,8 @@ impl Folder {
     /// # Errors
     /// A file cannot be written.
     pub fn finish(&self, job: &Job, result: &JobResult, picture: Option<&[u8]>, keep: bool) -> Result<(), Report> {
-        let json = serde_json::to_string_pretty(result).into_diagnostic()? + "\n";
+        let stored = StoredResult { checksum: Some(checksum_of(result)), result: result.clone() };
+        let json = serde_json::to_string_pretty(&stored).into_diagnostic()? + "\n";
         if let Some(picture) = picture {
             self.write(&picture_name(job), picture)?;
         }

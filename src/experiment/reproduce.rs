@@ -223,7 +223,13 @@ impl Reproduction<'_> {
                 for job in jobs {
                     match self.folder.result_of(job) {
                         Some(result) => results.push(result),
-                        None => drop(missing.insert(job.name.clone())),
+                        None => {
+                            if missing.insert(job.name.clone())
+                                && let Some(problem) = self.folder.problem(job)
+                            {
+                                eprint_line(&problem);
+                            }
+                        }
                     }
                 }
                 if let Some(job) = jobs.first().filter(|_| !results.is_empty()) {

@@ -59,7 +59,7 @@ impl Runner {
     /// Runs those of `jobs` that have no result, `parallel` at a time, until a signal arrives.
     ///
     /// # Errors
-    /// Signals cannot be listened for.
+    /// A result could not be written, or signals cannot be listened for.
     pub fn run_open<'a>(
         (folder, registry): (&Folder, &Arc<Registry>),
         jobs: impl Iterator<Item = &'a Job>,
@@ -67,6 +67,12 @@ impl Runner {
         keep: bool,
     ) -> Result<Outcome<'a>, Report> {
         let (done, open): (Vec<&Job>, Vec<&Job>) = jobs.partition(|job| folder.result_of(job).is_some());
+        for job in &open {
+            folder.check_result_writable(job)?;
+            if let Some(problem) = folder.problem(job) {
+                eprint_line(&format!("{problem}; it runs again"));
+            }
+        }
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
         let termination = TerminationSignal::listen(|| {})?;
         let (folder, registry) = (folder.clone(), registry.clone());
