@@ -8,6 +8,7 @@
 mod candidates;
 mod excursion;
 mod graph;
+mod hops;
 mod planner;
 mod search;
 mod settings;
@@ -18,13 +19,14 @@ pub(crate) use candidates::{
 };
 pub use excursion::Excursions;
 pub(crate) use excursion::{
-    EXCURSION_STEPS, HELD_STEPS, MAX_ATTEMPTS, MAX_PLACES, MIN_ATTEMPTS, MIN_STRIDE, RANDOM_SHARE,
+    EXCURSION_STEPS, HELD_STEPS, MAX_ATTEMPTS, MAX_PLACES, MIN_ATTEMPTS, MIN_STRIDE, RANDOM_SHARE, SHARE_ROUNDS,
 };
 pub use graph::{BridgeGraph, DistilledDistances, Edge, EdgeStatus, GraphState, LINK_CANDIDATES, Route};
 pub(crate) use graph::{
     CHANGED_GOALS, CHANGED_MARGIN, DEMOTED_FACTOR, GROWN_FACTOR, GROWN_SLACK_STEPS, OBSERVED_FACTOR,
-    OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, SHRUNK_SLACK_STEPS,
+    OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, REVERSED_PENALTY_STEPS, SHRUNK_SLACK_STEPS,
 };
+pub(crate) use hops::HOP_FORGETTING;
 pub(crate) use planner::MAX_STRIKES;
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};

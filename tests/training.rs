@@ -506,12 +506,29 @@ fn from_one_start_everything_is_explored() {
     );
 }
 
-#[test]
-fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
-    let maze = random(RandomMapKind::Perfect, Some(25), 1);
+/// Returns a maze with corridors and walls one cell wide, and a start in a corner.
+fn perfect_maze(size: usize) -> Arc<Grid> {
+    let maze = random(RandomMapKind::Perfect, Some(size), 1);
     let rows = maze.free().chunks(maze.width()).map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
     let text: Vec<String> = rows.map(String::from_iter).collect();
-    let map = Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap());
+    Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap())
+}
+
+#[test]
+fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
+    let mut settings = settings();
+    settings.bridge.candidates = 300;
+    let run = Run { method: Method::default(), preset: Preset::Default, seed: 4, settings };
+    let mut run = Trainer::new(run, &PointMaze::new(perfect_maze(21), 0), &Registry::builtin(), 2).unwrap();
+    train_to(&mut run, 4_000);
+    let found = run.evaluate(&run.tasks(20)).unwrap();
+    let planned = found.planned.unwrap().success.unwrap();
+    assert!(planned >= 0.85, "planned {planned}");
+}
+
+#[test]
+fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
+    let map = perfect_maze(25);
     let explored = |frontier: Auto<f32>| {
         let mut settings = settings();
         settings.bridge.frontier_epsilon = frontier;

@@ -5,6 +5,7 @@ mod state;
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
+use super::hops::HopOutcomes;
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::GoalIndex;
@@ -65,6 +66,8 @@ pub struct Candidates {
     visits: Vec<VecDeque<(u32, u32)>>,
     /// Steps in each agent's episode so far.
     clocks: Vec<u32>,
+    /// Outcomes of walks between candidates, by D.
+    hops: HopOutcomes,
 }
 
 /// Observed paths from one candidate to others. Sparse, as recorded paths are short.
@@ -114,6 +117,7 @@ impl Candidates {
             paths: Vec::new(),
             visits: vec![VecDeque::new(); agents],
             clocks: vec![0; agents],
+            hops: HopOutcomes::default(),
         }
     }
 
@@ -133,9 +137,9 @@ impl Candidates {
     }
 
     /// Replaces the candidates with `fresh` but continues the ids, so that outcomes of earlier walks are never
-    /// attributed to new candidates.
+    /// attributed to new candidates; what is known of hops of each length stays.
     pub fn reset_to(&mut self, fresh: Self) {
-        *self = Self { next_id: self.next_id, ..fresh };
+        *self = Self { next_id: self.next_id, hops: self.hops, ..fresh };
     }
 
     /// Returns the number of candidates.
@@ -177,6 +181,15 @@ impl Candidates {
         self.paths[from].observed.iter().map(|(to, _)| *to as usize)
     }
 
+    /// Returns, for each candidate, those from which some trajectory reached it, in ascending order.
+    pub fn observed_into(&self) -> Vec<Vec<u32>> {
+        let mut into = vec![Vec::new(); self.len()];
+        for (from, paths) in self.paths.iter().enumerate() {
+            paths.observed.iter().for_each(|(to, _)| into[*to as usize].push(from as u32));
+        }
+        into
+    }
+
     /// Returns the id of candidate `i`, which stays the same when others retire.
     pub fn id(&self, i: usize) -> u32 {
         self.ids[i]
@@ -192,8 +205,14 @@ impl Candidates {
         self.paths[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
     }
 
-    /// Records the outcome of a walk between two candidates, given by their ids.
-    pub fn record_walk(&mut self, (from, to): (u32, u32), arrived: bool) {
+    /// Returns the outcomes of walks between candidates, by D.
+    pub fn hops(&self) -> &HopOutcomes {
+        &self.hops
+    }
+
+    /// Records the outcome of a walk between two candidates, given by their ids, that was `distance` steps long by D.
+    pub fn record_walk(&mut self, (from, to): (u32, u32), distance: f32, arrived: bool) {
+        self.hops.record(distance, arrived);
         let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to)) else { return };
         let practice = Arc::make_mut(&mut self.paths[row]).practice.entry(to).or_default();
         if arrived {
@@ -409,14 +428,14 @@ pub(super) mod tests {
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 12.0);
         let hop = (candidates.id(0), candidates.id(1));
-        candidates.record_walk(hop, false);
-        candidates.record_walk(hop, false);
+        candidates.record_walk(hop, 2.0, false);
+        candidates.record_walk(hop, 2.0, false);
         assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 0, failed: 2 });
         assert_eq!(candidates.walk_record(1, 0), WalkRecord::default(), "the other direction is another edge");
-        candidates.record_walk(hop, true);
+        candidates.record_walk(hop, 2.0, true);
         assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 1, failed: 0 });
-        candidates.record_walk((hop.0, 12_345), true);
-        candidates.record_walk((hop.0, hop.0), true);
+        candidates.record_walk((hop.0, 12_345), 2.0, true);
+        candidates.record_walk((hop.0, hop.0), 2.0, true);
         assert_eq!(candidates.state().practice.len(), 4, "self-loops and unknown candidates are ignored");
     }
 
@@ -428,7 +447,7 @@ pub(super) mod tests {
         let before: Vec<(u32, f32)> =
             (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
         for (a, _) in &before {
-            before.iter().for_each(|(b, _)| candidates.record_walk((*a, *b), true));
+            before.iter().for_each(|(b, _)| candidates.record_walk((*a, *b), 2.0, true));
         }
         // Far enough for more candidates than the target, so that some have to retire.
         walk(&mut candidates, 60.0);

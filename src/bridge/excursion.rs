@@ -24,6 +24,10 @@ pub(crate) const HELD_STEPS: u32 = 3;
 /// Smallest share of an action that an agent takes per step. Half a step, held for [`HELD_STEPS`], still crosses a place.
 pub(crate) const MIN_STRIDE: f32 = 0.5;
 
+/// Rounds of steps over which the share of steps on excursions is averaged: long enough for the longest, short enough to
+/// set out at once when a door opens.
+pub(crate) const SHARE_ROUNDS: u32 = 1_000;
+
 /// Names in the store.
 const STATE: &str = "excursions";
 const PLACES: &str = "places";
@@ -59,6 +63,16 @@ pub struct Excursions {
     at: Vec<Option<usize>>,
     /// Each agent's excursion, if it is on one.
     under_way: Vec<Option<Excursion>>,
+    spent: Spent,
+}
+
+/// How much of their time agents have spent on excursions lately.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Spent {
+    /// Mean share of agents on an excursion.
+    share: f64,
+    /// Rounds of steps that it is a mean of, at most [`SHARE_ROUNDS`]; after that, earlier ones fade.
+    rounds: u32,
 }
 
 /// Checkpointed state besides the places.
@@ -66,17 +80,37 @@ pub struct Excursions {
 struct ExcursionsState {
     at: Vec<Option<usize>>,
     under_way: Vec<Option<Excursion>>,
+    #[serde(default)]
+    spent: Spent,
 }
 
 impl Excursions {
     /// Returns the state before the first step of `agents` agents in a world with `spec`.
     pub fn new(spec: &Spec, agents: usize) -> Self {
-        Self { places: Places::new(spec), at: vec![None; agents], under_way: vec![None; agents] }
+        Self {
+            places: Places::new(spec),
+            at: vec![None; agents],
+            under_way: vec![None; agents],
+            spent: Spent::default(),
+        }
     }
 
     /// Whether `agent` is on an excursion.
     pub fn is_on(&self, agent: usize) -> bool {
         self.under_way[agent].is_some()
+    }
+
+    /// Whether agents have lately spent less than `share` of their steps on excursions. Goals are no measure: on a large
+    /// map, a goal is pursued for many times as long as an excursion takes.
+    pub fn are_due(&self, share: f32) -> bool {
+        self.spent.share < f64::from(share)
+    }
+
+    /// Counts a round of steps of all agents.
+    pub fn count_steps(&mut self) {
+        let on = self.under_way.iter().flatten().count() as f64 / self.under_way.len() as f64;
+        self.spent.rounds = (self.spent.rounds + 1).min(SHARE_ROUNDS);
+        self.spent.share += (on - self.spent.share) / f64::from(self.spent.rounds);
     }
 
     /// Starts an excursion of `agent` from where it is.
@@ -168,7 +202,7 @@ impl Excursions {
     pub fn write(&self, store: &mut Store) -> Result<(), StoreError> {
         self.places.write(store, PLACES);
         let (at, under_way) = (self.at.clone(), self.under_way.clone());
-        store.put_json(STATE, &ExcursionsState { at, under_way })
+        store.put_json(STATE, &ExcursionsState { at, under_way, spent: self.spent })
     }
 
     /// Restores the state that [`Self::write`] wrote, for the same number of agents in the same world. Older checkpoints
@@ -181,7 +215,7 @@ impl Excursions {
             return Ok(());
         }
         let places = Places::read(spec, store, PLACES)?;
-        let ExcursionsState { at, under_way } = store.json(STATE)?;
+        let ExcursionsState { at, under_way, spent } = store.json(STATE)?;
         let known = |place: &usize| *place < places.len();
         let fits = |excursion: &Excursion| {
             let held = excursion
@@ -193,10 +227,12 @@ impl Excursions {
             || under_way.len() != at.len()
             || !at.iter().flatten().all(known)
             || !under_way.iter().flatten().all(fits)
+            || !(0.0..=1.0).contains(&spent.share)
+            || spent.rounds > SHARE_ROUNDS
         {
             return Err(StoreError::inconsistent("the stored excursions do not fit the agents"));
         }
-        *self = Self { places, at, under_way };
+        *self = Self { places, at, under_way, spent };
         Ok(())
     }
 }
@@ -267,6 +303,33 @@ mod tests {
         explore(&mut resumed, &mut again, 50, &mut same);
         assert_eq!((resumed, again), (excursions, at));
         assert!(Excursions::new(&plane(), 3).restore(&plane(), &store).is_err(), "another number of agents");
+    }
+
+    #[test]
+    fn excursions_take_their_share_of_steps_however_long_goals_are_pursued() {
+        let mut excursions = Excursions::new(&plane(), 2);
+        let (mut on, mut left) = ([0u32; 2], [0u32; 2]);
+        let rounds = 20_000;
+        for _ in 0..rounds {
+            for agent in 0..2 {
+                if left[agent] == 0 {
+                    excursions.end(agent);
+                    left[agent] = 300;
+                    if excursions.are_due(0.2) {
+                        excursions.begin(agent);
+                        left[agent] = 20;
+                    }
+                }
+                left[agent] -= 1;
+                on[agent] += u32::from(excursions.is_on(agent));
+            }
+            excursions.count_steps();
+        }
+        let share = f64::from(on[0] + on[1]) / f64::from(2 * rounds);
+        assert!((0.15..0.25).contains(&share), "{share}");
+        assert!(!excursions.are_due(0.0));
+        // A door opens: more are due at once.
+        assert!(excursions.are_due(0.5));
     }
 
     #[test]

@@ -22,8 +22,11 @@ pub struct Edge {
     pub to: usize,
     /// D(from, to) by the most pessimistic critic when the graph was built, in steps.
     pub distance: f32,
-    /// Planning cost in steps: D plus the overhead of passing a waypoint; higher if only observed trajectories support
-    /// the edge or walks along it failed.
+    /// Expected length in steps, with the overhead of passing a waypoint: D, or what trajectories show where D is not
+    /// to be trusted.
+    pub length: f32,
+    /// Planning cost in steps: the length, and more if only observed trajectories support the edge, or if walks along it
+    /// or along other edges of its length failed.
     pub cost: f32,
     /// Its record in practice.
     pub status: EdgeStatus,
@@ -116,12 +119,18 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Self {
         let mut edges = Vec::new();
+        let reversed = candidates.observed_into();
         let s = spec.state_dim();
         let (mut states, mut goals, mut distances) = (Vec::new(), Vec::new(), Vec::new());
         for from in 0..candidates.len() {
             let state = &candidates.states()[from * s..(from + 1) * s];
             let to: Vec<usize> = if settings.verify_edges {
-                candidates.observed_from(from).collect()
+                let back = reversed[from].iter().map(|to| *to as usize);
+                let back =
+                    back.filter(|to| settings.keep_observed_edges && candidates.observed(from, *to) == UNOBSERVED);
+                let mut to: Vec<usize> = candidates.observed_from(from).chain(back).collect();
+                to.sort_unstable();
+                to
             } else {
                 let near = candidates.goal_index().nearest_few(candidates.goal_index().goal(from), LINK_CANDIDATES);
                 near.into_iter().filter(|to| *to != from).collect()
@@ -135,11 +144,11 @@ impl BridgeGraph {
             distances.resize(to.len(), 0.0);
             policy.distances(&states, &goals, &mut distances, scratch);
             let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
-                let cost = link_cost(settings, *distance, candidates.observed(from, *to))?;
+                let Link { length, cost } = Link::new(settings, candidates, (from, *to), *distance)?;
                 let status = EdgeStatus::from(candidates.walk_record(from, *to));
                 let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
-                let cost = cost + settings.hop_steps;
-                Some(Edge { from, to: *to, distance: *distance, cost, status })
+                let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);
+                Some(Edge { from, to: *to, distance: *distance, length, cost, status })
             });
             edges.extend(found);
         }
@@ -183,7 +192,9 @@ impl BridgeGraph {
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
             let (from, to) = (*from as usize, *to as usize);
             let status = EdgeStatus::from(candidates.walk_record(from, to));
-            Edge { from, to, distance: *distance, cost: *cost, status }
+            let link = Link::new(settings, &candidates, (from, to), *distance);
+            let length = link.map_or(*distance, |link| link.length) + settings.hop_steps;
+            Edge { from, to, distance: *distance, length, cost: *cost, status }
         });
         let edges = edges.collect();
         Ok(Self::from_edges(spec, settings, Arc::new(candidates), edges))
@@ -218,11 +229,10 @@ impl BridgeGraph {
         &self.spec
     }
 
-    /// Returns the cost in steps of a link of length `distance` from a state near candidate `from` to a goal near `to`;
-    /// `None` if it may not be used. Links are verified like edges, by the candidates nearest to their ends.
-    pub(super) fn link(&self, from: Option<usize>, to: Option<usize>, distance: f32) -> Option<f32> {
-        let (Some(from), Some(to)) = (from, to) else { return None };
-        link_cost(&self.settings, distance, self.candidates.observed(from, to))
+    /// Returns the link of length `distance`, by D, from a state near candidate `from` to a goal near `to`; `None` if it
+    /// may not be used. Links are verified like edges, by the candidates nearest to their ends.
+    pub(super) fn link(&self, from: Option<usize>, to: Option<usize>, distance: f32) -> Option<Link> {
+        Link::new(&self.settings, &self.candidates, (from?, to?), distance)
     }
 }
 
@@ -232,20 +242,49 @@ pub(crate) const OBSERVED_SLACK_STEPS: f32 = 2.0;
 /// A trajectory verifies D if it took at most this multiple of D, plus the slack.
 pub(crate) const OBSERVED_FACTOR: f32 = 1.5;
 
-/// Extra cost, beyond the observed steps, of a pair that trajectories connect although D is above the cut-off.
+/// Extra cost, beyond the observed steps, of a pair that trajectories connect although D says otherwise.
 pub(crate) const OBSERVED_PENALTY_STEPS: f32 = 4.0;
 
-/// Returns the cost of a path of length `distance` (by D) whose fewest observed steps are `observed`; `None` if it may
-/// not be used.
-fn link_cost(settings: &BridgeSettings, distance: f32, observed: u16) -> Option<f32> {
-    let seen = observed != UNOBSERVED;
-    let observed = f32::from(observed);
-    if distance < settings.edge_cutoff_steps {
-        let verified = seen && observed <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
-        return (verified || !settings.verify_edges).then_some(distance);
+/// Extra cost of a pair that trajectories connect in the other direction alone. Only walking there shows whether that is
+/// possible; without such edges, whatever lies behind a corridor that has been walked one way would be out of reach.
+pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
+
+/// A way between two places that plans may use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Link {
+    /// Expected length in steps.
+    pub length: f32,
+    /// Planning cost in steps: higher where the length is uncertain, or where hops of this length often fail.
+    pub cost: f32,
+}
+
+impl Link {
+    /// Returns the link from near candidate `from` to near candidate `to` that is `distance` steps long by D; `None` if
+    /// it may not be used.
+    fn new(
+        settings: &BridgeSettings,
+        candidates: &Candidates,
+        (from, to): (usize, usize),
+        distance: f32,
+    ) -> Option<Self> {
+        let observed = candidates.observed(from, to);
+        let delay = candidates.hops().failures(distance) * settings.late_after(distance);
+        let verified =
+            observed != UNOBSERVED && f32::from(observed) <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
+        if distance < settings.edge_cutoff_steps && (verified || !settings.verify_edges) {
+            return Some(Self { length: distance, cost: distance + delay });
+        }
+        if !settings.keep_observed_edges {
+            return None;
+        }
+        let (steps, penalty) = match (observed, candidates.observed(to, from)) {
+            (UNOBSERVED, UNOBSERVED) => return None,
+            (UNOBSERVED, reversed) => (reversed, REVERSED_PENALTY_STEPS),
+            (observed, _) => (observed, OBSERVED_PENALTY_STEPS),
+        };
+        let length = f32::from(steps).max(distance.min(settings.edge_cutoff_steps));
+        Some(Self { length, cost: length + penalty + delay })
     }
-    let kept = settings.keep_observed_edges && seen;
-    kept.then(|| settings.edge_cutoff_steps.max(observed + OBSERVED_PENALTY_STEPS))
 }
 
 #[cfg(test)]
@@ -258,9 +297,49 @@ mod tests {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
-        let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, cost: 3.0, status: EdgeStatus::Untried };
+        let edge =
+            |i: usize| Edge { from: i, to: i + 1, distance: 3.0, length: 4.0, cost: 3.0, status: EdgeStatus::Untried };
         let edges = (0..candidates.len() - 1).map(edge).collect();
         BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
+    }
+
+    /// Returns the first two candidates of a walk from left to right, and the settings.
+    fn one_way() -> (Candidates, BridgeSettings) {
+        let (spec, settings) = line(20);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..8).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        assert_eq!((candidates.observed(0, 1), candidates.observed(1, 0)), (3, UNOBSERVED));
+        (candidates, settings)
+    }
+
+    #[test]
+    fn ways_that_only_trajectories_support_cost_more_and_the_way_back_most() {
+        let (candidates, settings) = one_way();
+        let link = |ends, distance| Link::new(&settings, &candidates, ends, distance);
+        let known = |length, cost| Some(Link { length, cost });
+        assert_eq!(link((0, 1), 2.0), known(2.0, 2.0), "D and a trajectory agree");
+        assert_eq!(link((0, 1), 0.5), known(3.0, 3.0 + OBSERVED_PENALTY_STEPS), "D is too short");
+        assert_eq!(link((0, 1), 50.0), known(10.0, 10.0 + OBSERVED_PENALTY_STEPS), "D is too long");
+        assert_eq!(link((1, 0), 2.0), known(3.0, 3.0 + REVERSED_PENALTY_STEPS), "seen the other way alone");
+        let strict = BridgeSettings { keep_observed_edges: false, ..settings.clone() };
+        assert_eq!([0.5, 50.0].map(|d| Link::new(&strict, &candidates, (0, 1), d)), [None; 2]);
+        assert_eq!(Link::new(&strict, &candidates, (1, 0), 2.0), None);
+        let unverified = BridgeSettings { verify_edges: false, ..strict };
+        assert_eq!(Link::new(&unverified, &candidates, (1, 0), 2.0), known(2.0, 2.0));
+    }
+
+    #[test]
+    fn hops_of_lengths_that_often_fail_cost_the_delay_to_be_expected() {
+        let (mut candidates, settings) = one_way();
+        let hop = (candidates.id(0), candidates.id(1));
+        for arrived in [true, false, false, false] {
+            candidates.record_walk(hop, 4.5, arrived);
+        }
+        let link = |distance| Link::new(&settings, &candidates, (0, 1), distance).expect("a link");
+        let failures = candidates.hops().failures(4.5);
+        assert!(failures > 1.0, "{failures}");
+        assert_eq!(link(4.5).cost, 4.5 + failures * settings.late_after(4.5));
+        assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "neither longer, nor for other lengths");
     }
 
     #[test]
@@ -282,10 +361,10 @@ mod tests {
         let graph = row();
         let last = graph.candidates().len() - 1;
         let route = graph.route_to_candidate(last);
-        assert!((0..=last).all(|i| route.steps[i] == 3.0 * (last - i) as f32), "{:?}", route.steps);
+        assert!((0..=last).all(|i| route.costs[i] == 3.0 * (last - i) as f32), "{:?}", route.costs);
         assert!((0..last).all(|i| route.next[i] as usize == i + 1));
         let route = graph.route_to_candidate(0);
-        assert!(route.steps[1..].iter().all(|s| s.is_infinite()), "edges are directed");
+        assert!(route.costs[1..].iter().all(|s| s.is_infinite()), "edges are directed");
     }
 
     #[test]

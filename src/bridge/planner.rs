@@ -25,9 +25,11 @@ pub struct Walker {
     target: Option<Target>,
     /// Steps since the walk began.
     clock: u32,
+    /// D to the target when it was chosen.
+    distance: f32,
     /// Step at which the target becomes late.
     deadline: u32,
-    /// Steps from the last waypoint reached to the goal. The next waypoint must be closer, or the walk could oscillate
+    /// Cost from the last waypoint reached to the goal. The next waypoint must be closer, or the walk could oscillate
     /// between two waypoints forever. Infinite at the start and after a late target.
     remaining: f32,
     /// Number of consecutive late targets.
@@ -41,12 +43,14 @@ pub struct Walker {
 }
 
 /// A finished walk from one candidate to the next.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hop {
     /// Candidate it started from.
     pub from: usize,
     /// Candidate it was headed for.
     pub to: usize,
+    /// D from where the agent was, near the former, to the latter.
+    pub distance: f32,
     /// Whether it arrived in time.
     pub arrived: bool,
 }
@@ -59,6 +63,9 @@ pub struct WalkerState {
     links: Vec<(u32, u32)>,
     target: Option<Target>,
     clock: u32,
+    /// 0 in older checkpoints.
+    #[serde(default)]
+    distance: f32,
     deadline: u32,
     /// `None` for infinite.
     remaining: Option<f32>,
@@ -89,6 +96,7 @@ impl Walker {
             route,
             target: None,
             clock: 0,
+            distance: 0.0,
             deadline: 0,
             remaining: f32::INFINITY,
             strikes: 0,
@@ -106,6 +114,7 @@ impl Walker {
             links: self.route.links.clone(),
             target: self.target,
             clock: self.clock,
+            distance: self.distance,
             deadline: self.deadline,
             remaining: self.remaining.is_finite().then_some(self.remaining),
             strikes: self.strikes,
@@ -125,7 +134,7 @@ impl Walker {
         if !named.all(known) || !targets.all(|target| target.candidate().is_none_or(known)) {
             return Err(StoreError::inconsistent("a stored walk does not fit its bridge graph"));
         }
-        let finite = state.goal.iter().chain(&state.remaining).all(|v| v.is_finite());
+        let finite = state.goal.iter().chain(&state.remaining).chain([&state.distance]).all(|v| v.is_finite());
         if state.goal.len() != graph.spec().goal_dim() || !finite {
             return Err(StoreError::inconsistent("a stored walk contains values out of range"));
         }
@@ -133,6 +142,7 @@ impl Walker {
             route: graph.route_from_links(&state.goal, state.nearest, state.links),
             target: state.target,
             clock: state.clock,
+            distance: state.distance,
             deadline: state.deadline,
             remaining: state.remaining.unwrap_or(f32::INFINITY),
             strikes: state.strikes,
@@ -188,11 +198,11 @@ impl Walker {
             if let (Some(from), Some(to)) = (self.at, current.candidate())
                 && (reached || late)
             {
-                self.hop = Some(Hop { from, to, arrived: reached });
+                self.hop = Some(Hop { from, to, distance: self.distance, arrived: reached });
             }
             match current {
                 Target::Candidate(i) if reached => {
-                    self.remaining = self.route.steps[i];
+                    self.remaining = self.route.costs[i];
                     self.strikes = 0;
                     self.at = Some(i);
                 }
@@ -217,7 +227,8 @@ impl Walker {
         };
         let target = target.or_else(planned).unwrap_or_else(|| {
             let (target, distance) = self.choose_target(state, graph, policy, scratch);
-            self.deadline = clock + (settings.late_factor * distance + settings.late_slack_steps) as u32;
+            self.distance = distance;
+            self.deadline = clock + settings.late_after(distance) as u32;
             target
         });
         self.target = Some(target);
@@ -227,7 +238,7 @@ impl Walker {
 
     /// Returns the best next target and D to it.
     ///
-    /// This is the nearby candidate w that minimises D(s,w) + steps(w,g), or the goal itself if D(s,g) is below the
+    /// This is the nearby candidate w that minimises D(s,w) + cost(w,g), with the delays to be expected, or the goal itself if D(s,g) is below the
     /// cut-off and no longer than the detour. If no verified link is usable, unverified ones count; if the graph has no
     /// path at all, the target is the goal.
     fn choose_target(
@@ -241,8 +252,9 @@ impl Walker {
         let allowed = |target: Target| self.banned.iter().all(|(b, _)| *b != target);
         let best = |verified: bool| {
             let usable = options.candidates.iter().filter_map(|hop| {
-                let cost = if verified { hop.cost? } else { hop.cost.unwrap_or(2.0 * hop.distance) };
-                let (i, ahead) = (hop.candidate, self.route.steps[hop.candidate]);
+                let cost = hop.link.map(|link| link.cost);
+                let cost = if verified { cost? } else { cost.unwrap_or(2.0 * hop.distance) };
+                let (i, ahead) = (hop.candidate, self.route.costs[hop.candidate]);
                 let usable = (cost + ahead).is_finite()
                     && ahead < self.remaining
                     && allowed(Target::Candidate(i))
@@ -256,7 +268,7 @@ impl Walker {
         let waypoint = best(true).or_else(|| best(false));
         let direct = options.direct.filter(|_| allowed(Target::Goal));
         match (waypoint, direct) {
-            (Some((_, _, total)), Some(direct)) if direct <= total => (Target::Goal, options.to_goal),
+            (Some((_, _, total)), Some(direct)) if direct.cost <= total => (Target::Goal, options.to_goal),
             (Some((i, distance, _)), _) => (Target::Candidate(i), distance),
             (None, _) => (Target::Goal, options.to_goal),
         }

@@ -80,8 +80,8 @@ pub struct BridgeSettings {
     /// Probability that an agent walks to a new goal through the bridge graph, which trains the actor on the waypoints it
     /// will be given and confirms or demotes edges.
     pub planned_episodes: f32,
-    /// Probability that an agent explores beyond the frontier of what has been visited before it pursues a new goal.
-    /// Automatic: high while there is anything left to try.
+    /// Share of their steps that agents spend on exploring beyond the frontier of what has been visited. Automatic: high
+    /// while there is anything left to try.
     pub frontier_epsilon: Auto<f32>,
     /// Whether planning and evaluation use the running averages of critics and actor.
     pub averaged_weights: bool,
@@ -175,6 +175,11 @@ impl BridgeSettings {
     /// Returns the maximum number of candidates, which only large maps reach.
     pub fn max_candidates(&self) -> usize {
         3 * self.candidates
+    }
+
+    /// Returns the steps after which a waypoint `distance` steps away by D is late.
+    pub fn late_after(&self, distance: f32) -> f32 {
+        self.late_factor * distance + self.late_slack_steps
     }
 
     /// Returns the number of steps within which a trajectory from one candidate to another is recorded.

@@ -390,9 +390,9 @@ fn distance_error(groups: &[TruePairs], policy: &dyn Policy, graph: Option<&Brid
     Some(DistanceError { mape, near_mape, bias, spearman: spearman(&drawn, &true_steps), graph })
 }
 
-/// Returns the true distance in steps above which an edge of length D is false.
-fn max_true_distance(distance: f32) -> f32 {
-    2.0 * distance + 4.0
+/// Returns the true distance in steps above which an edge of this length is false.
+fn max_true_distance(length: f32) -> f32 {
+    2.0 * length + 4.0
 }
 
 /// Counts candidates, edges and, by true distance, false edges.
@@ -400,11 +400,11 @@ fn bridge_facts(graph: &BridgeGraph, truth: Option<&mut (dyn GroundTruth + '_)>)
     let false_edges = truth.map(|truth| {
         let of_candidate = |edges: &[Edge]| {
             let goals: Vec<f32> = edges.iter().flat_map(|e| graph.point(e.to)).copied().collect();
-            let longest = edges.iter().map(|e| max_true_distance(e.distance)).fold(0.0, f32::max);
+            let longest = edges.iter().map(|e| max_true_distance(e.length)).fold(0.0, f32::max);
             // No agent can stand where an edit has put a wall.
             let Some(steps) = truth.steps(graph.point(edges[0].from), &goals, longest as u32) else { return 0 };
             let is_false = |(steps, edge): (Option<u32>, &Edge)| {
-                steps.is_none_or(|steps| steps as f32 > max_true_distance(edge.distance))
+                steps.is_none_or(|steps| steps as f32 > max_true_distance(edge.length))
             };
             steps.into_iter().zip(edges).filter(|pair| is_false(*pair)).count()
         };

@@ -193,6 +193,7 @@ impl Rollout {
         if !self.actions.iter().all(|a| a.is_finite()) {
             return None;
         }
+        self.excursions.count_steps();
         for (i, agent) in self.agents.iter().enumerate() {
             let state = &self.env.states()[i * s..(i + 1) * s];
             context.replay.push(i, state, &self.actions[i * a..(i + 1) * a], &agent.goal);
@@ -205,8 +206,11 @@ impl Rollout {
             self.agents[i].steps = self.agents[i].steps.saturating_add(1);
             if self.agents[i].steps >= context.episode_steps {
                 context.replay.end_episode(i, state);
-                context.candidates.visit(i, state);
-                context.candidates.end_episode(i);
+                // The trajectory of an agent that is not moved goes on.
+                if !self.stays(i, context) {
+                    context.candidates.visit(i, state);
+                    context.candidates.end_episode(i);
+                }
                 round.episodes += 1;
                 self.start_episode(i, context);
             } else if !self.excursions.is_on(i) {
@@ -242,15 +246,19 @@ impl Rollout {
         }
     }
 
-    /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge point is the first goal
-    /// (Algorithm 1).
-    fn start_episode(&mut self, i: usize, context: &StepContext) {
-        let stays = match context.settings.train.restart {
+    /// Whether agent `i` begins its next episode where it is.
+    fn stays(&self, i: usize, context: &StepContext) -> bool {
+        match context.settings.train.restart {
             Restart::Never => true,
             Restart::Auto => self.env.stays(i),
             Restart::Anywhere | Restart::StartCell => false,
-        };
-        if !stays {
+        }
+    }
+
+    /// Starts an episode with a new start and goal. With probability `bridge_epsilon`, a bridge point is the first goal
+    /// (Algorithm 1).
+    fn start_episode(&mut self, i: usize, context: &StepContext) {
+        if !self.stays(i, context) {
             self.env.restart(i, &mut self.rng);
         }
         self.begin_episode(i);
@@ -281,7 +289,7 @@ impl Rollout {
         }
         if context.bridges {
             let BridgeSettings { planned_episodes, .. } = context.settings.bridge;
-            if self.chance(context.settings.bridge.frontier_share(self.excursions.has_frontier())) {
+            if self.excursions.are_due(context.settings.bridge.frontier_share(self.excursions.has_frontier())) {
                 self.excursions.begin(i);
             } else if self.chance(planned_episodes) {
                 self.plan(i, context);
@@ -396,11 +404,11 @@ impl Rollout {
             let (state, before) = (&self.env.states()[i * s..(i + 1) * s], plan.walker.target());
             let target = plan.walker.step(state, graph, context.policy, &mut self.scratch);
             self.agents[i].goal.copy_from_slice(target);
-            if let Some(Hop { from, to, arrived }) = plan.walker.finished_hop()
+            if let Some(Hop { from, to, distance, arrived }) = plan.walker.finished_hop()
                 && (arrived || !plan.disturbed)
             {
                 let id = |candidate| graph.candidates().id(candidate);
-                context.candidates.record_walk((id(from), id(to)), arrived);
+                context.candidates.record_walk((id(from), id(to)), distance, arrived);
             }
             if plan.walker.finished_hop().is_some() || plan.walker.target() != before {
                 plan.disturbed = false;

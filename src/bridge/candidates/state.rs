@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use super::{Candidates, KnownPaths, UNOBSERVED, WalkRecord};
+use crate::bridge::hops::HopOutcomes;
 use crate::learn::GoalIndex;
 use crate::store::{Store, StoreError};
 
@@ -28,6 +29,8 @@ pub struct CandidatesState {
     pub practice: Vec<u32>,
     /// Each agent's clock, number of visits, and visits.
     pub visits: Vec<u32>,
+    /// Discounted numbers of arrivals and failures, by D; empty in older formats.
+    pub hops: Vec<f32>,
 }
 
 impl CandidatesState {
@@ -41,6 +44,7 @@ impl CandidatesState {
         store.put(format!("{prefix}.observed.steps"), self.steps);
         store.put(format!("{prefix}.practice"), self.practice);
         store.put(format!("{prefix}.visits"), self.visits);
+        store.put(format!("{prefix}.hops"), self.hops);
     }
 
     /// Reads the state that [`Self::write`] wrote.
@@ -49,7 +53,7 @@ impl CandidatesState {
     /// Returns an error if a part is missing or has the wrong type.
     pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
         let ids = store.u32(&format!("{prefix}.names"))?.to_vec();
-        let dense = format!("{prefix}.observed");
+        let (dense, hops) = (format!("{prefix}.observed"), format!("{prefix}.hops"));
         let (ends, to, steps) = if store.has(&dense) {
             // Older formats hold a dense table of all pairs.
             to_sparse(store.u16(&dense)?, ids.len().saturating_sub(1))
@@ -69,6 +73,7 @@ impl CandidatesState {
             steps,
             practice: store.u32(&format!("{prefix}.practice"))?.to_vec(),
             visits: store.u32(&format!("{prefix}.visits"))?.to_vec(),
+            hops: if store.has(&hops) { store.f32(&hops)?.to_vec() } else { Vec::new() },
         })
     }
 }
@@ -90,7 +95,8 @@ fn to_sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
 impl Candidates {
     /// Returns the full state, for a checkpoint.
     pub fn state(&self) -> CandidatesState {
-        let mut state = CandidatesState { spacing: self.spacing, ..CandidatesState::default() };
+        let mut state =
+            CandidatesState { spacing: self.spacing, hops: self.hops.state(), ..CandidatesState::default() };
         state.states.clone_from(&self.states);
         state.ids.clone_from(&self.ids);
         state.ids.push(self.next_id);
@@ -133,6 +139,9 @@ impl Candidates {
             let row = ids.binary_search(from).map_err(|_| inconsistent())?;
             let practice = WalkRecord { arrived: *arrived as u16, failed: *failed as u16 };
             paths[row].practice.insert(*to, practice);
+        }
+        if !state.hops.is_empty() {
+            self.hops = HopOutcomes::from_state(&state.hops).ok_or_else(inconsistent)?;
         }
         self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
         self.spacing = state.spacing;

@@ -1,10 +1,12 @@
 //! Shortest paths through the bridge graph, and the distances along them.
 
+use std::collections::HashMap;
+
 use pathfinding::directed::dijkstra::dijkstra_all;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::BridgeGraph;
+use super::{BridgeGraph, Edge, Link};
 use crate::learn::{ChangedDistances, Policy, Scratch};
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
@@ -51,8 +53,8 @@ impl DistilledDistances {
 pub struct Route {
     /// The goal, `(goal_dim)`.
     pub goal: Vec<f32>,
-    /// Steps from each candidate to the goal through the graph; infinite if there is no path.
-    pub steps: Vec<f32>,
+    /// Cost of the cheapest path from each candidate to the goal through the graph, in steps; infinite if there is none.
+    pub costs: Vec<f32>,
     /// Each candidate's successor on that path; the candidate itself if the goal comes next.
     pub next: Vec<u32>,
     /// The candidate nearest to the goal by D.
@@ -67,8 +69,8 @@ pub(in crate::bridge) struct HopOptions {
     pub candidates: Vec<FirstHop>,
     /// D to the goal itself.
     pub to_goal: f32,
-    /// Cost of going straight to the goal, if that link is verified.
-    pub direct: Option<f32>,
+    /// Going straight to the goal, if that may be planned.
+    pub direct: Option<Link>,
 }
 
 /// A first hop to a candidate.
@@ -76,8 +78,8 @@ pub(in crate::bridge) struct FirstHop {
     pub candidate: usize,
     /// D to it.
     pub distance: f32,
-    /// Cost of the hop, if it is verified.
-    pub cost: Option<f32>,
+    /// The hop, if it may be planned.
+    pub link: Option<Link>,
 }
 
 /// Search node of the goal, where the search starts; all other nodes are candidates.
@@ -97,7 +99,7 @@ impl BridgeGraph {
             .iter()
             .zip(&distances)
             .filter_map(|(i, d)| {
-                Some((*i as u32, cost_units(self.link(Some(*i), nearest, *d)? + self.settings.hop_steps)))
+                Some((*i as u32, cost_units(self.link(Some(*i), nearest, *d)?.cost + self.settings.hop_steps)))
             })
             .collect();
         self.route_from_links(goal, nearest, links)
@@ -117,25 +119,47 @@ impl BridgeGraph {
     ) -> Route {
         let predecessors = |node: &u32| {
             let from_goal = if *node == GOAL_NODE { &links[..] } else { &[] };
-            let incoming = match *node {
-                GOAL_NODE => &[],
-                j => &self.incoming[self.first[j as usize] as usize..self.first[j as usize + 1] as usize],
-            };
-            let edges = incoming.iter().map(|e| {
-                let edge = &self.edges[*e as usize];
-                (edge.from as u32, cost_units(edge.cost))
-            });
+            let node = Some(*node).filter(|node| *node != GOAL_NODE);
+            let incoming = node.into_iter().flat_map(|i| self.incoming_to(i));
+            let edges = incoming.map(|edge| (edge.from as u32, cost_units(edge.cost)));
             from_goal.iter().copied().chain(edges).collect::<Vec<_>>()
         };
-        let mut steps = vec![f32::INFINITY; self.candidates.len()];
-        let mut next: Vec<u32> = (0..steps.len() as u32).collect();
+        let mut costs = vec![f32::INFINITY; self.candidates.len()];
+        let mut next: Vec<u32> = (0..costs.len() as u32).collect();
         for (node, (towards, cost)) in dijkstra_all(&GOAL_NODE, predecessors) {
             if node != GOAL_NODE {
-                steps[node as usize] = cost as f32 / COST_UNITS_PER_STEP;
+                costs[node as usize] = cost as f32 / COST_UNITS_PER_STEP;
                 next[node as usize] = if towards == GOAL_NODE { node } else { towards };
             }
         }
-        Route { goal: goal.to_vec(), steps, next, nearest, links }
+        Route { goal: goal.to_vec(), costs, next, nearest, links }
+    }
+
+    /// Returns the expected length of the path of `route` from each candidate, in steps; infinite if there is none.
+    /// `last` is the length of the last link, from a candidate to the goal.
+    fn lengths(&self, route: &Route, last: impl Fn(u32) -> f32) -> Vec<f32> {
+        let mut lengths: Vec<Option<f32>> = route.costs.iter().map(|c| c.is_infinite().then_some(*c)).collect();
+        let mut path = Vec::new();
+        for start in 0..lengths.len() as u32 {
+            let mut at = start;
+            while lengths[at as usize].is_none() && route.next[at as usize] != at {
+                path.push(at);
+                at = route.next[at as usize];
+            }
+            let mut length = *lengths[at as usize].get_or_insert_with(|| last(at));
+            while let Some(from) = path.pop() {
+                length += self.incoming_to(at).find(|edge| edge.from as u32 == from).map_or(0.0, |edge| edge.length);
+                lengths[from as usize] = Some(length);
+                at = from;
+            }
+        }
+        lengths.into_iter().flatten().collect()
+    }
+
+    /// Returns the edges that lead to candidate `i`.
+    fn incoming_to(&self, i: u32) -> impl Iterator<Item = &Edge> {
+        let own = self.first[i as usize] as usize..self.first[i as usize + 1] as usize;
+        self.incoming[own].iter().map(|e| &self.edges[*e as usize])
     }
 
     /// Returns D(s, g) along the bridge graph for each of `states` `(rows, state_dim)`: the shortest path that starts
@@ -149,13 +173,20 @@ impl BridgeGraph {
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> Vec<f32> {
+        let linked: Vec<u32> = route.links.iter().map(|(i, _)| *i).collect();
+        let from: Vec<f32> = linked.iter().flat_map(|i| self.candidate(*i as usize).iter().copied()).collect();
+        let mut last = vec![0.0; linked.len()];
+        policy.distances(&from, &route.goal.repeat(linked.len()), &mut last, scratch);
+        let last: HashMap<u32, f32> = linked.into_iter().zip(last).collect();
+        let hop = self.settings.hop_steps;
+        let lengths = self.lengths(route, |i| last.get(&i).map_or(f32::INFINITY, |distance| distance + hop));
         let states: Vec<&[f32]> = states.chunks_exact(self.spec.state_dim()).collect();
         // Batched, as the networks are more efficient on large batches.
         let batches =
             states.chunks(DISTANCE_BATCH).flat_map(|states| self.options(states, route, links, policy, scratch));
         let distances = batches.map(|options| {
-            let over = options.candidates.iter().filter_map(|o| Some(o.cost? + route.steps[o.candidate]));
-            over.chain(options.direct)
+            let over = options.candidates.iter().filter_map(|o| Some(o.link?.length + lengths[o.candidate]));
+            over.chain(options.direct.map(|direct| direct.length))
                 .filter(|steps| steps.is_finite())
                 .min_by(f32::total_cmp)
                 .unwrap_or(options.to_goal)
@@ -193,8 +224,8 @@ impl BridgeGraph {
             let to_goal = own[nearby.len()];
             let here = nearby.iter().zip(own).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
             let candidates = nearby.iter().zip(own).map(|(candidate, distance)| {
-                let cost = self.link(here, Some(*candidate), *distance);
-                FirstHop { candidate: *candidate, distance: *distance, cost }
+                let link = self.link(here, Some(*candidate), *distance);
+                FirstHop { candidate: *candidate, distance: *distance, link }
             });
             HopOptions { candidates: candidates.collect(), to_goal, direct: self.link(here, route.nearest, to_goal) }
         });
@@ -206,8 +237,8 @@ impl BridgeGraph {
         let mut pairs = Vec::new();
         for _ in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
-            let route = self.route_to_candidate(goal);
-            let reachable = route.steps.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
+            let lengths = self.lengths(&self.route_to_candidate(goal), |_| 0.0);
+            let reachable = lengths.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
             // These paths start exactly at a candidate, so their first hop has no overhead.
             pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
         }
@@ -229,7 +260,8 @@ impl BridgeGraph {
         for goal in &changed.goals {
             let route = self.route_to_candidate(*goal as usize);
             policy.distances(self.candidates.states(), &route.goal.repeat(count), &mut distances, scratch);
-            for (steps, distance) in route.steps.iter().zip(&distances) {
+            let lengths = self.lengths(&route, |_| 0.0);
+            for (steps, distance) in lengths.iter().zip(&distances) {
                 // These paths start exactly at a candidate, so their first hop has no overhead.
                 let steps = (steps - self.settings.hop_steps).max(0.0);
                 let lower = GROWN_FACTOR * steps - GROWN_SLACK_STEPS;

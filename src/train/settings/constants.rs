@@ -167,6 +167,18 @@ fn edges_and_plans() -> Vec<Constant> {
             "added to the cost of an edge of keep_observed_edges",
         ),
         constant(
+            "REVERSED_PENALTY_STEPS",
+            bridge::REVERSED_PENALTY_STEPS,
+            "steps",
+            "the same if they connect them in the other direction alone",
+        ),
+        constant(
+            "HOP_FORGETTING",
+            bridge::HOP_FORGETTING,
+            "",
+            "weight of a hop's outcome after each later hop of its length",
+        ),
+        constant(
             "DEMOTED_FACTOR",
             bridge::DEMOTED_FACTOR,
             "",
@@ -214,6 +226,12 @@ fn exploration() -> Vec<Constant> {
             "automatic frontier_epsilon while there is anything left to try ...",
         ),
         constant("EXPLORED_SHARE", bridge::EXPLORED_SHARE, "", "... and afterwards"),
+        constant(
+            "SHARE_ROUNDS",
+            f64::from(bridge::SHARE_ROUNDS),
+            "steps",
+            "recent steps of each agent that frontier_epsilon is a share of",
+        ),
         constant(
             "EXCURSION_STEPS",
             bridge::EXCURSION_STEPS,

@@ -379,8 +379,8 @@ pub const SETTINGS: [Setting; 61] = [
         Exploration,
         "frontier_epsilon",
         "",
-        "auto, or a probability from 0 to 1",
-        "probability that an agent explores beyond the frontier before it pursues a new goal; auto: 0.5 while there is anything left to try, 0.05 afterwards",
+        "auto, or a share from 0 to 1",
+        "share of their steps that agents spend on exploring beyond the frontier; auto: 0.5 while there is anything left to try, 0.05 afterwards",
     ),
     Setting::new(
         Bridges,

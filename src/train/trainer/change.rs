@@ -147,10 +147,27 @@ impl Trainer {
         let fresh = Candidates::new(self.spec(), settings.train.agents, &settings.bridge);
         let Self { candidates, replay, .. } = self;
         candidates.reset_to(fresh);
-        replay.visit_episodes(|agent, state| match state {
-            Some(state) => candidates.visit(agent, state),
-            None => candidates.end_episode(agent),
+        // An episode that begins where the agent's last one ended continues its trajectory.
+        let mut ends: Vec<Option<Vec<f32>>> = vec![None; settings.train.agents];
+        let mut last: Vec<Vec<f32>> = vec![Vec::new(); settings.train.agents];
+        replay.visit_episodes(|agent, state| {
+            let Some(state) = state else {
+                ends[agent] = Some(std::mem::take(&mut last[agent]));
+                return;
+            };
+            match ends[agent].take() {
+                Some(end) if end == state => {}
+                ended => {
+                    if ended.is_some() {
+                        candidates.end_episode(agent);
+                    }
+                    candidates.visit(agent, state);
+                }
+            }
+            last[agent].clear();
+            last[agent].extend(state);
         });
+        (0..settings.train.agents).for_each(|agent| candidates.end_episode(agent));
     }
 }
 

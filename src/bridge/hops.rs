@@ -1,0 +1,91 @@
+//! How often hops between candidates arrive in time, by their length.
+
+/// Lengths that are told apart, in steps; longer hops count as the longest.
+const LENGTHS: usize = 32;
+
+/// Outcomes count this much less with each later one, as the actor goes on learning.
+pub(crate) const HOP_FORGETTING: f32 = 0.99;
+
+/// Outcomes of hops by D at their start: one of walls that the networks have not learned yet, and one that is too long
+/// for the actor, fail alike, and a plan should prefer shorter ones.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct HopOutcomes {
+    /// Discounted numbers of hops that arrived in time and of hops that did not, by whole steps of D.
+    counts: [[f32; 2]; LENGTHS],
+}
+
+impl Default for HopOutcomes {
+    fn default() -> Self {
+        Self { counts: [[0.0; 2]; LENGTHS] }
+    }
+}
+
+impl HopOutcomes {
+    /// Records the outcome of a hop that was `distance` steps long by D.
+    pub fn record(&mut self, distance: f32, arrived: bool) {
+        let counts = &mut self.counts[bin(distance)];
+        *counts = counts.map(|count| HOP_FORGETTING * count);
+        counts[usize::from(!arrived)] += 1.0;
+    }
+
+    /// Returns the expected number of failures before a hop of this length arrives: none as long as none is known.
+    pub fn failures(&self, distance: f32) -> f32 {
+        let [arrived, failed] = self.counts[bin(distance)];
+        failed / (arrived + 1.0)
+    }
+
+    /// Returns the counts as plain numbers, for a checkpoint.
+    pub fn state(&self) -> Vec<f32> {
+        self.counts.as_flattened().to_vec()
+    }
+
+    /// Returns the outcomes whose [`Self::state`] was `state`; `None` if it is not the state of any.
+    pub fn from_state(state: &[f32]) -> Option<Self> {
+        let (counts, []) = state.as_chunks::<2>() else { return None };
+        let counts: [[f32; 2]; LENGTHS] = counts.try_into().ok()?;
+        let most = 1.0 / (1.0 - HOP_FORGETTING) + 1.0;
+        counts.as_flattened().iter().all(|count| (0.0..=most).contains(count)).then_some(Self { counts })
+    }
+}
+
+fn bin(distance: f32) -> usize {
+    (distance as usize).min(LENGTHS - 1)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn failures_are_expected_where_hops_of_the_same_length_have_failed_lately() {
+        let mut hops = HopOutcomes::default();
+        assert_eq!(hops.failures(7.0), 0.0);
+        for _ in 0..300 {
+            hops.record(2.5, true);
+            hops.record(7.9, true);
+            hops.record(7.1, false);
+            hops.record(1e9, false);
+        }
+        assert_eq!(hops.failures(2.0), 0.0);
+        assert!((hops.failures(7.5) - 1.0).abs() < 0.05, "{}", hops.failures(7.5));
+        assert_eq!(hops.failures(8.5), 0.0, "another length");
+        assert!(hops.failures(500.0) > 50.0);
+        (0..500).for_each(|_| hops.record(7.0, true));
+        assert!(hops.failures(7.0) < 0.01, "the actor has learned: {}", hops.failures(7.0));
+    }
+
+    #[test]
+    fn outcomes_round_trip_through_their_state_and_invalid_ones_are_rejected() {
+        let mut hops = HopOutcomes::default();
+        (0..1000).for_each(|i| hops.record(i as f32 / 10.0, i % 3 == 0));
+        let state = hops.state();
+        assert_eq!(HopOutcomes::from_state(&state), Some(hops));
+        let with = |i: usize, count: f32| {
+            let mut state = state.clone();
+            state[i] = count;
+            HopOutcomes::from_state(&state)
+        };
+        assert!([f32::NAN, -1.0, 1e9].iter().all(|count| with(3, *count).is_none()));
+        assert_eq!(HopOutcomes::from_state(&state[..62]), None);
+    }
+}
