@@ -75,7 +75,7 @@ fn kitty(out: &mut Vec<u8>, area: Rect, data: &str) -> std::io::Result<()> {
         write!(out, "\x1b_G{head}m={};", u8::from(chunks.peek().is_some()))?;
         out.write_all(chunk)?;
         out.write_all(b"\x1b\\")?;
-        head = "q=2,".to_owned();
+        "q=2,".clone_into(&mut head);
     }
     Ok(())
 }
@@ -147,7 +147,7 @@ mod tests {
     #[test]
     fn iterm2_gets_a_picture_of_its_size_in_characters() {
         let text = encoded(Protocol::Iterm2);
-        let (head, data) = text.trim_end_matches('\x07').split_once(":").expect("data");
+        let (head, data) = text.trim_end_matches('\x07').split_once(':').expect("data");
         assert!(head.starts_with("\x1b[5;4H\x1b]1337;File=inline=1;") && head.contains("width=40;height=2;"), "{head}");
         assert_eq!(decoded(data), (80, 40));
     }

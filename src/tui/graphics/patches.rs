@@ -23,8 +23,8 @@ const SIXEL_PIXELS: u16 = 1000;
 /// than [`LONGEST_REST`]: so long that training, if it runs, loses less than 5 % of its speed; and otherwise so that a slow
 /// terminal is not sent more than it can read.
 const REST_FACTOR: u32 = 1;
-const TRAINING_REST_FACTOR: u32 = 10;
-const LONGEST_REST: Duration = Duration::from_millis(500);
+const TRAINING_REST_FACTOR: u32 = 12;
+const LONGEST_REST: Duration = Duration::from_secs(1);
 
 /// A patch on the screen.
 struct Patch {
@@ -101,7 +101,10 @@ impl Patches {
             self.shown = before;
             return Ok(out);
         }
-        let other_colours = pictures.iter().fold(false, |changed, p| self.encoder.adapt(p.pixmap.data()) || changed);
+        let mut other_colours = false;
+        for picture in pictures {
+            other_colours |= self.encoder.adapt(picture.pixmap.data());
+        }
         for (area, picture) in wanted {
             let part = Part::of(picture, area, graphics);
             let at = before.iter().position(|patch| patch.area == area);

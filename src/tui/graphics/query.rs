@@ -36,18 +36,15 @@ impl Answer {
         let mut answer = Self::default();
         let mut rest = bytes;
         while let [first, after @ ..] = rest {
-            match sequence(rest) {
-                Some(length) => {
-                    let (own, after) = rest.split_at(length);
-                    if !answer.take(own) {
-                        answer.typed.extend(own);
-                    }
-                    rest = after;
+            if let Some(length) = sequence(rest) {
+                let (own, after) = rest.split_at(length);
+                if !answer.take(own) {
+                    answer.typed.extend(own);
                 }
-                None => {
-                    answer.typed.push(*first);
-                    rest = after;
-                }
+                rest = after;
+            } else {
+                answer.typed.push(*first);
+                rest = after;
             }
         }
         answer

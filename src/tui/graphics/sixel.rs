@@ -12,7 +12,7 @@ const COLOURS: usize = 256;
 const BAND: usize = 6;
 
 /// Bits of red, green and blue by which colours are told apart, and the number of colours told apart.
-const BITS: u32 = 5;
+const BITS: u32 = 6;
 const BINS: usize = 1 << (3 * BITS);
 
 /// Levels of each channel of the colours that are there whatever a picture shows.
@@ -21,7 +21,7 @@ const SPARE_LEVELS: [u8; 3] = [0, 128, 255];
 /// One of so many pixels is looked at to see whether the colours still fit; and the mean squared distance in one channel
 /// up to which they do.
 const SAMPLING: usize = 61;
-const MAX_ERROR: f32 = 12.0;
+const MAX_ERROR: f32 = 8.0;
 
 /// A bin whose nearest colour is not known yet.
 const UNKNOWN: u16 = u16::MAX;
@@ -109,12 +109,11 @@ impl Palette {
                 let mut parts = [(0, 0); BAND];
                 let mut count = 0;
                 for (row, index) in band[x..].iter().step_by(columns).enumerate() {
-                    match parts[..count].iter_mut().find(|(own, _)| own == index) {
-                        Some((_, sixel)) => *sixel |= 1 << row,
-                        None => {
-                            parts[count] = (*index, 1 << row);
-                            count += 1;
-                        }
+                    if let Some((_, sixel)) = parts[..count].iter_mut().find(|(own, _)| own == index) {
+                        *sixel |= 1 << row;
+                    } else {
+                        parts[count] = (*index, 1 << row);
+                        count += 1;
                     }
                 }
                 parts[..count].iter().for_each(|(index, sixel)| lines[usize::from(*index)].push(x, *sixel));

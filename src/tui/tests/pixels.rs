@@ -201,6 +201,15 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
 }
 
 #[test]
+fn the_line_below_counts_the_cells_of_a_pixel() {
+    let map = parse_map("wide", format!("{}\n", ".".repeat(150)).repeat(150).as_bytes()).expect("a map");
+    let mut app = app_on(map, gdg());
+    assert!(text(&draw(&mut app, 80, 24)).contains("1 dot = "));
+    app.set_graphics(Some(GRAPHICS), false);
+    assert!(!text(&draw(&mut app, 80, 24)).contains("1 dot = "), "a cell has several pixels");
+}
+
+#[test]
 fn exports_show_the_map_in_characters() {
     let mut app = app_with_pictures();
     draw(&mut app, 80, 24);

@@ -27,9 +27,12 @@ pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
     }
 }
 
+/// Edges with the same record and opacity: their ends.
+type Group = (EdgeStatus, f32, Vec<[[f32; 2]; 2]>);
+
 /// Returns the ends of edges by record and opacity, in the order in which they are drawn: the nearest go on top, and failed
 /// ones over walked ones.
-pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<(EdgeStatus, f32, Vec<[[f32; 2]; 2]>)> {
+pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<Group> {
     let edges = shown(screen, map_frame.raster.window);
     let fades = if edges.len() < MAX_EDGES { 1 } else { FADES };
     let chunk = edges.len().div_ceil(fades).max(1);

@@ -175,7 +175,7 @@ impl Base {
         unexplored.draw(&mut canvas, map_frame, screen);
         let mut painted = Buffer::empty(map_frame.area);
         canvas.paint(&mut painted, map_frame, &screen.theme);
-        Self { painted, key, canvas, contour_interval, labels }
+        Self { key, canvas, painted, contour_interval, labels }
     }
 }
 

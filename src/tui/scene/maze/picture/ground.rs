@@ -330,7 +330,6 @@ pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
     let (map, wall) = (&screen.maze.map, screen.theme.wall);
     let free = map.free();
     let [columns, rows] = scale.cells();
-    let is_inside = |end: usize, size: usize| end <= size;
     // The walls of a row, by their shares of the pixels: from row to row the same within a cell.
     let mut runs: Vec<(Range<usize>, f32)> = Vec::new();
     let mut before = None;
@@ -338,16 +337,20 @@ pub fn draw_walls(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
     for (row, (top, bottom)) in pixels.chunks_mut(scale.size.0 as usize).zip(rows) {
         if before.replace((top, bottom)) != Some((top, bottom)) {
             runs.clear();
-            let shown = columns.iter().enumerate().filter(|(_, (_, right))| is_inside(*right, map.width()));
-            for (x, (left, right)) in shown.filter(|_| is_inside(bottom, map.height())) {
-                let cells = (top..bottom).flat_map(|y| &free[y * map.width() + left..y * map.width() + right]);
-                let walls = cells.filter(|free| !**free).count();
-                let share = walls as f32 / ((right - left) * (bottom - top)) as f32;
-                match runs.last_mut() {
-                    Some((run, own)) if run.end == x && *own == share => run.end = x + 1,
-                    _ if walls > 0 => runs.push((x..x + 1, share)),
-                    _ => {}
+            let mut x = 0;
+            for same_cells in columns.chunk_by(|a, b| a == b) {
+                let ((left, right), end) = (same_cells[0], x + same_cells.len());
+                if right <= map.width() && bottom <= map.height() {
+                    let row = |y: usize| &free[y * map.width() + left..y * map.width() + right];
+                    let walls: usize = (top..bottom).map(|y| row(y).iter().filter(|free| !**free).count()).sum();
+                    let share = walls as f32 / ((right - left) * (bottom - top)) as f32;
+                    match runs.last_mut() {
+                        Some((run, own)) if run.end == x && *own == share => run.end = end,
+                        _ if walls > 0 => runs.push((x..end, share)),
+                        _ => {}
+                    }
                 }
+                x = end;
             }
         }
         for (run, share) in &runs {
