@@ -37,8 +37,8 @@ struct Measurements {
     default_update: DefaultUpdateTimes,
     default_preset: Vec<DefaultTimes>,
     time_to_success: Vec<TimeToSuccess>,
-    /// Unless this was built without the interface.
-    interface: Option<InterfaceTimes>,
+    /// For each kind of screen; none if this was built without the interface.
+    interface: Vec<InterfaceTimes>,
     other: Vec<TimedOperation>,
 }
 
@@ -106,13 +106,16 @@ struct PhaseTimes {
 /// Training on a 256 x 256 map with the interface open at 200 x 60, compared to training alone.
 #[derive(Debug, Serialize)]
 struct InterfaceTimes {
+    /// What the screen shows.
+    screen: &'static str,
     runs: usize,
     /// Updates per second without the interface.
     alone: f64,
     /// Speed with the interface, as a share of that.
     ratio: f64,
-    /// Time to draw a frame.
+    /// Time to draw a frame, with all that is sent to the terminal, and the 95th percentile.
     frame_us: f64,
+    slow_frame_us: f64,
 }
 
 /// Another timed operation.
@@ -153,9 +156,9 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
         default_preset: of_maps(&|map| cases::default_preset(map, (threads, runs)))?,
         time_to_success: of_maps(&|map| time_to::measure(map, (threads, runs)))?,
         #[cfg(feature = "tui")]
-        interface: Some(interface::measure((threads, runs)).into_diagnostic()?),
+        interface: interface::measure((threads, runs)).into_diagnostic()?,
         #[cfg(not(feature = "tui"))]
-        interface: None,
+        interface: Vec::new(),
         other: cases::other().into_diagnostic()?,
     };
     if json {
@@ -202,11 +205,16 @@ impl Measurements {
             out += &(seeds.collect::<Vec<_>>().join("; ") + ")\n");
         }
         out += "\n";
-        if let Some(i) = &self.interface {
-            out += &format!("256 x 256 cells: {:.0} updates/s on {} threads, ", i.alone, self.threads);
-            out += &format!("with the interface at 200 x 60 {:.2} of that ({} runs); ", i.ratio, i.runs);
-            out += &format!("a frame {:.1} ms\n\n", i.frame_us / 1e3);
+        if let Some(i) = self.interface.first() {
+            out +=
+                &format!("256 x 256 cells: {:.0} updates/s on {} threads ({} runs); ", i.alone, self.threads, i.runs);
+            out += "with the interface at 200 x 60:\n";
         }
+        for i in &self.interface {
+            out += &format!("  {:<16}{:.2} of that; a frame {:.1} ms", i.screen, i.ratio, i.frame_us / 1e3);
+            out += &format!(", 95th percentile {:.1} ms\n", i.slow_frame_us / 1e3);
+        }
+        out += "\n";
         for t in &self.other {
             out += &format!("{:<56}{:>10.1} us{:>7} runs\n", t.what, t.us, t.runs);
         }
@@ -227,7 +235,13 @@ fn time_us(work: impl FnOnce()) -> f64 {
 }
 
 /// Returns the median.
-fn median(mut values: Vec<f64>) -> f64 {
+fn median(values: Vec<f64>) -> f64 {
+    quantile(values, 0.5)
+}
+
+/// Returns the value below which a share of all values lies.
+fn quantile(mut values: Vec<f64>, share: f64) -> f64 {
     values.sort_by(f64::total_cmp);
-    values.get(values.len() / 2).copied().unwrap_or(f64::NAN)
+    let at = (values.len() as f64 * share) as usize;
+    values.get(at.min(values.len().saturating_sub(1))).copied().unwrap_or(f64::NAN)
 }

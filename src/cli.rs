@@ -20,6 +20,8 @@ use crate::map::{RANDOM_SIZES, RandomMapKind};
 use crate::runs::SAVES;
 use crate::train::{Limits, METHODS, Method, Preset};
 #[cfg(feature = "tui")]
+use crate::tui::Marker;
+#[cfg(feature = "tui")]
 pub use compare::CompareArgs;
 pub use reproduce::{BudgetArg, ReproduceArgs};
 pub use suite::SuiteArgs;
@@ -230,7 +232,7 @@ pub struct TrainArgs {
     pub map: Option<String>,
 
     /// Train without the interface: JSON lines on standard output
-    #[cfg_attr(feature = "tui", arg(long, conflicts_with_all = ["record", "ui_config"]))]
+    #[cfg_attr(feature = "tui", arg(long, conflicts_with_all = ["record", "ui_config", "marker"]))]
     #[cfg_attr(not(feature = "tui"), arg(long))]
     pub no_ui: bool,
 
@@ -330,6 +332,10 @@ pub struct InterfaceArgs {
     /// Configuration file for theme, keys etc., instead of the default one
     #[arg(long, value_name = "FILE")]
     pub ui_config: Option<PathBuf>,
+
+    /// What the map is drawn with [default: auto: pixels where the terminal shows pictures, else half blocks or quadrants]
+    #[arg(long, value_name = "MARKER", value_enum)]
+    pub marker: Option<Marker>,
 }
 
 /// Options of commands that only show something.

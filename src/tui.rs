@@ -11,6 +11,7 @@
 //! * `compare`: two runs side by side, each with its own `app`.
 //! * `scene`: what is drawn in the place of the map and how it reacts, a folder for each kind of world; `raster`, `canvas`,
 //!   `glyphs`, `layers` and `theme` turn it into characters.
+//! * `graphics`: pictures in the terminal, where it shows them; `sheet` draws them.
 //! * `render`: the panes and everything else around it.
 //! * `tour`: the guided tour.
 //! * `export`: writes what is shown to files; `terminal`: the terminal itself; `record`: recordings of it.
@@ -25,6 +26,7 @@ mod dialog;
 mod event_loop;
 mod export;
 mod glyphs;
+mod graphics;
 mod keymap;
 mod layers;
 mod layout;
@@ -37,6 +39,7 @@ mod record;
 mod render;
 mod scene;
 mod screen;
+mod sheet;
 mod terminal;
 #[cfg(test)]
 mod tests;
@@ -58,7 +61,8 @@ pub use compare::{prepare as prepare_comparison, run as compare};
 pub use config::{UiConfig, load as load_config, parse as parse_config, template as config_template};
 pub use export::{PageColours, picture_of, png_of};
 pub use keymap::Keymap;
-pub use measure::MeasuredInterface;
+pub use measure::{MeasuredInterface, MeasuredScreen};
+pub use raster::Marker;
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
 pub use terminal::run_guard as guard_terminal;
@@ -74,8 +78,9 @@ pub struct PreparedInterface {
 /// # Errors
 /// The configuration is invalid, or the recording exists already or cannot be written.
 pub fn prepare(args: &InterfaceArgs, overwrite: bool) -> Result<PreparedInterface, Report> {
-    let config = config::load(args.ui_config.as_deref())
+    let mut config = config::load(args.ui_config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
+    config.0.marker = args.marker.unwrap_or(config.0.marker);
     let recorder = args.record.as_deref().map(|path| Recorder::start(path, overwrite)).transpose()?;
     Ok(PreparedInterface { config, recorder })
 }
@@ -96,13 +101,14 @@ pub fn run(
     // What is to be saved elsewhere is not saved yet.
     let engine = Engine::resume(trainer, args.limits(), resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
+    let marker = config.0.marker;
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
     if let Some(warning) = warning {
         app.notify(&warning);
     }
-    event_loop::show(app, recorder, &termination)
+    event_loop::show(app, recorder, marker, &termination)
 }
 
 /// Returns whether the interface has not been used yet.
@@ -128,8 +134,9 @@ pub fn take_tour(trainer: Trainer, PreparedInterface { config, recorder }: Prepa
     let termination = TerminationSignal::listen(terminal::restore)?;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
+    let marker = config.0.marker;
     let mut app = App::new(engine, viewer, config, Files::default());
     app.screen.first_run = is_first_run();
     app.begin_tour();
-    event_loop::show(app, recorder, &termination)
+    event_loop::show(app, recorder, marker, &termination)
 }

@@ -22,7 +22,7 @@ use crate::train::{Engine, Networks, Snapshot};
 pub use arm::ArmView;
 use arm::ArmWorker;
 pub use colour::{Rgb, blend, contour, distance_colour, lightness, sample};
-pub use contour::{ContourLine, contour_interval, contour_lines};
+pub use contour::{ContourLine, ContourPath, contour_interval, contour_lines, contour_paths};
 pub use field::Field;
 pub use maze::MazeView;
 use maze::MazeWorker;

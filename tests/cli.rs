@@ -647,7 +647,9 @@ fn bench_reports_every_measurement() {
             .iter()
             .for_each(|f| positive(&format!("/time_to_success/{i}/{f}")));
     }
-    ["alone", "ratio", "frame_us"].iter().for_each(|f| positive(&format!("/interface/{f}")));
+    for (screen, f) in (0..3).flat_map(|i| ["alone", "ratio", "frame_us", "slow_frame_us"].map(|f| (i, f))) {
+        positive(&format!("/interface/{screen}/{f}"));
+    }
     assert!(found["other"].as_array().unwrap().len() >= 5);
     (0..5).for_each(|i| positive(&format!("/other/{i}/us")));
 }

@@ -4,17 +4,17 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use super::cases::OPEN_MAP_SIDE;
-use super::{InterfaceTimes, median};
+use super::{InterfaceTimes, median, quantile};
 use crate::env::PointMaze;
 use crate::map::Grid;
 use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
-use crate::tui::MeasuredInterface;
+use crate::tui::{MeasuredInterface, MeasuredScreen};
 
 /// Columns and rows of the screen for the interface.
 const SCREEN_SIZE: (u16, u16) = (200, 60);
 
-/// Measures training on a large map with and without the interface, in turns.
-pub fn measure((threads, runs): (usize, usize)) -> Result<InterfaceTimes, TrainError> {
+/// Measures training on a large map with and without the interface, in turns: with each kind of screen.
+pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, TrainError> {
     const TURN_DURATION: Duration = Duration::from_secs(1);
     let map = rooms();
     let trainer = || {
@@ -22,22 +22,38 @@ pub fn measure((threads, runs): (usize, usize)) -> Result<InterfaceTimes, TrainE
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
     };
     let mut alone = trainer()?;
-    let mut measured = MeasuredInterface::open(trainer()?, SCREEN_SIZE)?;
-    let (mut rates, mut ratios, mut frames) = (Vec::new(), Vec::new(), Vec::new());
+    let mut rates = Vec::new();
+    let mut screens = Vec::new();
+    for screen in MeasuredScreen::ALL {
+        screens.push((MeasuredInterface::open(trainer()?, SCREEN_SIZE, screen)?, Vec::new(), Vec::new()));
+    }
     for turn in 0..=runs {
         let (began, mut updates) = (Instant::now(), 0);
         while began.elapsed() < TURN_DURATION {
             updates += u64::from(alone.tick()? == Tick::Update);
         }
         let rate = f64::from(updates as u32) / began.elapsed().as_secs_f64();
-        let measurement = measured.measure(TURN_DURATION)?;
+        for (measured, ratios, frames) in &mut screens {
+            let measurement = measured.measure(TURN_DURATION)?;
+            if turn > 0 {
+                ratios.push(measurement.updates_per_second / rate);
+                frames.extend(measurement.frames_us);
+            }
+        }
         if turn > 0 {
             rates.push(rate);
-            ratios.push(measurement.updates_per_second / rate);
-            frames.extend(measurement.frames_us);
         }
     }
-    Ok(InterfaceTimes { runs, alone: median(rates), ratio: median(ratios), frame_us: median(frames) })
+    let alone = median(rates);
+    let times = |(screen, (_, ratios, frames)): (MeasuredScreen, (_, Vec<f64>, Vec<f64>))| InterfaceTimes {
+        screen: screen.name(),
+        runs,
+        alone,
+        ratio: median(ratios),
+        frame_us: median(frames.clone()),
+        slow_frame_us: quantile(frames, 0.95),
+    };
+    Ok(MeasuredScreen::ALL.into_iter().zip(screens).map(times).collect())
 }
 
 /// Returns a map as large as the open one, of 31 x 31 rooms with doors.

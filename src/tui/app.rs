@@ -23,6 +23,7 @@ use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
 use super::event_loop::Interface;
 use super::export;
+use super::graphics::{Graphics, Picture};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::output::ExportKind;
@@ -93,7 +94,7 @@ impl App {
             suspending: false,
             export: None,
             feed: (engine.snapshots(), viewer.views()),
-            cache: Cache::default(),
+            cache: Cache::with_pictures(),
             previewed_over: None,
             screen: Screen::new((&config, keymap), snapshot),
             engine,
@@ -303,7 +304,16 @@ impl Interface for App {
         self.done
     }
 
+    fn set_graphics(&mut self, graphics: Option<Graphics>, pictures_rest: bool) {
+        (self.screen.graphics, self.screen.pictures_rest) = (graphics, pictures_rest);
+    }
+
+    fn pictures(&self) -> Vec<&Picture> {
+        self.cache.picture().into_iter().collect()
+    }
+
     fn draw(&mut self, frame: &mut Frame) {
+        self.cache.begin();
         let layout = render::draw(frame, &self.screen, &mut self.cache);
         self.drawn(layout);
     }

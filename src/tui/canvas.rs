@@ -262,7 +262,9 @@ fn glyph(marker: Marker, mask: u8) -> char {
         '\u{259a}', '\u{2590}', '\u{259c}', '\u{2584}', '\u{2599}', '\u{259f}', '\u{2588}',
     ];
     match marker {
-        Marker::Auto | Marker::HalfBlock => [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)],
+        Marker::Auto | Marker::Pixels | Marker::HalfBlock => {
+            [' ', '\u{2580}', '\u{2584}', '\u{2588}'][usize::from(mask & 3)]
+        }
         Marker::Quadrant => QUADRANTS[usize::from(mask & 15)],
         Marker::Braille => {
             // Unicode numbers the dots of the left column first, and the bottom row last.

@@ -28,6 +28,7 @@ use super::app::{App, ClosedRun, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::event_loop::{self, Interface};
+use super::graphics::{Graphics, Picture};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
@@ -84,8 +85,9 @@ pub fn run(
     PreparedInterface { config, recorder }: PreparedInterface,
 ) -> Result<u8, Report> {
     let termination = TerminationSignal::listen(super::terminal::restore)?;
+    let marker = config.0.marker;
     let comparison = Comparison::start(contestants, &config, Limits::default())?;
-    event_loop::show(comparison, recorder, &termination)
+    event_loop::show(comparison, recorder, marker, &termination)
 }
 
 impl Side {
@@ -101,7 +103,7 @@ impl Side {
         let mut app = App::new(engine, viewer, config, Files::default());
         // The race decides where both go next.
         app.set_on_arrival(OnArrival::Wait);
-        Ok(Self { app, title, pace: Pace::default(), cache: Cache::default() })
+        Ok(Self { app, title, pace: Pace::default(), cache: Cache::with_pictures() })
     }
 
     /// Takes over what trainer and viewer have published, even if the screen is frozen.
@@ -240,7 +242,16 @@ impl Interface for Comparison {
         self.done || self.sides[0].app.is_done()
     }
 
+    fn set_graphics(&mut self, graphics: Option<Graphics>, pictures_rest: bool) {
+        self.sides.iter_mut().for_each(|side| side.app.set_graphics(graphics, pictures_rest));
+    }
+
+    fn pictures(&self) -> Vec<&Picture> {
+        self.sides.iter().filter_map(|side| side.cache.picture()).collect()
+    }
+
     fn draw(&mut self, frame: &mut Frame) {
+        self.sides.iter_mut().for_each(|side| side.cache.begin());
         self.layout = draw::draw(frame, self);
     }
 

@@ -21,7 +21,7 @@ use crate::text::{Excerpt, sanitized, sanitized_lines, truncated};
 pub struct UiConfig {
     /// Colours.
     pub theme: ThemeName,
-    /// The characters the map is drawn with.
+    /// What the map is drawn with.
     pub marker: Marker,
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
@@ -139,7 +139,8 @@ pub fn template() -> String {
         "# gdg-tui configuration.{}\n\
          # Remove the # from a line to change its value.\n\n\
          # Colours: {}.\n# theme = \"{}\"\n\n\
-         # Characters of the map: {}.\n# marker = \"{}\"\n\n\
+         # What the map is drawn with: {}; auto means pixels where the terminal\n\
+         # shows pictures, else half blocks or, if it is scaled down, quadrants.\n# marker = \"{}\"\n\n\
          # Minutes between autosaves; 0 for none.\n# autosave_minutes = {}\n\n\
          # Keys of each action: \"a\", \"shift-a\", \"ctrl-a\", \"alt-a\", \"space\", \"enter\", \"left\", \"f1\" ...\n[keys]\n",
         default_path().map_or(String::new(), |path| format!(" Default path: {}", path.display())),

@@ -8,7 +8,7 @@ use super::theme::contour;
 use crate::view::{ContourLine, contour_interval, contour_lines};
 
 /// How far apart lines are on average, at least, in pixels.
-const SPACING: f32 = 6.0;
+pub const SPACING: f32 = 6.0;
 
 /// Characters between two labels across and down, and between two of the same level in each direction, at least.
 const LABEL_SPACING: (u16, u16) = (4, 2);
@@ -37,15 +37,15 @@ impl Label {
 /// and fro while the field changes.
 const TOLERANCE: f32 = 0.15;
 
-/// Returns the steps between two lines on fields with rows of `columns` pixels, of which each gets the same lines:
-/// as `before` if that is nearly right.
-pub fn interval(fields: &[(&[f32], usize)], before: Option<f32>) -> Option<f32> {
+/// Returns the steps between two lines on fields with rows of `columns` pixels, of which each gets the same lines, `apart`
+/// pixels from one to the next or more, on average: as `before` if that is nearly right.
+pub fn interval(fields: &[(&[f32], usize)], apart: f32, before: Option<f32>) -> Option<f32> {
     let with = |spacing: f32| {
         fields.iter().map(|(field, columns)| contour_interval(field, *columns, spacing)).reduce(f32::max)
     };
-    let spacings = [SPACING, (1.0 - TOLERANCE) * SPACING, (1.0 + TOLERANCE) * SPACING];
+    let spacings = [apart, (1.0 - TOLERANCE) * apart, (1.0 + TOLERANCE) * apart];
     let same = before.is_some() && spacings.into_iter().any(|spacing| with(spacing) == before);
-    if same { before } else { with(SPACING) }
+    if same { before } else { with(apart) }
 }
 
 /// Draws the lines of `field` at the multiples of `interval`, with gaps for the labels that it returns: as near to the
@@ -169,7 +169,7 @@ mod tests {
     fn the_interval_changes_only_if_it_has_to() {
         let interval_after = |slope: f32, before: Option<f32>| {
             let field: Vec<f32> = (0..600).map(|i| slope * (i % 60) as f32).collect();
-            interval(&[(&field, 60)], before)
+            interval(&[(&field, 60)], SPACING, before)
         };
         assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, None)), [5.0, 10.0].map(Some));
         assert_eq!([0.8, 0.9].map(|slope| interval_after(slope, Some(5.0))), [5.0, 5.0].map(Some));

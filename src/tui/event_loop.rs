@@ -4,12 +4,14 @@ use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-use crossterm::event::{Event, EventStream};
+use crossterm::event::{Event, EventStream, MouseEvent, MouseEventKind};
 use futures_util::StreamExt;
 use miette::{IntoDiagnostic, Report};
 use ratatui::Frame;
 
 use super::app::ClosedRun;
+use super::graphics::{Graphics, Picture};
+use super::raster::Marker;
 use super::record::Recorder;
 use super::terminal::Terminal;
 use crate::signals::TerminationSignal;
@@ -50,8 +52,14 @@ pub trait Interface {
     /// Whether the program is to quit.
     fn is_done(&self) -> bool;
 
+    /// Tells what pictures the terminal shows, and whether they are to stay as they are for a moment.
+    fn set_graphics(&mut self, graphics: Option<Graphics>, pictures_rest: bool);
+
     /// Draws a frame.
     fn draw(&mut self, frame: &mut Frame);
+
+    /// Returns the pictures that belong to the frame.
+    fn pictures(&self) -> Vec<&Picture>;
 
     /// Handles a signal, or an internal error, that ends the program.
     fn on_signal(&mut self);
@@ -67,10 +75,11 @@ pub trait Interface {
 pub fn show(
     mut interface: impl Interface,
     recorder: Option<Recorder>,
+    marker: Marker,
     termination: &TerminationSignal,
 ) -> Result<u8, Report> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
-    let mut terminal = Terminal::enter(recorder).into_diagnostic()?;
+    let mut terminal = Terminal::enter(recorder, marker).into_diagnostic()?;
     let draw = || runtime.block_on(event_loop(&mut interface, &mut terminal, termination));
     let shown = catch_unwind(AssertUnwindSafe(draw));
     if termination.number().is_some() || !matches!(shown, Ok(Ok(()))) {
@@ -99,12 +108,19 @@ async fn event_loop(
     let mut events = EventStream::new();
     let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
     let mut suspend_signals = SuspendSignals::listen()?;
+    terminal.take_typed().iter().for_each(|event| app.on_event(event));
     while !app.is_done() && termination.number().is_none() {
         tokio::select! {
             event = events.next() => match event {
                 Some(event) => {
-                    app.on_event(&event?);
-                    timer.immediate = true;
+                    let event = event?;
+                    if !terminal.is_late_answer(&event) {
+                        app.on_event(&event);
+                        timer.immediate = true;
+                        if !is_hovering(&event) {
+                            terminal.wake_pictures();
+                        }
+                    }
                 }
                 // End of input: the terminal is gone.
                 None => break,
@@ -121,10 +137,17 @@ async fn event_loop(
         timer.idle = !app.is_training();
         if timer.is_due() {
             crate::faults::point("interface");
-            terminal.draw(|frame| app.draw(frame))?;
+            terminal.draw(app)?;
+            // What has been left out follows.
+            timer.changed = terminal.is_behind();
         }
     }
     Ok(())
+}
+
+/// Returns whether an event is the mouse moving without a button.
+fn is_hovering(event: &Event) -> bool {
+    matches!(event, Event::Mouse(MouseEvent { kind: MouseEventKind::Moved, .. }))
 }
 
 /// Requests by other processes to suspend (SIGTSTP).

@@ -13,6 +13,8 @@ use tokio::sync::watch;
 use super::app::{App, Files};
 use super::config::UiConfig;
 use super::event_loop::{FrameTimer, INPUT_FRAME_INTERVAL, Interface};
+use super::graphics::patches::Patches;
+use super::graphics::{Graphics, Protocol};
 use super::keymap::Keymap;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
@@ -24,6 +26,42 @@ pub struct MeasuredInterface {
     terminal: Terminal<CrosstermBackend<Sink>>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     views: watch::Receiver<View>,
+    /// The pictures on the screen, if it shows any.
+    patches: Option<(Patches, Graphics)>,
+}
+
+/// What the invisible screen shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum MeasuredScreen {
+    /// Nothing but characters.
+    Characters,
+    /// Pictures as kitty does, in characters of 10 x 20 pixels.
+    Kitty,
+    /// Sixels, in characters of 10 x 20 pixels.
+    Sixel,
+}
+
+impl MeasuredScreen {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Characters, Self::Kitty, Self::Sixel];
+
+    /// Returns its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Characters => "characters",
+            Self::Kitty => "pixels, kitty",
+            Self::Sixel => "pixels, sixel",
+        }
+    }
+
+    fn graphics(self) -> Option<Graphics> {
+        let of = |protocol| Some(Graphics { protocol, character: (10, 20) });
+        match self {
+            Self::Characters => None,
+            Self::Kitty => of(Protocol::Kitty),
+            Self::Sixel => of(Protocol::Sixel),
+        }
+    }
 }
 
 /// Measurements of a watched run.
@@ -35,19 +73,22 @@ pub struct InterfaceMeasurement {
 }
 
 impl MeasuredInterface {
-    /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters; training is paused.
+    /// Opens the interface on `trainer`, on a screen of `columns` by `rows` characters that shows what `screen` says;
+    /// training is paused.
     ///
     /// # Errors
     /// Errors of the learner, or a thread that cannot be started.
-    pub fn open(trainer: Trainer, (columns, rows): (u16, u16)) -> Result<Self, TrainError> {
+    pub fn open(trainer: Trainer, (columns, rows): (u16, u16), screen: MeasuredScreen) -> Result<Self, TrainError> {
         let engine = Engine::start(trainer, Limits::default())?;
         let viewer = Viewer::start(&engine)?;
         let keymap = Keymap::new(&BTreeMap::new()).map_err(std::io::Error::other)?;
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
         app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
+        let patches = screen.graphics().map(|graphics| (Patches::new(graphics.protocol), graphics));
+        app.set_graphics(screen.graphics(), false);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
-        let mut measured = Self { snapshots: app.snapshots(), views: app.views(), app, terminal };
+        let mut measured = Self { snapshots: app.snapshots(), views: app.views(), app, terminal, patches };
         measured.command(Command::Pause, &Phase::Paused);
         Ok(measured)
     }
@@ -72,10 +113,21 @@ impl MeasuredInterface {
                 timer.changed = true;
             }
             if timer.is_due() {
+                let Self { app, terminal, patches, .. } = self;
+                let rests = patches.as_ref().is_some_and(|(patches, _)| patches.is_resting());
+                app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), rests);
                 let drawing = Instant::now();
-                let Self { app, terminal, .. } = self;
-                terminal.draw(|frame| app.draw(frame))?;
-                frames_us.push(drawing.elapsed().as_secs_f64() * 1e6);
+                let frame = terminal.draw(|frame| app.draw(frame))?;
+                if let Some((patches, graphics)) = patches {
+                    std::hint::black_box(patches.update(&app.pictures(), frame.buffer, *graphics)?);
+                    timer.changed = patches.is_behind();
+                }
+                let took = drawing.elapsed();
+                // Frames with the same picture as before say nothing.
+                if !rests {
+                    frames_us.push(took.as_secs_f64() * 1e6);
+                    patches.iter_mut().for_each(|(patches, _)| patches.rest(took, true));
+                }
             }
         }
         self.command(Command::Pause, &Phase::Paused);

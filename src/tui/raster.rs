@@ -1,5 +1,6 @@
 //! Placement of the map on the screen, and the visible part of it.
 
+use clap::ValueEnum;
 use ratatui::layout::{Position, Rect};
 use serde::{Deserialize, Serialize};
 
@@ -9,13 +10,16 @@ use crate::view::Raster;
 /// Characters between two arrows, across and down.
 const ARROW_SPACING: (usize, usize) = (4, 2);
 
-/// The characters the map is drawn with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+/// What the map is drawn with.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
 #[serde(rename_all = "kebab-case")]
 pub enum Marker {
-    /// Half blocks if a cell has room for one, quadrants on maps that are scaled down.
+    /// Pixels if the terminal shows pictures; else half blocks if a cell has room for one, quadrants on maps that are
+    /// scaled down.
     #[default]
     Auto,
+    /// The terminal's own pixels, also where it is not asked otherwise: within tmux and screen.
+    Pixels,
     /// Two square pixels per character, one above the other.
     HalfBlock,
     /// Two by two pixels per character.
@@ -26,24 +30,31 @@ pub enum Marker {
 
 impl Marker {
     /// All markers.
-    pub const ALL: [Self; 4] = [Self::Auto, Self::HalfBlock, Self::Quadrant, Self::Braille];
+    pub const ALL: [Self; 5] = [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant, Self::Braille];
 
     /// Returns the name used in the configuration and on the screen.
     pub fn name(self) -> &'static str {
         match self {
             Self::Auto => "auto",
+            Self::Pixels => "pixels",
             Self::HalfBlock => "half-block",
             Self::Quadrant => "quadrant",
             Self::Braille => "braille",
         }
     }
 
-    /// Resolves `Auto` for a map on which a cell has room for `scale` half blocks.
+    /// Returns whether the map is drawn as a picture where the terminal shows pictures.
+    pub fn wants_pixels(self) -> bool {
+        matches!(self, Self::Auto | Self::Pixels)
+    }
+
+    /// Returns the characters used on a map on which a cell has room for `scale` half blocks; the values between which
+    /// pictures interpolate are as many.
     #[must_use]
     pub fn resolved(self, scale: f32) -> Self {
         match self {
-            Self::Auto if scale >= 0.95 => Self::HalfBlock,
-            Self::Auto => Self::Quadrant,
+            Self::Auto | Self::Pixels if scale >= 0.95 => Self::HalfBlock,
+            Self::Auto | Self::Pixels => Self::Quadrant,
             other => other,
         }
     }
@@ -51,7 +62,7 @@ impl Marker {
     /// Returns the columns and rows of pixels in a character.
     pub fn pixels(self) -> (usize, usize) {
         match self {
-            Self::Auto | Self::HalfBlock => (1, 2),
+            Self::Auto | Self::Pixels | Self::HalfBlock => (1, 2),
             Self::Quadrant => (2, 2),
             Self::Braille => (2, 4),
         }

@@ -6,6 +6,7 @@ use super::action::Mode;
 use super::app::Offer;
 use super::config::UiConfig;
 use super::dialog::Dialog;
+use super::graphics::Graphics;
 use super::keymap::Keymap;
 use super::layers::Overlays;
 use super::layout::ScreenLayout;
@@ -38,8 +39,12 @@ pub struct Screen {
     pub field: Field,
     /// The overlays drawn over the colours.
     pub overlays: Overlays,
-    /// The characters the map is drawn with.
+    /// What the map is drawn with.
     pub marker: Marker,
+    /// What pictures the terminal shows.
+    pub graphics: Option<Graphics>,
+    /// Whether pictures are to stay as they are for a moment.
+    pub pictures_rest: bool,
     /// The selected pane.
     pub pane: Pane,
     /// Whether that pane fills the screen.
@@ -82,6 +87,8 @@ impl Screen {
             log: Log::default(),
             field: Field::default(),
             marker: config.marker,
+            graphics: None,
+            pictures_rest: false,
             pane: Pane::default(),
             maximised: false,
             scrolled: 0,
@@ -176,6 +183,12 @@ impl Screen {
             Phase::Done => "done".to_owned(),
             Phase::Failed(error) => format!("stopped: {error}"),
         }
+    }
+
+    /// Returns the width and height of a character in pixels, if the map is drawn as a picture. Without colours, it is not.
+    pub fn picture_character(&self) -> Option<(u16, u16)> {
+        let wanted = self.marker.wants_pixels() && self.theme.depth != ColourDepth::Mono;
+        self.graphics.filter(|_| wanted).map(|graphics| graphics.character)
     }
 
     /// Summarises the run in a line, for the terminal after the screen is closed.

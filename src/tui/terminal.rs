@@ -6,17 +6,24 @@ use std::cell::Cell;
 use std::io::{Stdout, Write, stdout};
 use std::rc::Rc;
 use std::sync::Once;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::Instant;
 
-use crossterm::event::{DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture};
+use crossterm::event::{DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event};
 use crossterm::terminal::{
-    BeginSynchronizedUpdate, EndSynchronizedUpdate, EnterAlternateScreen, LeaveAlternateScreen, disable_raw_mode,
-    enable_raw_mode,
+    BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen, LeaveAlternateScreen,
+    disable_raw_mode, enable_raw_mode,
 };
 use crossterm::{cursor, execute};
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
-use ratatui::{Frame, TerminalOptions, Viewport};
+use ratatui::{TerminalOptions, Viewport};
 
+use super::event_loop::Interface;
+use super::graphics::patches::Patches;
+use super::graphics::query::{self, Answer, LateAnswer};
+use super::graphics::{self, Graphics, Protocol, encode};
+use super::raster::Marker;
 use super::record::{LARGEST_SCREEN, Recorder};
 use guard::Guard;
 pub use guard::run_guard;
@@ -26,20 +33,40 @@ pub struct Terminal {
     inner: ratatui::Terminal<CrosstermBackend<Output>>,
     size: (u16, u16),
     recorder: Option<Recorder>,
+    /// What the terminal has answered, if it was asked what it can show.
+    answer: Answer,
+    late_answer: LateAnswer,
+    graphics: Option<Graphics>,
+    /// The pictures on the screen, if it shows any.
+    patches: Option<Patches>,
     /// Whether all further output is discarded.
     closed: Rc<Cell<bool>>,
+    shows_cursor: Rc<Cell<bool>>,
     /// Dismissed last, after everything has been restored.
-    _guard: Option<Guard>,
+    guard: Option<Guard>,
 }
 
 /// Standard output, until it is closed.
 pub struct Output {
     terminal: Stdout,
     closed: Rc<Cell<bool>>,
+    /// Whether the text cursor has been shown: pictures must not move it, and the library does not tell.
+    shows_cursor: Rc<Cell<bool>>,
 }
+
+/// Shows and hides the text cursor.
+const SHOW_CURSOR: &[u8] = b"\x1b[?25h";
+const HIDE_CURSOR: &[u8] = b"\x1b[?25l";
+
+/// Saves and restores its position.
+const SAVE_CURSOR: &[u8] = b"\x1b7";
+const RESTORE_CURSOR: &[u8] = b"\x1b8";
 
 impl Write for Output {
     fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        if [SHOW_CURSOR, HIDE_CURSOR].contains(&bytes) {
+            self.shows_cursor.set(bytes == SHOW_CURSOR);
+        }
         if self.closed.get() { Ok(bytes.len()) } else { self.terminal.write(bytes) }
     }
 
@@ -49,11 +76,12 @@ impl Write for Output {
 }
 
 impl Terminal {
-    /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before printing its message.
+    /// Sets up the terminal, and records it if `recorder` is given. A panic restores it before printing its message. Asks
+    /// it what pictures it shows, unless it is not worth it with `marker`, or is recorded: recordings are of characters.
     ///
     /// # Errors
     /// Errors of the terminal, which is restored in that case too.
-    pub fn enter(recorder: Option<Recorder>) -> std::io::Result<Self> {
+    pub fn enter(recorder: Option<Recorder>, marker: Marker) -> std::io::Result<Self> {
         static HOOK: Once = Once::new();
         HOOK.call_once(|| {
             let before = std::panic::take_hook();
@@ -65,15 +93,24 @@ impl Terminal {
                 before(info);
             }));
         });
-        let (closed, guard) = (Rc::new(Cell::new(false)), Guard::start());
+        let (closed, shows_cursor, guard) = (Rc::default(), Rc::default(), Guard::start());
+        let asks = recorder.is_none() && graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
         let enter = || {
             set_up_modes()?;
-            screen(closed.clone())
+            let answer = if asks { query::ask(&mut stdout())? } else { Answer::default() };
+            Ok((screen(&closed, &shows_cursor)?, answer))
         };
         match enter() {
-            Ok(inner) => {
+            Ok((inner, answer)) => {
                 crate::faults::show_in_interface(true);
-                Ok(Self { inner, size: (0, 0), recorder, closed, _guard: guard })
+                let late_answer = if asks { LateAnswer::after(&answer) } else { LateAnswer::default() };
+                let graphics = asks.then(|| choose(&answer)).flatten();
+                if let Some(graphics) = graphics {
+                    tracing::info!(?graphics, "the terminal shows pictures");
+                }
+                let patches = graphics.map(|graphics| Patches::new(graphics.protocol));
+                let size = (0, 0);
+                Ok(Self { inner, size, recorder, answer, late_answer, graphics, patches, closed, shows_cursor, guard })
             }
             Err(error) => {
                 restore();
@@ -82,22 +119,80 @@ impl Terminal {
         }
     }
 
+    /// Returns what the user typed while the terminal was asked what it can show.
+    pub fn take_typed(&mut self) -> Vec<Event> {
+        std::mem::take(&mut self.answer).events()
+    }
+
+    /// Returns whether an event is not the user's, but a part of the terminal's answer that comes late.
+    pub fn is_late_answer(&mut self, event: &Event) -> bool {
+        self.late_answer.has(event)
+    }
+
+    /// Has the next frame show the pictures as they are: the user has done something.
+    pub fn wake_pictures(&mut self) {
+        self.patches.iter_mut().for_each(Patches::wake);
+    }
+
+    /// Returns whether the pictures on the screen are out of date, as the terminal could not follow.
+    pub fn is_behind(&self) -> bool {
+        self.patches.as_ref().is_some_and(Patches::is_behind)
+    }
+
     /// Draws one frame, shown all at once if the terminal supports it.
     ///
     /// # Errors
     /// Errors of the terminal.
-    pub fn draw(&mut self, render: impl FnOnce(&mut Frame)) -> std::io::Result<()> {
+    pub fn draw(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {
         let (columns, rows) = crossterm::terminal::size()?;
         // On a larger terminal the rest stays empty.
         let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
         if std::mem::replace(&mut self.size, size) != size {
+            self.clear_pictures()?;
             self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
         }
+        if let Some(graphics) = &mut self.graphics {
+            // The user may have chosen another font.
+            graphics.character = character_size().unwrap_or(graphics.character);
+        }
+        interface.set_graphics(self.graphics, self.patches.as_ref().is_some_and(Patches::is_resting));
         execute!(stdout(), BeginSynchronizedUpdate)?;
-        let drawn = self.inner.draw(render);
+        let drawn = self.draw_within_update(interface);
         execute!(stdout(), EndSynchronizedUpdate)?;
-        let frame = drawn?;
-        self.recorder.as_mut().map_or(Ok(()), |recorder| recorder.frame(frame.buffer))
+        drawn
+    }
+
+    fn draw_within_update(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {
+        let began = Instant::now();
+        let frame = self.inner.draw(|frame| interface.draw(frame))?;
+        if let Some(recorder) = &mut self.recorder {
+            recorder.frame(frame.buffer)?;
+        }
+        let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) else { return Ok(()) };
+        let bytes = patches.update(&interface.pictures(), frame.buffer, graphics)?;
+        if !bytes.is_empty() {
+            if graphics.protocol == Protocol::Kitty {
+                SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
+                self.guard.iter_mut().for_each(Guard::expect_pictures);
+            }
+            let mut out = stdout().lock();
+            // Hidden, and back to where it was.
+            out.write_all(&[HIDE_CURSOR, SAVE_CURSOR].concat())?;
+            out.write_all(&bytes)?;
+            out.write_all(RESTORE_CURSOR)?;
+            if self.shows_cursor.get() {
+                out.write_all(SHOW_CURSOR)?;
+            }
+            out.flush()?;
+            patches.rest(began.elapsed(), interface.is_training());
+        }
+        Ok(())
+    }
+
+    /// Deletes all pictures, before the screen is cleared.
+    fn clear_pictures(&mut self) -> std::io::Result<()> {
+        let Some(patches) = &mut self.patches else { return Ok(()) };
+        stdout().write_all(patches.clear())
     }
 
     /// Restores the terminal, stops this program until it is resumed, and sets the terminal up again.
@@ -112,7 +207,8 @@ impl Terminal {
         // A new instance knows nothing of the old screen, so it redraws everything without querying the terminal.
         self.closed.set(true);
         self.closed = Rc::default();
-        self.inner = screen(self.closed.clone())?;
+        self.inner = screen(&self.closed, &self.shows_cursor)?;
+        self.patches.iter_mut().for_each(Patches::forget);
         self.size = (0, 0);
         Ok(())
     }
@@ -127,8 +223,12 @@ impl Drop for Terminal {
     }
 }
 
-fn screen(closed: Rc<Cell<bool>>) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
-    let backend = CrosstermBackend::new(Output { terminal: stdout(), closed });
+fn screen(
+    closed: &Rc<Cell<bool>>,
+    shows_cursor: &Rc<Cell<bool>>,
+) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
+    let output = Output { terminal: stdout(), closed: closed.clone(), shows_cursor: shows_cursor.clone() };
+    let backend = CrosstermBackend::new(output);
     // Its size is set before each frame.
     ratatui::Terminal::with_options(backend, TerminalOptions { viewport: Viewport::Fixed(Rect::default()) })
 }
@@ -144,8 +244,27 @@ pub fn restore() {
     let _ = disable_raw_mode();
 }
 
+/// Whether pictures have been sent to the terminal that it keeps elsewhere than its characters.
+static SHOWS_KITTY_PICTURES: AtomicBool = AtomicBool::new(false);
+
+/// Chooses how to send pictures to the terminal, if it shows them.
+fn choose(answer: &Answer) -> Option<Graphics> {
+    let name = ["TERM_PROGRAM", "LC_TERMINAL"].map(|name| std::env::var(name).unwrap_or_default()).concat();
+    Graphics::choose(answer, &name, character_size())
+}
+
+/// Returns the size of a character in pixels, if the terminal's driver knows it.
+fn character_size() -> Option<(u16, u16)> {
+    let size = crossterm::terminal::window_size().ok()?;
+    let of = |pixels: u16, characters: u16| pixels.checked_div(characters).filter(|pixels| *pixels > 0);
+    Some((of(size.width, size.columns)?, of(size.height, size.rows)?))
+}
+
 /// Restores everything except the terminal's modes.
 fn leave_screen() {
+    if SHOWS_KITTY_PICTURES.load(Ordering::Relaxed) {
+        delete_pictures(&mut stdout());
+    }
     let _ = execute!(
         stdout(),
         EndSynchronizedUpdate,
@@ -154,4 +273,23 @@ fn leave_screen() {
         LeaveAlternateScreen,
         cursor::Show
     );
+}
+
+/// Deletes all of kitty's pictures on the program's own screen. Those of other protocols go with the screen.
+fn delete_pictures(out: &mut impl Write) {
+    let _ = out.write_all(encode::DELETE_ALL);
+    let _ = execute!(out, Clear(ClearType::All));
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn pictures_are_deleted_before_the_screen_is_left() {
+        let mut out = Vec::new();
+        delete_pictures(&mut out);
+        let text = String::from_utf8(out).expect("text");
+        assert!(text.starts_with("\x1b_Ga=d,d=A") && text.ends_with("\x1b[2J"), "{text:?}");
+    }
 }

@@ -45,20 +45,34 @@ fn round_up(least: f64) -> f32 {
 /// NaN pixels, and at cliffs, where several of them would coincide: neither has lines along it.
 pub fn contour_lines(field: &[f32], columns: usize, interval: f32) -> Vec<ContourLine> {
     let crossings = Crossings::new(field, columns, interval);
-    let mut done = vec![false; crossings.levels.len()];
-    let mut lines = Vec::new();
-    for border in 0..done.len() {
-        if crossings.levels[border] == 0 || std::mem::replace(&mut done[border], true) {
-            continue;
-        }
-        let [mut borders, after] = [0, 1].map(|side| crossings.follow(border, side, &mut done));
-        borders.reverse();
-        borders.push(border);
-        borders.extend(after);
+    let line = |borders: Vec<usize>| {
+        let level = crossings.level(borders[0]);
         let pixels = thinned(borders.into_iter().map(|border| crossings.nearer_pixel(border)), columns);
-        lines.push(ContourLine { level: crossings.level(border), pixels });
-    }
-    lines
+        ContourLine { level, pixels }
+    };
+    crossings.lines().into_iter().map(line).collect()
+}
+
+/// A contour line between the middles of pixels, or a piece of it between walls.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ContourPath {
+    /// The value along it.
+    pub level: f32,
+    /// Where it passes from one square of four pixels to the next, in pixels: the middle of the first one is at 0.5, 0.5.
+    /// A closed line ends where it begins.
+    pub points: Vec<[f32; 2]>,
+}
+
+/// Returns the same lines as [`contour_lines`], for pictures of a finer resolution than that of `field`.
+pub fn contour_paths(field: &[f32], columns: usize, interval: f32) -> Vec<ContourPath> {
+    let crossings = Crossings::new(field, columns, interval);
+    let path = |borders: Vec<usize>| {
+        let (first, last) = (borders[0], borders[borders.len() - 1]);
+        let is_closed = borders.len() > 2 && crossings.links[last].contains(&Some(first as u32));
+        let all = borders.iter().copied().chain(is_closed.then_some(first));
+        ContourPath { level: crossings.level(first), points: all.map(|border| crossings.point(border)).collect() }
+    };
+    crossings.lines().into_iter().map(path).collect()
 }
 
 /// Where lines cross the borders between neighbouring pixels. Border `2 i` is between pixel `i` and the one to its right,
@@ -125,6 +139,23 @@ impl<'a> Crossings<'a> {
         }
     }
 
+    /// Returns the crossings of each line, from one end to the other.
+    fn lines(&self) -> Vec<Vec<usize>> {
+        let mut done = vec![false; self.levels.len()];
+        let mut lines = Vec::new();
+        for border in 0..done.len() {
+            if self.levels[border] == 0 || std::mem::replace(&mut done[border], true) {
+                continue;
+            }
+            let [mut borders, after] = [0, 1].map(|side| self.follow(border, side, &mut done));
+            borders.reverse();
+            borders.push(border);
+            borders.extend(after);
+            lines.push(borders);
+        }
+        lines
+    }
+
     /// Returns the crossings after `border` on one side of it, up to the end of the line or back around to it.
     fn follow(&self, border: usize, side: usize, done: &mut [bool]) -> Vec<usize> {
         let mut passed = Vec::new();
@@ -142,11 +173,23 @@ impl<'a> Crossings<'a> {
         self.levels[border] as f32 * self.interval
     }
 
+    /// Returns the pixels on both sides of `border`, and the share of the way between them at which the line crosses it.
+    fn crossing(&self, border: usize) -> (usize, usize, f32) {
+        let (from, to) = (border / 2, border / 2 + if border.is_multiple_of(2) { 1 } else { self.columns });
+        (from, to, (self.level(border) - self.field[from]) / (self.field[to] - self.field[from]))
+    }
+
     /// Returns the pixel whose middle is nearer to where the line crosses `border`.
     fn nearer_pixel(&self, border: usize) -> usize {
-        let (from, to) = (border / 2, border / 2 + if border.is_multiple_of(2) { 1 } else { self.columns });
-        let share = (self.level(border) - self.field[from]) / (self.field[to] - self.field[from]);
+        let (from, to, share) = self.crossing(border);
         if share < 0.5 { from } else { to }
+    }
+
+    /// Returns where the line crosses `border`, in pixels.
+    fn point(&self, border: usize) -> [f32; 2] {
+        let (from, to, share) = self.crossing(border);
+        let [from, to] = [from, to].map(|i| [(i % self.columns) as f32 + 0.5, (i / self.columns) as f32 + 0.5]);
+        [from[0] + share * (to[0] - from[0]), from[1] + share * (to[1] - from[1])]
     }
 }
 
@@ -242,6 +285,24 @@ mod tests {
             assert!(first.0.abs_diff(last.0) <= 1 && first.1.abs_diff(last.1) <= 1, "closed");
             assert!(!is_thick_or_torn(line));
         }
+    }
+
+    #[test]
+    fn paths_are_where_the_lines_are_but_finer() {
+        let off = |[x, y]: [f32; 2]| ((x - 20.5).hypot(y - 15.5) - 10.0).abs();
+        let cone = field(|x, y| (x - 20.0).hypot(y - 15.0));
+        let paths = contour_paths(&cone, COLUMNS, 10.0);
+        let lines = contour_lines(&cone, COLUMNS, 10.0);
+        let levels = |all: &mut dyn Iterator<Item = f32>| all.collect::<Vec<f32>>();
+        let of_lines = levels(&mut lines.iter().map(|line| line.level));
+        assert_eq!(levels(&mut paths.iter().map(|path| path.level)), of_lines);
+        let circle = paths.iter().find(|path| path.level == 10.0).expect("a circle");
+        assert!(circle.points.iter().all(|at| off(*at) < 0.03), "far closer than a pixel");
+        assert_eq!(circle.points.first(), circle.points.last(), "closed");
+        assert!(circle.points.windows(2).all(|ends| (ends[0][0] - ends[1][0]).hypot(ends[0][1] - ends[1][1]) < 1.5));
+        let open = &contour_paths(&field(|x, _| x), COLUMNS, 30.0)[0];
+        assert_eq!(open.points.len(), 30);
+        assert!(open.points.iter().all(|at| at[0] == 30.5) && open.points[0] != open.points[29]);
     }
 
     #[test]

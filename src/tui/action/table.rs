@@ -172,7 +172,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Alone, "alone", &["shift-z"], "", "show the chosen projection alone, or all")
                 .watching()
                 .also("single full"),
-            bind(Action::Marker, "marker", &["m"], "", "half blocks, quadrants or braille")
+            bind(Action::Marker, "marker", &["m"], "", "pixels, half blocks, quadrants or braille")
                 .watching()
                 .also("characters symbols pixels resolution font"),
             bind(Action::Theme, "theme", &["shift-t"], "", "dark, light, colour-blind-safe, or no colours")

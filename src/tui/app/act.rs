@@ -9,6 +9,7 @@ use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::dialog::{Dialog, Help, Picker, Prompt, Question, lists};
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::panes::Pane;
+use crate::tui::raster::Marker;
 use crate::tui::scene::{self, SceneKind};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
@@ -58,10 +59,12 @@ impl App {
                 self.notify(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }
             Action::Marker => {
-                let all = crate::tui::raster::Marker::ALL;
+                let all = Marker::ALL;
                 let at = all.iter().position(|m| *m == self.screen.marker).unwrap_or(0);
                 self.screen.marker = all[(at + 1) % all.len()];
-                self.notify(&format!("marker: {}", self.screen.marker.name()));
+                let none = self.screen.marker == Marker::Pixels && self.screen.picture_character().is_none();
+                let more = if none { ", but there are none here: as auto" } else { "" };
+                self.notify(&format!("marker: {}{more}", self.screen.marker.name()));
             }
             Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),

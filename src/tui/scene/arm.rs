@@ -60,7 +60,7 @@ fn contour_interval(screen: &Screen) -> Option<f32> {
     let shown = screen.field.is_distance() && view.kind == screen.field && screen.overlays.has(Overlay::Contours);
     let fields = view.fields.iter().zip(view.planes.iter());
     let fields: Vec<_> = fields.map(|(field, plane)| (&**field, plane.raster.pixels.0)).collect();
-    contours::interval(&fields, None).filter(|_| shown)
+    contours::interval(&fields, contours::SPACING, None).filter(|_| shown)
 }
 
 /// Formats a position in centimetres.

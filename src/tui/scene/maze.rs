@@ -8,6 +8,7 @@ mod legend;
 pub mod map;
 pub mod minimap;
 mod mouse;
+mod picture;
 mod unexplored;
 mod walk;
 

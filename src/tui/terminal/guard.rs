@@ -11,11 +11,18 @@ use std::process::{Child, Command, Stdio};
 /// Sent by a program that has restored the terminal itself.
 const DISMISSED: &[u8] = b"dismissed";
 
+/// Sent before that by a program that has sent pictures to the terminal.
+const PICTURES: u8 = b'p';
+
 /// Sent by the guard once it has read the terminal's modes.
 const READY: &[u8] = b"r";
 
 /// The program's handle on the guard.
-pub struct Guard(Child);
+pub struct Guard {
+    process: Child,
+    /// Whether it knows that there are pictures on the screen.
+    expects_pictures: bool,
+}
 
 impl Guard {
     /// Starts the guard; `None` if that fails, and the program runs without one.
@@ -37,16 +44,25 @@ impl Guard {
             let _ = child.wait();
             return None;
         }
-        Some(Self(child))
+        Some(Self { process: child, expects_pictures: false })
+    }
+
+    /// Has the guard delete pictures too.
+    pub fn expect_pictures(&mut self) {
+        if !std::mem::replace(&mut self.expects_pictures, true)
+            && let Some(to) = &mut self.process.stdin
+        {
+            let _ = to.write_all(&[PICTURES]);
+        }
     }
 }
 
 impl Drop for Guard {
     fn drop(&mut self) {
-        if let Some(mut to) = self.0.stdin.take() {
+        if let Some(mut to) = self.process.stdin.take() {
             let _ = to.write_all(DISMISSED);
         }
-        let _ = self.0.wait();
+        let _ = self.process.wait();
     }
 }
 
@@ -62,9 +78,12 @@ pub fn run_guard() {
     let modes = tcgetattr(std::io::stdout()).ok();
     let ready = std::io::stderr().write_all(READY);
     let mut word = Vec::new();
-    let read = std::io::stdin().take(DISMISSED.len() as u64).read_to_end(&mut word);
-    if ready.is_err() || read.is_err() || word == DISMISSED {
+    let read = std::io::stdin().take(DISMISSED.len() as u64 + 1).read_to_end(&mut word);
+    if ready.is_err() || read.is_err() || word.ends_with(DISMISSED) {
         return;
+    }
+    if word.first() == Some(&PICTURES) {
+        super::delete_pictures(&mut std::io::stdout());
     }
     super::leave_screen();
     if let Some(modes) = modes {

@@ -255,3 +255,16 @@ fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
     assert!(closed.saved.is_ok() && !closed.failed);
     assert!(closed.summary.contains("A: gdg-bridge on rooms") && closed.summary.contains("B: gdg on rooms"));
 }
+
+#[test]
+fn both_maps_are_pictures_where_the_terminal_shows_them() {
+    use crate::tui::graphics::{Graphics, Protocol};
+
+    let mut comparison = comparison();
+    comparison.set_graphics(Some(Graphics { protocol: Protocol::Sixel, character: (8, 16) }), false);
+    draw(&mut comparison, (120, 40));
+    let areas: Vec<_> = comparison.pictures().iter().map(|picture| picture.area).collect();
+    let maps = comparison.apps().map(|app| app.screen.layout.map.as_ref().map(|map| map.area));
+    assert_eq!(areas.iter().copied().map(Some).collect::<Vec<_>>(), maps);
+    assert!(!areas[0].intersects(areas[1]));
+}

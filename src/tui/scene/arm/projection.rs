@@ -131,7 +131,7 @@ impl Projection {
         let share = if angle == Angle::Free { FREE_SHARE } else { 1.0 };
         let scale = camera.zoom / share * (columns / size(across)).min(2.0 * rows / size(up));
         let (width, height) = (columns / scale, 2.0 * rows / scale);
-        let marker = if marker == Marker::Auto { Marker::Quadrant } else { marker };
+        let marker = if marker.wants_pixels() { Marker::Quadrant } else { marker };
         let per_character = marker.pixels();
         let pixels = (usize::from(area.width) * per_character.0, usize::from(area.height) * per_character.1);
         let mut projection = Self {

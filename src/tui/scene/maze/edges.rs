@@ -19,20 +19,32 @@ const FAILED_OPACITY: f32 = 0.9;
 
 /// Draws the edges.
 pub fn draw(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
+    let [walked, failed, _] = screen.theme.edges;
+    for (status, opacity, edges) in groups(map_frame, screen) {
+        let (rgb, mark) = if status == EdgeStatus::Confirmed { (walked, '=') } else { (failed, 'x') };
+        // Each group is blended with the ground only once.
+        canvas.lines(map_frame, edges.into_iter(), (rgb, opacity, mark));
+    }
+}
+
+/// Edges with the same record and opacity: their ends.
+type Group = (EdgeStatus, f32, Vec<[[f32; 2]; 2]>);
+
+/// Returns the ends of edges by record and opacity, in the order in which they are drawn: the nearest go on top, and failed
+/// ones over walked ones.
+pub fn groups(map_frame: &MapFrame, screen: &Screen) -> Vec<Group> {
     let edges = shown(screen, map_frame.raster.window);
     let fades = if edges.len() < MAX_EDGES { 1 } else { FADES };
     let chunk = edges.len().div_ceil(fades).max(1);
-    let [walked, failed, _] = screen.theme.edges;
-    // The nearest go on top, and failed ones over walked ones; each kind is blended with the ground only once.
+    let mut groups = Vec::new();
     for (n, edges) in edges.chunks(chunk).enumerate().collect::<Vec<_>>().into_iter().rev() {
         let fade = 1.0 - (1.0 - LEAST_OPACITY) * n as f32 / fades as f32;
-        for (status, rgb, opacity, mark) in
-            [(EdgeStatus::Confirmed, walked, WALKED_OPACITY, '='), (EdgeStatus::Demoted, failed, FAILED_OPACITY, 'x')]
-        {
+        for (status, opacity) in [(EdgeStatus::Confirmed, WALKED_OPACITY), (EdgeStatus::Demoted, FAILED_OPACITY)] {
             let own = edges.iter().filter(|(_, own)| *own == status).map(|(ends, _)| *ends);
-            canvas.lines(map_frame, own, (rgb, fade * opacity, mark));
+            groups.push((status, fade * opacity, own.collect()));
         }
     }
+    groups
 }
 
 /// Returns the walked and failed edges within `window` (left, top, width, height) that are nearest to the cursor, the

@@ -55,7 +55,10 @@ fn cell_facts(screen: &Screen) -> Line<'static> {
 
 /// Says how many cells a dot of the map shows, if it shows several: at length, and in short.
 fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> [String; 2] {
-    let cells = layout.map.as_ref().map_or(0.0, |map| map.raster.cells_per_pixel());
+    let cells = layout.map.as_ref().map_or(0.0, |map| match screen.picture_character() {
+        Some(character) => 1.0 / (map.scale() * f32::from(character.0)),
+        None => map.raster.cells_per_pixel(),
+    });
     let short = format!(", 1 dot = {cells:.1} cells");
     let key = screen.keymap.key_of(Action::ZoomIn);
     if cells > 1.01 { [format!("{short}: {key} zooms in"), short] } else { Default::default() }

@@ -7,11 +7,13 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
 use super::edges;
+use super::picture::{self, PictureCache};
 use super::unexplored::Unexplored;
 use crate::map::Grid;
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, WALL_MARK, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
+use crate::tui::graphics::Picture;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
@@ -38,9 +40,14 @@ const TRAIL_MARK: char = '\u{b7}';
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
     let Some(map_frame) = MapFrame::fit(area, &screen.maze.map, screen.marker, screen.maze.viewport) else { return };
     layout.map = Some(map_frame.clone());
-    let before = cache.0.take();
+    if let Some(pictures) = &mut cache.pictures
+        && let Some(character) = screen.picture_character()
+    {
+        return picture::draw(frame, &map_frame, character, screen, layout, pictures);
+    }
+    let before = cache.base.take();
     let interval = before.as_ref().and_then(|base| base.contour_interval);
-    let base = before.filter(|base| base.shows(&map_frame, screen));
+    let base = before.filter(|base| base.key.is_current(&map_frame, screen));
     let base = base.unwrap_or_else(|| Base::new(&map_frame, interval, screen));
     layout.contour_interval = base.contour_interval;
     let mut canvas = base.canvas.clone();
@@ -52,23 +59,92 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let labels = base.labels.iter().filter(|label| !is_covered(label, &canvas, &map_frame, &screen.theme));
     let mut glyphs = Glyphs { map_frame: &map_frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     draw_symbols(&mut glyphs, labels.collect(), screen);
-    cache.0 = Some(base);
+    cache.base = Some(base);
 }
 
 /// The part of the map that later frames can reuse.
 #[derive(Default)]
-pub struct Cache(Option<Base>);
+pub struct Cache {
+    base: Option<Base>,
+    /// The map as a picture, where the terminal is sent pictures.
+    pictures: Option<PictureCache>,
+}
 
-/// Map and field only, which change far less often than what moves on them.
-#[derive(Clone)]
-struct Base {
+impl Cache {
+    /// Creates a cache for frames that go to a terminal: it is sent pictures if it shows them.
+    pub fn with_pictures() -> Self {
+        Self { pictures: Some(PictureCache::default()), ..Self::default() }
+    }
+
+    /// Begins a frame: no picture has been drawn yet.
+    pub fn begin(&mut self) {
+        self.pictures.iter_mut().for_each(PictureCache::begin);
+    }
+
+    /// Returns the picture that belongs to the frame, if there is one.
+    pub fn picture(&self) -> Option<&Picture> {
+        self.pictures.as_ref().and_then(PictureCache::shown)
+    }
+}
+
+/// What map and field are drawn from.
+pub(super) struct Key {
     map_frame: MapFrame,
     theme: ThemeName,
     overlays: Overlays,
     map: Arc<Grid>,
-    field: Option<Arc<Vec<f32>>>,
+    /// The field, if it has been computed.
+    pub(super) field: Option<Arc<Vec<f32>>>,
     exploration: Arc<Exploration>,
     cut_off: Arc<Vec<bool>>,
+}
+
+impl Key {
+    pub(super) fn new(map_frame: &MapFrame, screen: &Screen) -> Self {
+        Self {
+            map_frame: map_frame.clone(),
+            theme: screen.theme.name,
+            overlays: screen.overlays,
+            map: screen.maze.map.clone(),
+            field: Self::field_on(&map_frame.raster, screen).cloned(),
+            exploration: screen.maze.view.exploration.clone(),
+            cut_off: screen.maze.view.cut_off.clone(),
+        }
+    }
+
+    /// Returns whether two pictures show the same part of the same map.
+    pub(super) fn same_place(&self, other: &Self) -> bool {
+        self.map_frame == other.map_frame && Arc::ptr_eq(&self.map, &other.map)
+    }
+
+    /// Returns whether they do so in the same style.
+    pub(super) fn same_style(&self, other: &Self) -> bool {
+        self.same_place(other) && self.theme == other.theme && self.overlays == other.overlays
+    }
+
+    /// Returns the field for `raster`, if it has been computed.
+    fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
+        (screen.maze.view.raster == Some(*raster) && screen.maze.view.kind == screen.field)
+            .then_some(&screen.maze.view.field)
+    }
+
+    /// Returns whether what has been drawn from this is still up to date.
+    pub(super) fn is_current(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+        let same_field = match (&self.field, Self::field_on(&map_frame.raster, screen)) {
+            (Some(own), Some(now)) => Arc::ptr_eq(own, now),
+            (own, now) => own.is_none() && now.is_none(),
+        };
+        let same_map = Arc::ptr_eq(&self.map, &screen.maze.map);
+        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
+            && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
+        let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
+        self.map_frame == *map_frame && same_field && same_map && same_exploration && same_style
+    }
+}
+
+/// Map and field only, which change far less often than what moves on them.
+struct Base {
+    key: Key,
     canvas: Canvas,
     /// The canvas as characters.
     painted: Buffer,
@@ -85,53 +161,21 @@ impl Base {
         let grounds: Vec<Ground> =
             (0..canvas.len()).map(|i| map_frame.raster.ground(&screen.maze.map, i % columns, i / columns)).collect();
         terrain(&mut canvas, &grounds, &screen.theme);
-        let field = Self::field_on(&map_frame.raster, screen).cloned();
+        let key = Key::new(map_frame, screen);
         let unexplored = Unexplored::new(&grounds, screen);
         let (mut contour_interval, mut labels) = (None, Vec::new());
-        if let Some(field) = &field {
+        if let Some(field) = &key.field {
             colour(&mut canvas, field, screen);
             if screen.field.is_distance() && screen.overlays.has(Overlay::Contours) {
                 let open = open_field(field, &grounds, &unexplored);
-                contour_interval = contours::interval(&[(&open, columns)], before);
+                contour_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
                 labels = draw_contours(&mut canvas, map_frame, (&open, contour_interval), screen);
             }
         }
         unexplored.draw(&mut canvas, map_frame, screen);
-        let exploration = screen.maze.view.exploration.clone();
         let mut painted = Buffer::empty(map_frame.area);
         canvas.paint(&mut painted, map_frame, &screen.theme);
-        Self {
-            painted,
-            map_frame: map_frame.clone(),
-            theme: screen.theme.name,
-            overlays: screen.overlays,
-            map: screen.maze.map.clone(),
-            field,
-            exploration,
-            cut_off: screen.maze.view.cut_off.clone(),
-            canvas,
-            contour_interval,
-            labels,
-        }
-    }
-
-    /// Returns the field for `raster`, if it has been computed.
-    fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
-        (screen.maze.view.raster == Some(*raster) && screen.maze.view.kind == screen.field)
-            .then_some(&screen.maze.view.field)
-    }
-
-    /// Returns whether this is still up to date.
-    fn shows(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
-        let same_field = match (&self.field, Self::field_on(&map_frame.raster, screen)) {
-            (Some(own), Some(now)) => Arc::ptr_eq(own, now),
-            (own, now) => own.is_none() && now.is_none(),
-        };
-        let same_map = Arc::ptr_eq(&self.map, &screen.maze.map);
-        let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
-            && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
-        let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.map_frame == *map_frame && same_field && same_map && same_exploration && same_style
+        Self { key, canvas, painted, contour_interval, labels }
     }
 }
 
@@ -178,7 +222,7 @@ fn colour(canvas: &mut Canvas, field: &[f32], screen: &Screen) {
 
 /// Returns the field where contour lines may be: they would follow the walls that cross pixels, as distances differ on both
 /// sides, and mean nothing where values do not.
-fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) -> Vec<f32> {
+pub(super) fn open_field(field: &[f32], grounds: &[Ground], unexplored: &Unexplored) -> Vec<f32> {
     let is_open = |i: usize| matches!(grounds[i], Ground::Free(_)) && !unexplored.hides(i);
     field.iter().enumerate().map(|(i, value)| if is_open(i) { *value } else { f32::NAN }).collect()
 }

@@ -10,20 +10,20 @@ use crate::view::{Field, Ground};
 
 /// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and what lies beyond), and
 /// hatched ones into that of walls.
-const POCKET_FADE: f32 = 0.35;
-const FADE: f32 = 0.7;
+pub(super) const POCKET_FADE: f32 = 0.35;
+pub(super) const FADE: f32 = 0.7;
 
 /// How far cells from which no path leads to the goal fade into the colour of walls, on their hatching and between.
-const CUT_OFF_FADES: [f32; 2] = [0.75, 0.35];
+pub(super) const CUT_OFF_FADES: [f32; 2] = [0.75, 0.35];
 
-const HATCH: f32 = 0.5;
+pub(super) const HATCH: f32 = 0.5;
 
 /// Pixels between two lines of hatching with colours, and characters between two signs without.
 const HATCH_SPACING: usize = 4;
 const MONO_HATCH_SPACING: usize = 8;
 
 /// How strongly the edge is tinted.
-const TINT: f32 = 0.65;
+pub(super) const TINT: f32 = 0.65;
 
 /// What the agents know of the cell that each pixel shows; all of it if that is not shown.
 pub struct Unexplored {

@@ -1,0 +1,164 @@
+//! Patches of pictures as bytes for the terminal.
+
+use std::io::Write;
+
+use base64::Engine;
+use base64::engine::general_purpose::STANDARD;
+use ratatui::layout::{Position, Rect};
+
+use super::Protocol;
+use super::sixel::Palette;
+
+/// The most bytes of a picture in one of kitty's escape sequences.
+const KITTY_CHUNK_BYTES: usize = 4096;
+
+/// The order of kitty pictures among text: above it, as there is none below them.
+const KITTY_LAYER: i32 = 1;
+
+/// Writes patches, and remembers the colours they have.
+pub struct Encoder {
+    protocol: Protocol,
+    /// Of sixel pictures.
+    palette: Palette,
+}
+
+impl Encoder {
+    /// Creates an encoder.
+    pub fn new(protocol: Protocol) -> Self {
+        Self { protocol, palette: Palette::default() }
+    }
+
+    /// Returns how the terminal is sent pictures.
+    pub fn protocol(&self) -> Protocol {
+        self.protocol
+    }
+
+    /// Chooses colours for a picture (red, green, blue and one more byte, pixel by pixel) if the protocol has few of them
+    /// and the present ones do not fit; returns whether they have changed.
+    pub fn adapt(&mut self, pixels: &[u8]) -> bool {
+        self.protocol == Protocol::Sixel && self.palette.adapt(pixels)
+    }
+
+    /// Writes a patch at its place: `pixels` are red, green, blue and one more byte, row by row.
+    ///
+    /// # Errors
+    /// Errors of the PNG encoder.
+    pub fn patch(&mut self, out: &mut Vec<u8>, area: Rect, pixels: &[u8], size: (u32, u32)) -> std::io::Result<()> {
+        write!(out, "\x1b[{};{}H", area.y + 1, area.x + 1)?;
+        match self.protocol {
+            Protocol::Kitty => kitty(out, area, &STANDARD.encode(png(pixels, size)?)),
+            Protocol::Iterm2 => {
+                let data = png(pixels, size)?;
+                let (columns, rows) = (area.width, area.height);
+                write!(out, "\x1b]1337;File=inline=1;size={};width={columns};height={rows};", data.len())?;
+                write!(out, "preserveAspectRatio=0;doNotMoveCursor=1:{}\x07", STANDARD.encode(data))
+            }
+            Protocol::Sixel => self.palette.encode(out, pixels, size),
+        }
+    }
+
+    /// Deletes a patch of which nothing may be left. In other protocols than kitty's, text replaces pictures.
+    pub fn delete(&self, out: &mut Vec<u8>, at: Position) {
+        if self.protocol == Protocol::Kitty {
+            out.extend(format!("\x1b_Ga=d,d=I,i={},q=2\x1b\\", kitty_id(at)).bytes());
+        }
+    }
+}
+
+/// Writes a picture, a PNG file in base64, at the cursor.
+fn kitty(out: &mut Vec<u8>, area: Rect, data: &str) -> std::io::Result<()> {
+    let (id, columns, rows) = (kitty_id(area.as_position()), area.width, area.height);
+    // Replaces the picture of the same number; q=2 asks for no answer, C=1 leaves the cursor where it is.
+    let mut head = format!("a=T,f=100,i={id},p=1,q=2,C=1,c={columns},r={rows},z={KITTY_LAYER},");
+    let mut chunks = data.as_bytes().chunks(KITTY_CHUNK_BYTES).peekable();
+    while let Some(chunk) = chunks.next() {
+        write!(out, "\x1b_G{head}m={};", u8::from(chunks.peek().is_some()))?;
+        out.write_all(chunk)?;
+        out.write_all(b"\x1b\\")?;
+        "q=2,".clone_into(&mut head);
+    }
+    Ok(())
+}
+
+/// Deletes all pictures of the screen shown, which is the program's own.
+pub const DELETE_ALL: &[u8] = b"\x1b_Ga=d,d=A,q=2\x1b\\";
+
+/// Returns a number of its own for the patch whose upper left character is at `at`.
+fn kitty_id(at: Position) -> u32 {
+    // Not the lowest ones, which other programs are likely to use.
+    0x0100_0000 + (u32::from(at.y) << 12 | u32::from(at.x))
+}
+
+/// Encodes pixels as a PNG file, as fast as possible.
+fn png(pixels: &[u8], (width, height): (u32, u32)) -> std::io::Result<Vec<u8>> {
+    let (pixels, _) = pixels.as_chunks::<4>();
+    let mut colours = vec![0; 3 * pixels.len()];
+    colours.as_chunks_mut::<3>().0.iter_mut().zip(pixels).for_each(|(to, [r, g, b, _])| *to = [*r, *g, *b]);
+    let mut file = Vec::with_capacity(colours.len() / 2);
+    let mut encoder = png::Encoder::new(&mut file, width, height);
+    encoder.set_color(png::ColorType::Rgb);
+    encoder.set_depth(png::BitDepth::Eight);
+    encoder.set_compression(png::Compression::Fastest);
+    encoder.set_filter(png::Filter::Up);
+    let mut writer = encoder.write_header()?;
+    writer.write_image_data(&colours)?;
+    writer.finish()?;
+    Ok(file)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const AREA: Rect = Rect::new(3, 4, 40, 2);
+
+    fn encoded(protocol: Protocol) -> String {
+        // Noise, which cannot be compressed.
+        let mut random = 1_u32;
+        let noise = (0..4 * 80 * 40).map(|_| {
+            random = random.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (random >> 24) as u8
+        });
+        let mut out = Vec::new();
+        Encoder::new(protocol).patch(&mut out, AREA, &noise.collect::<Vec<u8>>(), (80, 40)).expect("encoded");
+        String::from_utf8(out).expect("text")
+    }
+
+    fn decoded(base64: &str) -> (u32, u32) {
+        let file = STANDARD.decode(base64).expect("base64");
+        let reader = png::Decoder::new(std::io::Cursor::new(file)).read_info().expect("a picture");
+        reader.info().size()
+    }
+
+    #[test]
+    fn kitty_gets_a_whole_picture_in_chunks() {
+        let text = encoded(Protocol::Kitty);
+        let chunks: Vec<&str> = text.split("\x1b_G").collect();
+        assert_eq!(chunks[0], "\x1b[5;4H", "row and column count from 1");
+        assert!(chunks.len() > 2 && chunks[1].contains("c=40,r=2") && chunks[1].contains("m=1;"));
+        let last = chunks[chunks.len() - 1];
+        assert!(last.starts_with("q=2,m=0;"), "{last}");
+        let data: String =
+            chunks[1..].iter().map(|c| c.split_once(';').expect("data").1.trim_end_matches("\x1b\\")).collect();
+        assert_eq!(decoded(&data), (80, 40));
+        assert!(chunks[1..].iter().all(|chunk| chunk.len() < KITTY_CHUNK_BYTES + 100));
+    }
+
+    #[test]
+    fn iterm2_gets_a_picture_of_its_size_in_characters() {
+        let text = encoded(Protocol::Iterm2);
+        let (head, data) = text.trim_end_matches('\x07').split_once(':').expect("data");
+        assert!(head.starts_with("\x1b[5;4H\x1b]1337;File=inline=1;") && head.contains("width=40;height=2;"), "{head}");
+        assert_eq!(decoded(data), (80, 40));
+    }
+
+    #[test]
+    fn a_patch_is_deleted_under_the_number_it_was_sent_with() {
+        let mut out = Vec::new();
+        Encoder::new(Protocol::Kitty).delete(&mut out, AREA.as_position());
+        let id = format!("i={},", kitty_id(AREA.as_position()));
+        assert!(String::from_utf8_lossy(&out).contains(&id) && encoded(Protocol::Kitty).contains(&id));
+        let ids = [(0, 1), (1, 0), (1, 1), (999, 499)].map(|(x, y)| kitty_id(Position::new(x, y)));
+        assert!((0..4).all(|i| !ids[..i].contains(&ids[i])), "{ids:?}");
+    }
+}

@@ -1,0 +1,312 @@
+//! What pictures are on the screen, and what has to be sent to show others.
+//!
+//! A picture is cut into patches, rectangles of whole characters, around the text that lies over it. Only patches that
+//! differ from what the terminal shows are sent.
+
+use std::time::{Duration, Instant};
+
+use ratatui::buffer::Buffer;
+use ratatui::layout::{Position, Rect};
+
+use super::encode::Encoder;
+use super::{Graphics, Picture, Protocol};
+
+/// Columns and rows of a whole patch: small, since little moves from frame to frame.
+const PATCH: (u16, u16) = (8, 4);
+
+/// Of sixels, xterm keeps 16 pictures of at most 1000 x 1000 pixels: a picture is cut into at most so many patches, at
+/// most so wide.
+const SIXEL_PATCHES: u16 = 12;
+const SIXEL_PIXELS: u16 = 1000;
+
+/// After drawing and sending a picture, the next one waits for this multiple of the time that it took, but not longer
+/// than [`LONGEST_REST`]: so long that training, if it runs, loses less than 5 % of its speed; and otherwise so that a slow
+/// terminal is not sent more than it can read.
+const REST_FACTOR: u32 = 1;
+const TRAINING_REST_FACTOR: u32 = 12;
+const LONGEST_REST: Duration = Duration::from_secs(1);
+
+/// A patch on the screen.
+struct Patch {
+    area: Rect,
+    /// Red, green, blue and one more byte, row by row.
+    pixels: Vec<u8>,
+}
+
+/// The pictures on the screen.
+pub struct Patches {
+    encoder: Encoder,
+    shown: Vec<Patch>,
+    /// When the terminal may be sent pictures again that have merely changed.
+    resting_until: Option<Instant>,
+    /// Whether what is shown is out of date.
+    is_behind: bool,
+    /// The size of the latest update.
+    bytes: usize,
+}
+
+impl Patches {
+    /// Creates the patches of a screen without pictures.
+    pub fn new(protocol: Protocol) -> Self {
+        Self { encoder: Encoder::new(protocol), shown: Vec::new(), resting_until: None, is_behind: false, bytes: 0 }
+    }
+
+    /// Forgets what is on the screen: it has been cleared.
+    pub fn forget(&mut self) {
+        self.shown.clear();
+    }
+
+    /// Whether something has been left out because the terminal could not follow.
+    pub fn is_behind(&self) -> bool {
+        self.is_behind
+    }
+
+    /// Has pictures stay as they are for a while: the latest ones took some time to draw, and the terminal to read.
+    pub fn rest(&mut self, took: Duration, is_training: bool) {
+        let factor = if is_training { TRAINING_REST_FACTOR } else { REST_FACTOR };
+        self.resting_until = Some(Instant::now() + LONGEST_REST.min(factor * took));
+    }
+
+    /// Whether pictures stay as they are.
+    pub fn is_resting(&self) -> bool {
+        self.resting_until.is_some_and(|until| Instant::now() < until)
+    }
+
+    /// Has pictures follow what they show again.
+    pub fn wake(&mut self) {
+        self.resting_until = None;
+    }
+
+    /// Returns the bytes that show `pictures` where `screen` reserves places for them, and nowhere else.
+    ///
+    /// # Errors
+    /// Errors of the encoder.
+    pub fn update(&mut self, pictures: &[&Picture], screen: &Buffer, graphics: Graphics) -> std::io::Result<Vec<u8>> {
+        let mut out = Vec::with_capacity(self.bytes);
+        let is_resting = self.is_resting();
+        let mut before = std::mem::take(&mut self.shown);
+        let wanted: Vec<(Rect, &Picture)> = pictures
+            .iter()
+            .flat_map(|picture| cut(picture, screen, graphics).into_iter().map(move |area| (area, *picture)))
+            .collect();
+        let is_new = |area: &Rect| !before.iter().any(|patch| patch.area == *area);
+        // What is gone goes first: a patch in its place may have the same number.
+        before.iter().filter(|patch| !wanted.iter().any(|(area, _)| *area == patch.area)).for_each(|patch| {
+            self.encoder.delete(&mut out, patch.area.as_position());
+        });
+        self.is_behind = false;
+        if is_resting && !wanted.iter().any(|(area, _)| is_new(area)) {
+            before.retain(|patch| wanted.iter().any(|(area, _)| *area == patch.area));
+            self.is_behind = !wanted.is_empty();
+            self.shown = before;
+            return Ok(out);
+        }
+        let mut other_colours = false;
+        for picture in pictures {
+            other_colours |= self.encoder.adapt(picture.pixmap.data());
+        }
+        for (area, picture) in wanted {
+            let part = Part::of(picture, area, graphics);
+            let at = before.iter().position(|patch| patch.area == area);
+            let mut patch = at.map_or_else(|| Patch { area, pixels: Vec::new() }, |at| before.swap_remove(at));
+            if other_colours || !part.rows().eq(patch.pixels.chunks(4 * part.width)) {
+                patch.pixels.clear();
+                part.rows().for_each(|row| patch.pixels.extend(row));
+                self.encoder.patch(&mut out, area, &patch.pixels, (part.width as u32, part.height as u32))?;
+            }
+            self.shown.push(patch);
+        }
+        // Space for the next one.
+        self.bytes = out.len() + out.len() / 4;
+        Ok(out)
+    }
+
+    /// Returns the bytes that delete all pictures, before the screen is left or cleared.
+    pub fn clear(&mut self) -> &'static [u8] {
+        self.shown.clear();
+        if self.encoder.protocol() == Protocol::Kitty { super::encode::DELETE_ALL } else { b"" }
+    }
+}
+
+/// Cuts a picture into patches: a grid, with holes where text is.
+fn cut(picture: &Picture, screen: &Buffer, graphics: Graphics) -> Vec<Rect> {
+    let area = picture.area.intersection(screen.area);
+    let (width, height) = patch_size(area, graphics);
+    let starts = |from: u16, to: u16, step: u16| (from..to).step_by(usize::from(step));
+    let mut patches = Vec::new();
+    for y in starts(area.y, area.bottom(), height) {
+        for x in starts(area.x, area.right(), width) {
+            free_parts(Rect::new(x, y, width, height).intersection(area), screen, &mut patches);
+        }
+    }
+    patches
+}
+
+/// Returns the columns and rows of a whole patch.
+fn patch_size(area: Rect, graphics: Graphics) -> (u16, u16) {
+    if graphics.protocol != Protocol::Sixel {
+        return PATCH;
+    }
+    let (across, down) = graphics.character;
+    let columns = (SIXEL_PIXELS / across).clamp(1, area.width.max(1));
+    let beside = area.width.div_ceil(columns).max(1);
+    let rows = area.height.div_ceil((SIXEL_PATCHES / beside).max(1)).clamp(1, (SIXEL_PIXELS / down).max(1));
+    // Equally wide ones.
+    (area.width.div_ceil(beside).max(1), rows)
+}
+
+/// Adds the parts of `area` without text: all of it, or what is above, beside and below, and between.
+fn free_parts(area: Rect, screen: &Buffer, parts: &mut Vec<Rect>) {
+    let is_text = |at: &Position| !Picture::owns(&screen[*at]);
+    let text = area.positions().filter(is_text).map(|at| Rect::new(at.x, at.y, 1, 1)).reduce(Rect::union);
+    let Some(text) = text else { return parts.push(area) };
+    let (left, right) = (text.x, text.right());
+    let above = Rect { height: text.y - area.y, ..area };
+    let below = Rect { y: text.bottom(), height: area.bottom() - text.bottom(), ..area };
+    let before = Rect { width: left - area.x, x: area.x, ..text };
+    let after = Rect { x: right, width: area.right() - right, ..text };
+    parts.extend([above, before, after, below].into_iter().filter(|part| !part.is_empty()));
+    for y in text.y..text.bottom() {
+        let is_free = |x: &u16| Picture::owns(&screen[(*x, y)]);
+        let row: Vec<u16> = (left..right).filter(is_free).collect();
+        parts.extend(row.chunk_by(|a, b| a + 1 == *b).map(|run| Rect::new(run[0], y, run.len() as u16, 1)));
+    }
+}
+
+/// A part of a picture.
+struct Part<'a> {
+    picture: &'a Picture,
+    left: usize,
+    top: usize,
+    /// In pixels.
+    width: usize,
+    height: usize,
+}
+
+impl<'a> Part<'a> {
+    /// Returns the part in the place of the characters of `area`.
+    fn of(picture: &'a Picture, area: Rect, graphics: Graphics) -> Self {
+        let (across, down) = (usize::from(graphics.character.0), usize::from(graphics.character.1));
+        let [left, top] = [area.x - picture.area.x, area.y - picture.area.y].map(usize::from);
+        let (width, height) = (usize::from(area.width) * across, usize::from(area.height) * down);
+        Self { picture, left: left * across, top: top * down, width, height }
+    }
+
+    /// Returns the rows, four bytes a pixel.
+    fn rows(&self) -> impl Iterator<Item = &'a [u8]> + use<'a> {
+        let (data, columns) = (self.picture.pixmap.data(), self.picture.pixmap.width() as usize);
+        let (left, width) = (self.left, self.width);
+        (self.top..self.top + self.height).map(move |row| {
+            let from = row * columns + left;
+            &data[4 * from..4 * (from + width)]
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use ratatui::style::Style;
+    use tiny_skia::{Color, Pixmap};
+
+    use super::*;
+
+    const KITTY: Graphics = Graphics { protocol: Protocol::Kitty, character: (4, 8) };
+    const SCREEN: Rect = Rect::new(0, 0, 60, 30);
+    const AREA: Rect = Rect::new(2, 1, 40, 20);
+
+    fn picture(area: Rect, (across, down): (u16, u16)) -> Picture {
+        let mut pixmap = Pixmap::new(u32::from(area.width * across), u32::from(area.height * down)).expect("a size");
+        pixmap.fill(Color::BLACK);
+        Picture { area, pixmap }
+    }
+
+    fn screen(pictures: &[&Picture]) -> Buffer {
+        let mut screen = Buffer::empty(SCREEN);
+        pictures.iter().for_each(|picture| Picture::reserve(picture.area, &mut screen));
+        screen
+    }
+
+    /// Returns what is on the screen: how many patches cover each character.
+    fn covered(patches: &Patches) -> Vec<u32> {
+        let of = |at: Position| patches.shown.iter().filter(|patch| patch.area.contains(at)).count() as u32;
+        SCREEN.positions().map(of).collect()
+    }
+
+    fn sent(patches: &mut Patches, pictures: &[&Picture], screen: &Buffer) -> String {
+        String::from_utf8(patches.update(pictures, screen, KITTY).expect("encoded")).expect("text")
+    }
+
+    #[test]
+    fn a_picture_is_covered_once_and_sent_once() {
+        let (picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let screen = screen(&[&picture]);
+        assert_eq!(sent(&mut patches, &[&picture], &screen).matches("a=T").count(), 25, "five by five");
+        let expected: Vec<u32> = SCREEN.positions().map(|at| u32::from(AREA.contains(at))).collect();
+        assert_eq!(covered(&patches), expected);
+        assert_eq!(sent(&mut patches, &[&picture], &screen), "", "nothing has changed");
+        patches.forget();
+        assert_eq!(sent(&mut patches, &[&picture], &screen).matches("a=T").count(), 25);
+    }
+
+    #[test]
+    fn only_what_has_changed_is_sent() {
+        let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let screen = screen(&[&picture]);
+        sent(&mut patches, &[&picture], &screen);
+        // In the patch in the middle.
+        let at = 4 * (80 * 160 + 80);
+        picture.pixmap.data_mut()[at] = 255;
+        let text = sent(&mut patches, &[&picture], &screen);
+        assert_eq!((text.matches("a=T").count(), text.matches("a=d").count()), (1, 0));
+        assert!(text.starts_with("\x1b[10;19H"), "{text}");
+    }
+
+    #[test]
+    fn text_over_a_picture_wins() {
+        let (picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let mut with_text = screen(&[&picture]);
+        sent(&mut patches, &[&picture], &with_text);
+        // Even blanks, such as those of a dialog.
+        with_text.set_string(10, 5, "hello", Style::new());
+        with_text[(30, 12)].reset();
+        with_text[(20, 6)].reset();
+        let text = sent(&mut patches, &[&picture], &with_text);
+        assert_eq!(text.matches("a=d").count(), 3, "the patches below the text");
+        let is_text =
+            |at: Position| at.y == 5 && (10..15).contains(&at.x) || [(30, 12), (20, 6)].contains(&(at.x, at.y));
+        let expected: Vec<u32> = SCREEN.positions().map(|at| u32::from(AREA.contains(at) && !is_text(at))).collect();
+        assert_eq!(covered(&patches), expected);
+        // Without text, all of it is back, and without pictures, nothing is left.
+        sent(&mut patches, &[&picture], &screen(&[&picture]));
+        assert_eq!(covered(&patches).iter().sum::<u32>(), AREA.area());
+        let text = sent(&mut patches, &[], &Buffer::empty(SCREEN));
+        assert_eq!((text.matches("a=d").count(), covered(&patches).iter().sum::<u32>()), (25, 0));
+    }
+
+    #[test]
+    fn a_terminal_that_cannot_follow_is_sent_less_but_no_text_is_hidden() {
+        let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
+        let mut screen = screen(&[&picture]);
+        sent(&mut patches, &[&picture], &screen);
+        patches.rest(Duration::from_mins(1), false);
+        picture.pixmap.data_mut()[0] = 255;
+        assert_eq!(sent(&mut patches, &[&picture], &screen), "");
+        assert!(patches.is_behind());
+        screen.set_string(3, 2, "text", Style::new());
+        assert!(sent(&mut patches, &[&picture], &screen).contains("a=d"));
+        assert!(!patches.is_behind());
+    }
+
+    #[test]
+    fn xterm_has_room_for_all_patches() {
+        for (width, height, character) in [(114, 57, (10, 20)), (60, 20, (6, 13)), (300, 90, (8, 16)), (1, 1, (9, 18))]
+        {
+            let graphics = Graphics { protocol: Protocol::Sixel, character };
+            let area = Rect::new(0, 0, width, height);
+            let (columns, rows) = patch_size(area, graphics);
+            let count = width.div_ceil(columns) * height.div_ceil(rows);
+            assert!(count <= SIXEL_PATCHES, "{count} patches of {columns} x {rows}");
+            assert!(columns * character.0 <= SIXEL_PIXELS && rows * character.1 <= SIXEL_PIXELS);
+        }
+    }
+}

@@ -1,0 +1,363 @@
+//! The map as a picture, in the pixels of the terminal: ground and contour lines in `ground` and `contours`, which change
+//! far less often than what moves on them.
+
+mod contours;
+mod ground;
+
+use std::sync::Arc;
+
+use ratatui::Frame;
+
+use super::edges;
+use super::map::{Key, open_field};
+use super::unexplored::Unexplored;
+use crate::bridge::EdgeStatus;
+use crate::tui::contours as intervals;
+use crate::tui::graphics::Picture;
+use crate::tui::layers::Overlay;
+use crate::tui::layout::ScreenLayout;
+use crate::tui::raster::MapFrame;
+use crate::tui::screen::Screen;
+use crate::tui::sheet::{Ink, Sheet};
+use crate::tui::theme::{Rgb, contour, ink};
+use crate::view::Ground;
+use ground::Scale;
+
+/// How far apart contour lines are on average, at least, in pixels of the field: half as far as in characters.
+const CONTOUR_SPACING: f32 = 3.0;
+
+/// Positions of a trail farther apart than this, in cells, are not connected: the agent began anew.
+const LONGEST_STEP: f32 = 3.0;
+
+/// Black around what is drawn, so that it stands out on any ground.
+const SHADOW: Rgb = (0, 0, 0);
+
+/// What the next frame can reuse.
+#[derive(Default)]
+pub struct PictureCache {
+    base: Option<Base>,
+    picture: Option<Picture>,
+    /// Whether the picture is on the screen.
+    is_shown: bool,
+}
+
+impl PictureCache {
+    /// Begins a frame: no picture has been drawn yet.
+    pub fn begin(&mut self) {
+        self.is_shown = false;
+    }
+
+    /// Returns whether the latest picture can stay for a while: it shows the same part of the same map in the same style.
+    fn is_up_to_date_enough(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
+        let is = |base: &Base| base.size() == size && base.key.same_style(&Key::new(map_frame, screen));
+        self.picture.is_some() && self.base.as_ref().is_some_and(is)
+    }
+
+    /// Returns the picture, if it is on the screen.
+    pub fn shown(&self) -> Option<&Picture> {
+        self.picture.as_ref().filter(|_| self.is_shown)
+    }
+}
+
+/// Map and field only.
+struct Base {
+    key: Key,
+    directions: Arc<Vec<([f32; 2], [f32; 2])>>,
+    /// What each value of the field belongs to.
+    grounds: Vec<Ground>,
+    sheet: Sheet,
+    /// Steps between two contour lines, if they are drawn.
+    contour_interval: Option<f32>,
+}
+
+/// Draws the map and everything on it, in characters of so many pixels.
+pub fn draw(
+    frame: &mut Frame,
+    map_frame: &MapFrame,
+    character: (u16, u16),
+    screen: &Screen,
+    layout: &mut ScreenLayout,
+    cache: &mut PictureCache,
+) {
+    let area = map_frame.area;
+    let size = (u32::from(area.width) * u32::from(character.0), u32::from(area.height) * u32::from(character.1));
+    if screen.pictures_rest && cache.is_up_to_date_enough(map_frame, size, screen) {
+        Picture::reserve(area, frame.buffer_mut());
+        layout.contour_interval = cache.base.as_ref().and_then(|base| base.contour_interval);
+        cache.is_shown = true;
+        return;
+    }
+    let scale = Scale::new(map_frame.raster.window, size, character);
+    let base = match cache.base.take() {
+        Some(base) if base.shows(map_frame, size, screen) => Some(base),
+        before => Base::new(map_frame, &scale, before, screen),
+    };
+    let Some(base) = base else { return };
+    layout.contour_interval = base.contour_interval;
+    let mut drawn =
+        match cache.picture.take().filter(|picture| picture.pixmap.data().len() == base.sheet.0.data().len()) {
+            Some(picture) => {
+                let mut sheet = Sheet(picture.pixmap);
+                sheet.0.data_mut().copy_from_slice(base.sheet.0.data());
+                sheet
+            }
+            None => base.sheet.clone(),
+        };
+    Moving { sheet: &mut drawn, scale: &scale, screen }.draw(map_frame);
+    Picture::reserve(area, frame.buffer_mut());
+    *cache = PictureCache { base: Some(base), picture: Some(Picture { area, pixmap: drawn.0 }), is_shown: true };
+}
+
+impl Base {
+    /// Draws map and field, with contour lines at the same interval as `before` if possible; `None` without memory.
+    fn new(map_frame: &MapFrame, scale: &Scale, before: Option<Self>, screen: &Screen) -> Option<Self> {
+        let key = Key::new(map_frame, screen);
+        let (columns, rows) = map_frame.raster.pixels;
+        let map = &screen.maze.map;
+        let interval = before.as_ref().and_then(|before| before.contour_interval);
+        let (grounds, sheet) = match before {
+            Some(Self { key: own, grounds, sheet, .. }) => {
+                (Some(grounds).filter(|_| key.same_place(&own)), Some(sheet))
+            }
+            None => (None, None),
+        };
+        let ground = |i: usize| map_frame.raster.ground(map, i % columns, i / columns);
+        let grounds = grounds.unwrap_or_else(|| (0..columns * rows).map(ground).collect());
+        // All of it is drawn over.
+        let sheet = sheet.filter(|sheet: &Sheet| (sheet.0.width(), sheet.0.height()) == scale.size);
+        let mut sheet = sheet.or_else(|| Sheet::new(scale.size))?;
+        ground::draw(&mut sheet, scale, (key.field.as_deref().map(Vec::as_slice), columns), screen);
+        let mut contour_interval = None;
+        if let Some(field) =
+            key.field.as_ref().filter(|_| screen.field.is_distance() && screen.overlays.has(Overlay::Contours))
+        {
+            let open = open_field(field, &grounds, &Unexplored::new(&grounds, screen));
+            contour_interval = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
+            if let Some(interval) = contour_interval {
+                contours::draw(&mut sheet, scale, (&open, columns, &grounds), interval, screen);
+            }
+        }
+        ground::draw_walls(&mut sheet, scale, screen);
+        ground::draw_edge(&mut sheet, scale, screen);
+        if screen.overlays.has(Overlay::Directions) {
+            draw_directions(&mut sheet, scale, screen);
+        }
+        let directions = screen.maze.view.directions.clone();
+        Some(Self { key, directions, grounds, sheet, contour_interval })
+    }
+
+    /// Returns the columns and rows of pixels.
+    fn size(&self) -> (u32, u32) {
+        (self.sheet.0.width(), self.sheet.0.height())
+    }
+
+    /// Returns whether this is still up to date.
+    fn shows(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
+        let same_directions = Arc::ptr_eq(&self.directions, &screen.maze.view.directions);
+        self.size() == size && same_directions && self.key.is_current(map_frame, screen)
+    }
+}
+
+/// Draws the directions that the actor would take.
+fn draw_directions(sheet: &mut Sheet, scale: &Scale, screen: &Screen) {
+    let unit = scale.unit();
+    for (at, [x, y]) in screen.maze.view.directions.iter() {
+        let at = scale.pixel(*at);
+        let Some(ground) = sheet.colour(at[0] as i32, at[1] as i32) else { continue };
+        let (own, length) = (Ink(ink(ground), 0.7), x.hypot(*y));
+        if x.abs().max(y.abs()) < 0.1 {
+            sheet.disc(at, 0.08 * unit, own);
+        } else {
+            sheet.arrow(at, [x / length, y / length], 1.1 * unit, 0.08 * unit, own);
+        }
+    }
+}
+
+/// What changes from frame to frame.
+struct Moving<'a> {
+    sheet: &'a mut Sheet,
+    scale: &'a Scale,
+    screen: &'a Screen,
+}
+
+impl Moving<'_> {
+    /// Returns pixels: as a share of a character's height.
+    fn of(&self, share: f32) -> f32 {
+        share * self.scale.unit()
+    }
+
+    /// Draws all of it, what matters most last.
+    fn draw(&mut self, map_frame: &MapFrame) {
+        let shows = |overlay| self.screen.overlays.has(overlay);
+        let [edges, candidates, path, search, agents] =
+            [Overlay::Edges, Overlay::Candidates, Overlay::Path, Overlay::Search, Overlay::Agents].map(shows);
+        if edges {
+            self.edges(map_frame);
+        }
+        if candidates {
+            self.candidates();
+        }
+        if path {
+            self.path();
+        }
+        if search {
+            self.search();
+        }
+        self.preview();
+        self.trail();
+        if agents {
+            self.agents();
+        }
+        self.signs(agents);
+    }
+
+    fn edges(&mut self, map_frame: &MapFrame) {
+        let [walked, failed, _] = self.screen.theme.edges;
+        let width = self.of(0.07).max(1.0);
+        for (status, opacity, edges) in edges::groups(map_frame, self.screen) {
+            let rgb = if status == EdgeStatus::Confirmed { walked } else { failed };
+            for ends in edges {
+                self.sheet.line(&ends.map(|at| self.scale.pixel(at)), false, width, Ink(rgb, opacity));
+            }
+        }
+    }
+
+    fn candidates(&mut self) {
+        for candidate in self.screen.maze.view.candidates.iter() {
+            let at = self.scale.pixel(candidate.at);
+            let Some(ground) = self.sheet.colour(at[0] as i32, at[1] as i32) else { continue };
+            // The better connected, the larger.
+            let radius = self.of(0.04 + 0.09 * candidate.degree).max(0.7);
+            self.sheet.disc(at, radius, Ink(contour(contour(ground)), 0.8));
+        }
+    }
+
+    /// Draws a line with a shadow.
+    fn route(&mut self, stops: &[[f32; 2]], width: f32, ink: Ink) {
+        let stops: Vec<[f32; 2]> = stops.iter().map(|at| self.scale.pixel(*at)).collect();
+        self.sheet.line(&stops, false, width + 2.0, Ink(SHADOW, 0.35 * ink.1));
+        self.sheet.line(&stops, false, width, ink);
+    }
+
+    fn path(&mut self) {
+        let view = &self.screen.maze.view;
+        let stops: Vec<[f32; 2]> = view.trail.last().into_iter().chain(&view.path).copied().collect();
+        let ink = Ink(self.screen.theme.path, 1.0);
+        self.route(&stops, self.of(0.1).max(1.5), ink);
+        for stop in view.path.iter().take(view.path.len().saturating_sub(1)) {
+            self.sheet.disc(self.scale.pixel(*stop), self.of(0.17).max(2.0), ink);
+        }
+    }
+
+    fn search(&mut self) {
+        let Some(search) = self.screen.search() else { return };
+        let [accepted, rejected] = self.screen.theme.search;
+        let at = |numbers: &[f32]| [numbers[0], numbers[1]];
+        for tried in search.rejected.chunks_exact(2) {
+            let ([x, y], arm) = (self.scale.pixel(at(tried)), self.of(0.12));
+            for side in [1.0, -1.0] {
+                let ends = [[x - arm, y - side * arm], [x + arm, y + side * arm]];
+                self.sheet.line(&ends, false, self.of(0.07), Ink(rejected, 1.0));
+            }
+        }
+        let [from, to] = [&search.state, &search.goal].map(|numbers| at(numbers));
+        if let Some(bridge) = &search.found {
+            let bridge = at(&bridge.point);
+            self.route(&[from, bridge, to], self.of(0.09), Ink(accepted, 0.9));
+            self.badge('B', bridge, 0.36, accepted);
+        }
+        self.badge('a', from, 0.28, accepted);
+        self.badge('g', to, 0.28, accepted);
+    }
+
+    /// Draws the cells that the editor would change.
+    fn preview(&mut self) {
+        let Some((cells, free)) = self.screen.maze.editor.preview() else { return };
+        let theme = &self.screen.theme;
+        let rgb = if free { theme.unknown } else { theme.wall };
+        for cell in cells {
+            let area = self.scale.cell(cell);
+            self.sheet.rectangle(area, Ink(rgb, 1.0));
+            self.sheet.rectangle(area, Ink(theme.cursor, 0.25));
+        }
+    }
+
+    /// Draws a trail that fades towards its beginning.
+    fn fading(&mut self, positions: &[[f32; 2]], width: f32, Ink(rgb, opacity): Ink) {
+        for (i, ends) in positions.windows(2).enumerate() {
+            if (ends[1][0] - ends[0][0]).hypot(ends[1][1] - ends[0][1]) <= LONGEST_STEP {
+                let share = opacity * (i + 2) as f32 / positions.len() as f32;
+                let ends = [ends[0], ends[1]].map(|at| self.scale.pixel(at));
+                self.sheet.line(&ends, false, width, Ink(rgb, share));
+            }
+        }
+    }
+
+    fn trail(&mut self) {
+        self.fading(&self.screen.maze.view.trail, self.of(0.2), Ink(self.screen.theme.walker, 0.9));
+    }
+
+    fn agents(&mut self) {
+        let rgb = self.screen.theme.agent;
+        for trail in self.screen.snapshot.trails.iter() {
+            self.fading(trail.as_chunks::<2>().0, self.of(0.08).max(1.0), Ink(rgb, 0.6));
+        }
+        let radius = (0.35 * self.scale.cell_width()).clamp(self.of(0.12), self.of(0.22));
+        for at in self.screen.snapshot.agents.as_chunks::<2>().0 {
+            let at = self.scale.pixel(*at);
+            self.sheet.disc(at, radius + 1.2, Ink(SHADOW, 0.7));
+            self.sheet.disc(at, radius, Ink(rgb, 1.0));
+        }
+    }
+
+    /// Draws a letter on a disc whose radius is a share of a character's height.
+    fn badge(&mut self, letter: char, at: [f32; 2], radius: f32, rgb: Rgb) {
+        self.sheet.badge(letter, self.scale.pixel(at), self.of(radius), rgb, ink(rgb));
+    }
+
+    /// Draws a flag whose pole stands at a position.
+    fn flag(&mut self, at: [f32; 2], rgb: Rgb) {
+        let ([x, y], unit) = (self.scale.pixel(at), self.of(1.0));
+        let cloth = [[x, y - 0.8 * unit], [x + 0.5 * unit, y - 0.6 * unit], [x, y - 0.4 * unit]];
+        for (more, ink) in [(2.0, Ink(SHADOW, 0.6)), (0.0, Ink(rgb, 1.0))] {
+            self.sheet.line(&[[x, y], [x, y - 0.8 * unit]], false, 0.08 * unit + more, ink);
+            self.sheet.line(&[cloth[0], cloth[1], cloth[2]], false, 1.0 + more, ink);
+        }
+        self.sheet.polygon(&cloth, Ink(rgb, 1.0));
+    }
+
+    fn signs(&mut self, shows_agents: bool) {
+        let Self { screen, .. } = *self;
+        let theme = &screen.theme;
+        for (marks, letter) in [(screen.maze.map.starts(), "s"), (screen.maze.map.goals(), "g")] {
+            for cell in marks {
+                let at = self.scale.pixel(cell.centre());
+                let Some(ground) = self.sheet.colour(at[0] as i32, at[1] as i32) else { continue };
+                self.sheet.text(letter, at, (self.of(0.8), 0.0), true, Ink(ink(ground), 1.0));
+            }
+        }
+        if shows_agents {
+            for at in screen.snapshot.frontier_goals.as_chunks::<2>().0 {
+                self.flag(*at, theme.frontier);
+            }
+        }
+        if let Some(followed) = &screen.snapshot.followed {
+            self.flag([followed.goal[0], followed.goal[1]], theme.agent);
+            self.badge('A', [followed.state[0], followed.state[1]], 0.4, theme.agent);
+        }
+        self.badge('S', screen.maze.view.walk.start, 0.36, theme.walker);
+        self.badge('G', screen.maze.goal.centre(), 0.45, theme.goal);
+        if let Some(at) = screen.maze.view.trail.last() {
+            self.badge('@', *at, 0.42, theme.walker);
+        }
+        if let Some(cursor) = screen.maze.editor.cursor.or(screen.maze.inspecting) {
+            let ([x, y], arm) = (self.scale.pixel(cursor.centre()), self.of(0.6));
+            for (more, ink) in [(2.0, Ink(SHADOW, 0.6)), (0.0, Ink(theme.cursor, 1.0))] {
+                for [dx, dy] in [[1.0, 0.0], [-1.0, 0.0], [0.0, 1.0], [0.0, -1.0]] {
+                    let ends = [0.25, 1.0].map(|share| [x + share * arm * dx, y + share * arm * dy]);
+                    self.sheet.line(&ends, false, self.of(0.1) + more, ink);
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,220 @@
+//! The map as a picture.
+
+use ratatui::layout::Rect;
+
+use super::screens::staged_app;
+use super::*;
+use crate::tui::graphics::patches::Patches;
+use crate::tui::graphics::{Graphics, Picture, Protocol};
+use crate::tui::layers::Overlay;
+use crate::tui::output::ExportKind;
+use crate::tui::raster::Marker;
+use crate::tui::theme::Rgb;
+
+const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };
+
+/// Returns an app on a terminal that shows pictures.
+fn app_with_pictures() -> App {
+    let mut app = app();
+    app.set_graphics(Some(GRAPHICS), false);
+    app
+}
+
+fn picture(app: &App) -> &Picture {
+    app.pictures().first().copied().expect("a picture")
+}
+
+/// Returns the colour of the picture at a position on the map, off by some pixels.
+fn colour(app: &App, at: [f32; 2], off: [f32; 2]) -> Rgb {
+    let window = app.screen.layout.map.as_ref().expect("a map").raster.window;
+    let pixmap = &picture(app).pixmap;
+    let pixel = |at: f32, from: f32, shown: f32, size: u32, off: f32| ((at - from) / shown * size as f32 + off) as u32;
+    let x = pixel(at[0], window[0], window[2], pixmap.width(), off[0]);
+    let y = pixel(at[1], window[1], window[3], pixmap.height(), off[1]);
+    let pixel = pixmap.pixel(x, y).expect("on the map");
+    (pixel.red(), pixel.green(), pixel.blue())
+}
+
+/// Leaves nothing but the map, the field, the goal and the walking agent.
+fn hide_overlays(app: &mut App) {
+    let shown = Overlay::ALL.into_iter().filter(|overlay| app.screen.overlays.has(*overlay));
+    for overlay in shown.collect::<Vec<_>>() {
+        app.screen.overlays.toggle(overlay);
+    }
+}
+
+/// Returns the characters that no text has been written over.
+fn left_to_picture(terminal: &Terminal<TestBackend>, area: Rect) -> usize {
+    area.positions().filter(|at| Picture::owns(&terminal.backend().buffer()[*at])).count()
+}
+
+#[test]
+fn a_small_map_is_drawn_pixel_by_pixel() {
+    let mut app = app_with_pictures();
+    hide_overlays(&mut app);
+    let terminal = draw(&mut app, 80, 24);
+    let area = app.screen.layout.map.as_ref().expect("a map").area;
+    let own = picture(&app);
+    assert_eq!(own.area, area);
+    assert_eq!((own.pixmap.width(), own.pixmap.height()), (8 * u32::from(area.width), 16 * u32::from(area.height)));
+    assert_eq!(left_to_picture(&terminal, area), area.area() as usize - left_out(&terminal, area));
+    let theme = app.screen.theme;
+    // The wall has sharp edges, one pixel apart.
+    assert_eq!(colour(&app, [10.5, 1.5], [0.0; 2]), theme.wall);
+    assert_eq!(colour(&app, [10.0, 1.5], [0.5, 0.0]), theme.wall);
+    assert_ne!(colour(&app, [10.0, 1.5], [-0.5, 0.0]), theme.wall);
+    assert_ne!(colour(&app, [10.5, 2.5], [0.0; 2]), theme.wall, "the door");
+    // The goal is a disc with a letter on it.
+    assert_eq!(colour(&app, app.screen.maze.goal.centre(), [-5.0, 0.0]), theme.goal);
+    assert!(picture(&app).pixmap.pixels().iter().all(|pixel| pixel.alpha() == 255));
+}
+
+/// Returns how many characters of the map have the line over it.
+fn left_out(terminal: &Terminal<TestBackend>, area: Rect) -> usize {
+    let top = Rect { height: 1, ..area };
+    top.positions().filter(|at| !Picture::owns(&terminal.backend().buffer()[*at])).count()
+}
+
+#[test]
+fn the_fields_colours_are_smooth_and_its_contours_thin() {
+    let mut app = app_with_pictures();
+    hide_overlays(&mut app);
+    draw(&mut app, 200, 60);
+    wait_until(&mut app, |app| app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster));
+    draw(&mut app, 200, 60);
+    let smooth = picture(&app).pixmap.clone();
+    let green = |x: u32| f32::from(smooth.pixel(x, smooth.height() / 2).expect("a pixel").green());
+    let window = 8..smooth.width() / 3;
+    let steps: Vec<f32> = window.map(|x| (green(x + 1) - green(x)).abs()).collect();
+    assert!(steps.iter().all(|step| *step <= 6.0), "as if there were no characters: {steps:?}");
+    app.screen.overlays.toggle(Overlay::Contours);
+    draw(&mut app, 200, 60);
+    assert!(app.screen.layout.contour_interval.is_some());
+    let changed = picture(&app).pixmap.pixels().iter().zip(smooth.pixels()).filter(|(a, b)| a != b).count();
+    let all = smooth.pixels().len();
+    assert!((1..all / 8).contains(&changed), "{changed} of {all} pixels");
+}
+
+#[test]
+fn the_mouse_finds_the_same_cells_as_with_characters() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    let before = app.screen.layout.map.clone();
+    app.set_graphics(Some(GRAPHICS), false);
+    draw(&mut app, 80, 24);
+    assert_eq!(app.screen.layout.map, before);
+    let at = character_of(&app, Cell::new(3, 3));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+    assert_eq!(app.screen.maze.goal, Cell::new(3, 3));
+    draw(&mut app, 80, 24);
+    assert_eq!(colour(&app, [3.5, 3.5], [-5.0, 0.0]), app.screen.theme.goal);
+}
+
+#[test]
+fn text_over_the_map_wins() {
+    let mut app = app_with_pictures();
+    let mut patches = Patches::new(Protocol::Kitty);
+    let terminal = draw(&mut app, 80, 24);
+    let area = app.screen.layout.map.as_ref().expect("a map").area;
+    let before = left_to_picture(&terminal, area);
+    patches.update(&app.pictures(), terminal.backend().buffer(), GRAPHICS).expect("encoded");
+    press(&mut app, KeyCode::Char('?'));
+    let terminal = draw(&mut app, 80, 24);
+    assert!(text(&terminal).contains("\u{250c} help"), "{}", text(&terminal));
+    assert!(left_to_picture(&terminal, area) < before / 2, "the help covers most of the map");
+    let bytes = patches.update(&app.pictures(), terminal.backend().buffer(), GRAPHICS).expect("encoded");
+    assert!(String::from_utf8_lossy(&bytes).contains("a=d"), "what is under the help is deleted");
+    // A maximised pane takes the place of the map.
+    press(&mut app, KeyCode::Esc);
+    press(&mut app, KeyCode::Char('z'));
+    draw(&mut app, 80, 24);
+    assert!(app.pictures().is_empty());
+}
+
+#[test]
+fn pixels_are_for_terminals_with_pictures_and_colours() {
+    let shows = |marker, graphics, theme| {
+        let mut app = app();
+        app.screen.marker = marker;
+        app.screen.theme = Theme::new(theme, ColourDepth::True);
+        app.set_graphics(graphics, false);
+        draw(&mut app, 80, 24);
+        !app.pictures().is_empty()
+    };
+    for theme in [ThemeName::Dark, ThemeName::Light, ThemeName::ColourBlindSafe] {
+        assert!(shows(Marker::Auto, Some(GRAPHICS), theme) && shows(Marker::Pixels, Some(GRAPHICS), theme));
+    }
+    assert!(!shows(Marker::Auto, Some(GRAPHICS), ThemeName::Mono));
+    assert!(!shows(Marker::Pixels, None, ThemeName::Dark));
+    for marker in [Marker::HalfBlock, Marker::Quadrant, Marker::Braille] {
+        assert!(!shows(marker, Some(GRAPHICS), ThemeName::Dark));
+    }
+}
+
+#[test]
+fn m_chooses_pixels_and_says_if_there_are_none() {
+    let mut app = app();
+    press(&mut app, KeyCode::Char('m'));
+    assert_eq!(app.screen.marker, Marker::Pixels);
+    let shown = text(&draw(&mut app, 80, 24));
+    assert!(shown.contains("marker: pixels, but there are none here"), "{shown}");
+}
+
+#[test]
+fn everything_on_the_map_can_be_drawn_as_pixels() {
+    let mut app = staged_app(120, 40);
+    app.set_graphics(Some(GRAPHICS), false);
+    let without = {
+        draw(&mut app, 120, 40);
+        picture(&app).pixmap.clone()
+    };
+    for overlay in Overlay::ALL {
+        app.screen.overlays.toggle(overlay);
+        draw(&mut app, 120, 40);
+        app.screen.overlays.toggle(overlay);
+    }
+    press(&mut app, KeyCode::Char('e'));
+    draw(&mut app, 120, 40);
+    assert!(picture(&app).pixmap != without, "the editor's cursor");
+    press(&mut app, KeyCode::Esc);
+    type_text(&mut app, "++");
+    draw(&mut app, 120, 40);
+    assert!(app.screen.maze.viewport.zoom > 1.0 && picture(&app).pixmap != without);
+    for (width, height) in [(1, 1), (2, 3), (40, 10), (400, 120)] {
+        draw(&mut app, width, height);
+    }
+}
+
+#[test]
+fn maps_with_more_cells_than_pixels_lose_no_wall() {
+    let row: String = (0..600).map(|x| if x % 50 == 49 { '#' } else { '.' }).collect();
+    let map = parse_map("wide", format!("{row}\n").repeat(300).as_bytes()).expect("a map");
+    let mut app = app_on(map, gdg());
+    app.set_graphics(Some(Graphics { character: (3, 6), ..GRAPHICS }), false);
+    draw(&mut app, 100, 40);
+    let own = &picture(&app).pixmap;
+    assert!(own.width() < 300, "less than a pixel for two cells");
+    let row = own.height() * 3 / 4;
+    let dark = |x: u32| own.pixel(x, row).is_some_and(|pixel| pixel.green() > 38 && pixel.red() < 60);
+    let walls = (1..own.width()).filter(|x| dark(*x) && !dark(*x - 1)).count();
+    assert_eq!(walls, 12);
+}
+
+#[test]
+fn the_line_below_counts_the_cells_of_a_pixel() {
+    let map = parse_map("wide", format!("{}\n", ".".repeat(150)).repeat(150).as_bytes()).expect("a map");
+    let mut app = app_on(map, gdg());
+    assert!(text(&draw(&mut app, 80, 24)).contains("1 dot = "));
+    app.set_graphics(Some(GRAPHICS), false);
+    assert!(!text(&draw(&mut app, 80, 24)).contains("1 dot = "), "a cell has several pixels");
+}
+
+#[test]
+fn exports_show_the_map_in_characters() {
+    let mut app = app_with_pictures();
+    draw(&mut app, 80, 24);
+    let with = crate::tui::export::contents(ExportKind::MapSvg, &app.screen).expect("an export");
+    app.set_graphics(None, false);
+    let without = crate::tui::export::contents(ExportKind::MapSvg, &app.screen).expect("an export");
+    assert_eq!(with, without);
+}
