@@ -119,13 +119,12 @@ impl BridgeGraph {
         scratch: &mut Scratch,
     ) -> Self {
         let mut edges = Vec::new();
-        let reversed = candidates.observed_into();
         let s = spec.state_dim();
         let (mut states, mut goals, mut distances) = (Vec::new(), Vec::new(), Vec::new());
-        for from in 0..candidates.len() {
+        for (from, reversed) in candidates.observed_into().into_iter().enumerate() {
             let state = &candidates.states()[from * s..(from + 1) * s];
             let to: Vec<usize> = if settings.verify_edges {
-                let back = reversed[from].iter().map(|to| *to as usize);
+                let back = reversed.into_iter().map(|to| to as usize);
                 let back =
                     back.filter(|to| settings.keep_observed_edges && candidates.observed(from, *to) == UNOBSERVED);
                 let mut to: Vec<usize> = candidates.observed_from(from).chain(back).collect();
