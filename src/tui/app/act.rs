@@ -6,8 +6,9 @@ use super::App;
 use crate::bridge::EdgeStatus;
 use crate::train::{Command, Step};
 use crate::tui::action::{Action, Mode, bindings};
-use crate::tui::dialog::{Dialog, Help, Picker, Prompt, Question, lists};
+use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question, lists};
 use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::scene::{self, SceneKind};
 use crate::tui::screen::Screen;
@@ -25,6 +26,9 @@ impl App {
         }
         if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
             self.on_first_use();
+        }
+        if is_about_present(action) {
+            self.return_to_present();
         }
         match action {
             Action::TogglePause => self.toggle_pause(),
@@ -63,6 +67,8 @@ impl App {
                 self.screen.marker = all[(at + 1) % all.len()];
                 self.notify(&format!("marker: {}", self.screen.marker.name()));
             }
+            Action::Back => self.step_through_time(false),
+            Action::Forth => self.step_through_time(true),
             Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),
             Action::NextPane => self.show_next(),
@@ -82,6 +88,7 @@ impl App {
                 self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
             }
             Action::Export => self.open_picker(lists::exports(self.screen.scene())),
+            Action::ExportFilm => self.choose(Choice::Export(ExportKind::Film)),
             Action::Tour => self.ask_tour(),
             Action::NextTourStep => self.next_tour_step(),
             Action::EndTour => self.end_tour(),
@@ -182,6 +189,9 @@ impl App {
     }
 
     fn close_top(&mut self) {
+        if self.return_to_present() {
+            return;
+        }
         if self.close_in_scene() || std::mem::take(&mut self.screen.maximised) || self.screen.offer.take().is_some() {
             return;
         }
@@ -239,4 +249,23 @@ impl App {
             _ => {}
         }
     }
+}
+
+/// Whether an action shows or changes something that the past does not have: it returns to the present.
+fn is_about_present(action: Action) -> bool {
+    use Action as A;
+    matches!(
+        action,
+        A::NewGoal
+            | A::GoalHere
+            | A::StartHere
+            | A::NewStart
+            | A::Follow
+            | A::Field(_)
+            | A::ToggleEdit
+            | A::Tool(_)
+            | A::Apply
+            | A::Undo
+            | A::Redo
+    )
 }
