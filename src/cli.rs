@@ -49,6 +49,7 @@ Examples:
   gdg-tui --no-ui my.map --scen my.map.scen --max-seconds 120 --save saves/my.safetensors
   gdg-tui --resume                           resume the run that was saved last; gdg-tui runs lists all
   gdg-tui --resume saves/my.safetensors      resume where that run stopped
+  gdg-tui film saves/my.safetensors          how that run learned distance, as an animation
   gdg-tui --record run.cast                  record the screen; gdg-tui frames renders frames of it
   gdg-tui fetch-reach --method gdg           watch a 7-joint arm learn to reach for points in space
   gdg-tui compare gdg-bridge gdg             two methods side by side: with bridge points and without
@@ -107,6 +108,8 @@ pub enum Command {
     Ablate(AblateArgs),
     /// Write a checkpoint's actor as a safetensors file that other programs can run
     ExportPolicy(ExportPolicyArgs),
+    /// Write the film of how a checkpoint's run learned distance as an animated PNG
+    Film(FilmArgs),
     /// Benchmark the learner on this machine against plain candle-nn
     Bench {
         /// Print JSON instead of a table
@@ -179,6 +182,19 @@ pub struct ExportPolicyArgs {
     /// Checkpoint to read
     pub checkpoint: PathBuf,
     /// Output file [default: CHECKPOINT with the extension .policy.safetensors]
+    #[arg(long, value_name = "FILE")]
+    pub out: Option<PathBuf>,
+    /// Replace the file if it exists
+    #[arg(long)]
+    pub overwrite: bool,
+}
+
+/// Options of `gdg-tui film`.
+#[derive(Debug, Args)]
+pub struct FilmArgs {
+    /// Checkpoint to read
+    pub checkpoint: PathBuf,
+    /// Output file [default: CHECKPOINT with the extension .film.png]
     #[arg(long, value_name = "FILE")]
     pub out: Option<PathBuf>,
     /// Replace the file if it exists

@@ -5,6 +5,7 @@
 //! built-in worlds.
 
 pub mod fetch_reach;
+mod film;
 pub mod maze;
 mod task;
 
@@ -18,6 +19,7 @@ use serde_json::{Map, Value};
 use crate::map::Grid;
 use crate::store::{Store, StoreError};
 pub use fetch_reach::{ArmScene, FetchReach};
+pub use film::{FilmPoints, MAX_FILM_PLACES};
 pub use maze::PointMaze;
 pub(crate) use task::{BUDGET_FACTOR, MIN_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
@@ -257,6 +259,12 @@ pub trait Environment: Any + Send + Sync {
     /// Returns what a front end draws.
     fn scene(&self) -> Scene {
         Scene::Nothing
+    }
+
+    /// Returns where the film of a run shows D, or `None` if there is to be no film of this world. `goal_before` is the
+    /// goal of the film so far, which it should keep. The number of places must not change during a run.
+    fn film_points(&self, _goal_before: Option<&[f32]>) -> Option<FilmPoints> {
+        None
     }
 
     /// Returns the memory in bytes that the world and its evaluation use, excluding the agents.

@@ -32,7 +32,7 @@
 //! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in parallel, whose results
 //!   are kept: benchmark suites, the paper's figures): the front ends.
 //!   [`cli`], [`setup`], [`runs`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
-//!   other programs; [`bench`](mod@bench) measures;
+//!   other programs, [`film`] an animation of how distance was learned; [`bench`](mod@bench) measures;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
 //! # Add a world
@@ -89,6 +89,8 @@ pub mod facts;
 pub mod faults;
 #[forbid(unsafe_code)]
 pub mod files;
+#[forbid(unsafe_code)]
+pub mod film;
 #[cfg(feature = "tui")]
 #[forbid(unsafe_code)]
 pub mod frames;

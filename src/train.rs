@@ -6,6 +6,7 @@ mod config;
 mod engine;
 mod error;
 mod evaluate;
+mod film;
 mod graphs;
 mod history;
 pub mod memory;
@@ -31,6 +32,7 @@ pub use error::TrainError;
 pub use evaluate::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
 };
+pub use film::{Film, FilmFrame};
 pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Stretch};
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use policy_file::policy_file;

@@ -2,10 +2,12 @@
 //! graph, the planned path, and an agent walking to the goal. Each kind of scene has a folder; `pilot` is what their
 //! agents have in common. Colours, contours and pictures serve all front ends.
 
+mod animation;
 pub mod arm;
 mod colour;
 mod contour;
 mod field;
+mod film;
 pub mod maze;
 mod picture;
 mod pilot;
@@ -18,15 +20,17 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use crate::env::Scene;
-use crate::train::{Engine, Networks, Snapshot};
+use crate::train::{Engine, FilmFrame, Networks, Snapshot};
+pub use animation::Animation;
 pub use arm::ArmView;
 use arm::ArmWorker;
 pub use colour::{Rgb, blend, contour, distance_colour, lightness, sample};
 pub use contour::{ContourLine, ContourPath, contour_interval, contour_lines, contour_paths};
 pub use field::Field;
+pub use film::{FilmError, animate};
 pub use maze::MazeView;
 use maze::MazeWorker;
-pub use picture::Picture;
+pub use picture::{Picture, text_size};
 pub use pilot::{Candidate, OnArrival, ShownEdge};
 pub use raster::{Ground, Raster};
 
@@ -44,6 +48,8 @@ pub enum Request {
     OnArrival(OnArrival),
     /// The quantity to show by colours.
     Field(Field),
+    /// The frame of the film to show instead of the present, if any.
+    Past(Option<Arc<FilmFrame>>),
     /// About a maze.
     Maze(maze::Request),
     /// About an arm.
@@ -219,21 +225,31 @@ impl RefreshTimer {
 struct ShownNetworks {
     networks: Arc<Networks>,
     timer: RefreshTimer,
+    /// The frame of the film that is shown instead.
+    past: Option<Arc<FilmFrame>>,
 }
 
 impl ShownNetworks {
     fn new(snapshot: &Snapshot) -> Self {
-        Self { networks: snapshot.networks.clone(), timer: RefreshTimer::default() }
+        Self { networks: snapshot.networks.clone(), timer: RefreshTimer::default(), past: None }
     }
 
     /// Changes to the networks of `snapshot` if the field has to be computed now; returns whether it has to.
     fn follow(&mut self, snapshot: &Snapshot) -> bool {
         let changed = !Arc::ptr_eq(&snapshot.networks, &self.networks);
+        // The past does not change.
+        let changed = changed && self.past.is_none();
         let due = self.timer.is_urgent() || changed && self.timer.is_due(pause_factor(snapshot));
         if due {
             self.networks = snapshot.networks.clone();
         }
         due
+    }
+
+    /// Changes to a frame of the film, or back to the networks.
+    fn look_at(&mut self, past: Option<Arc<FilmFrame>>) {
+        self.past = past;
+        self.timer.make_due();
     }
 }
 

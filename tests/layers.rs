@@ -19,6 +19,7 @@ const LAYERS: [&[&str]; 8] = [
         "experiment",
         "export_policy",
         "facts",
+        "film",
         "frames",
         "headless",
         "lib",

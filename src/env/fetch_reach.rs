@@ -11,6 +11,7 @@
 mod arm;
 mod constraints;
 mod dynamics;
+mod film;
 mod kinematics;
 mod linear;
 mod model;
@@ -23,10 +24,11 @@ use rand_chacha::ChaCha8Rng;
 use rand_distr::{Distribution, StandardNormal};
 use serde_json::{Map, Value, json};
 
-use super::{DistanceUnit, EnvSettings, Environment, Scene, Spec, Task, TaskSet, WorldKind};
+use super::{DistanceUnit, EnvSettings, Environment, FilmPoints, Scene, Spec, Task, TaskSet, WorldKind};
 use crate::store::Store;
 use arm::{Arm, STEP_SECS};
 use constraints::Rows;
+pub use film::FilmLattice;
 use model::GOAL_CENTRE;
 pub use scene::{ArmScene, Corners, Pose};
 use scene::{guide, random_goal};
@@ -286,6 +288,10 @@ impl Environment for FetchReach {
 
     fn scene(&self) -> Scene {
         Scene::Arm(ArmScene::new(self.wall))
+    }
+
+    fn film_points(&self, _: Option<&[f32]>) -> Option<FilmPoints> {
+        Some(film::points(&ArmScene::new(self.wall)))
     }
 
     fn episode_steps(&self) -> Option<u32> {

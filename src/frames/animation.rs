@@ -1,10 +1,8 @@
-//! A part of a recording as an animated PNG (APNG). Each frame stores what has changed since the one before: the
-//! smallest rectangle around it, transparent where nothing has.
+//! A part of a recording as an animated PNG.
 
 use std::path::Path;
 
 use miette::{IntoDiagnostic, Report, WrapErr};
-use png::{BlendOp, Encoder};
 use ratatui::buffer::Buffer;
 use ratatui::layout::Rect;
 
@@ -13,16 +11,13 @@ use crate::cli::FramesArgs;
 use crate::files::write_atomically;
 use crate::setup::refuse_existing;
 use crate::tui::{PageColours, picture_of};
-use crate::view::Picture;
+use crate::view::Animation;
 
 /// How long the last frame is shown, in seconds.
 const LAST_FRAME_SECONDS: f64 = 2.0;
 
 /// The most frames of an animation: half an hour at 10 frames per second.
 const MAX_FRAMES: usize = 18_000;
-
-/// Resolution of the time that a frame is shown, in parts of a second.
-const TIME_UNITS: u16 = 100;
 
 /// Writes the animation that `args` ask for into `out`; returns its path as a line.
 ///
@@ -57,10 +52,10 @@ pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
         plan.add(buffer_of(screen), (at - args.from) / args.speed);
         Ok(())
     })?;
-    let bytes = plan.encode(|plan, writer| {
+    let bytes = plan.encode(|plan, animation| {
         let mut at = 0;
         play(&args.cast, moments, |screen, _| {
-            plan.draw(at, &buffer_of(screen), writer)?;
+            plan.draw(at, &buffer_of(screen), animation)?;
             at += 1;
             Ok(())
         })
@@ -79,11 +74,7 @@ struct Plan {
     latest: Option<Buffer>,
     /// For each moment, whether it is a frame, and its time in seconds.
     moments: Vec<(bool, f64)>,
-    /// The picture drawn so far.
-    drawn: Option<Picture>,
 }
-
-type Writer<'a> = png::Writer<&'a mut Vec<u8>>;
 
 impl Plan {
     fn add(&mut self, screen: Buffer, seconds: f64) {
@@ -93,73 +84,28 @@ impl Plan {
     }
 
     /// Encodes the animation, whose frames `draw_all` draws.
-    fn encode(
-        mut self,
-        draw_all: impl FnOnce(&mut Self, &mut Writer) -> Result<(), Report>,
-    ) -> Result<Vec<u8>, Report> {
+    fn encode(self, draw_all: impl FnOnce(&Self, &mut Animation) -> Result<(), Report>) -> Result<Vec<u8>, Report> {
         let empty = Buffer::empty(Rect::new(0, 0, self.size.0, self.size.1));
-        let (columns, rows) = picture_of(&empty, empty.area, PageColours::default()).size();
+        let size = picture_of(&empty, empty.area, PageColours::default()).size();
         let frames = self.moments.iter().filter(|(changed, _)| *changed).count();
         let mut bytes = Vec::new();
-        let mut encoder = Encoder::new(&mut bytes, columns as u32, rows as u32);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.set_depth(png::BitDepth::Eight);
-        encoder.set_compression(png::Compression::High);
-        encoder.set_animated(frames as u32, 0).into_diagnostic()?;
-        let mut writer = encoder.write_header().into_diagnostic()?;
-        draw_all(&mut self, &mut writer)?;
-        writer.finish().into_diagnostic()?;
+        let mut animation = Animation::begin(&mut bytes, size, frames).into_diagnostic()?;
+        draw_all(&self, &mut animation)?;
+        animation.finish().into_diagnostic()?;
         Ok(bytes)
     }
 
     /// Draws moment `at`, unless nothing has changed.
-    fn draw(&mut self, at: usize, screen: &Buffer, writer: &mut Writer) -> Result<(), Report> {
+    fn draw(&self, at: usize, screen: &Buffer, animation: &mut Animation) -> Result<(), Report> {
         let (true, seconds) = self.moments[at] else { return Ok(()) };
         let next = self.moments[at + 1..].iter().find(|(changed, _)| *changed).map(|(_, seconds)| *seconds);
         let last = self.moments.last().map_or(0.0, |(_, seconds)| *seconds) + LAST_FRAME_SECONDS;
-        let units = (next.unwrap_or(last) - seconds) * f64::from(TIME_UNITS);
         // Smaller screens are drawn into the corner of the largest.
         let mut whole = Buffer::empty(Rect::new(0, 0, self.size.0, self.size.1));
         whole.merge(screen);
         let picture = picture_of(&whole, whole.area, PageColours::default());
-        let (area, pixels) = changes(self.drawn.as_ref(), &picture);
-        let draw = |writer: &mut Writer| -> Result<(), png::EncodingError> {
-            // The first frame covers the whole picture, and has its place already.
-            if self.drawn.is_some() {
-                // From the corner, every size is possible: the position still is that of the frame before.
-                writer.set_frame_position(0, 0)?;
-                writer.set_frame_dimension(area[2], area[3])?;
-                writer.set_frame_position(area[0], area[1])?;
-                writer.set_blend_op(BlendOp::Over)?;
-            }
-            writer.set_frame_delay(units.round().clamp(1.0, f64::from(u16::MAX)) as u16, TIME_UNITS)?;
-            writer.write_image_data(&pixels)
-        };
-        draw(writer).into_diagnostic()?;
-        self.drawn = Some(picture);
-        Ok(())
+        animation.add(picture, next.unwrap_or(last) - seconds).into_diagnostic()
     }
-}
-
-/// Returns the smallest rectangle (left, top, width, height in pixels) around what differs from `before`, and its
-/// pixels as red, green, blue and opacity: transparent where they are the same.
-fn changes(before: Option<&Picture>, now: &Picture) -> ([u32; 4], Vec<u8>) {
-    let (columns, rows) = now.size();
-    let same = |at: usize| before.is_some_and(|before| before.pixels()[at] == now.pixels()[at]);
-    let changed = (0..columns * rows).filter(|at| !same(*at)).map(|at| (at % columns, at / columns));
-    let bounds = changed.fold(None, |bounds: Option<[usize; 4]>, (x, y)| {
-        Some(bounds.map_or([x, y, x, y], |[x0, y0, x1, y1]| [x0.min(x), y0.min(y), x1.max(x), y1.max(y)]))
-    });
-    // A frame has at least one pixel.
-    let [left, top, right, bottom] = bounds.unwrap_or([0; 4]);
-    let mut pixels = Vec::with_capacity(4 * (right - left + 1) * (bottom - top + 1));
-    for y in top..=bottom {
-        for at in y * columns + left..=y * columns + right {
-            let (r, g, b) = now.pixels()[at];
-            pixels.extend(if same(at) { [0; 4] } else { [r, g, b, u8::MAX] });
-        }
-    }
-    ([left, top, right - left + 1, bottom - top + 1].map(|v| v as u32), pixels)
 }
 
 #[cfg(test)]

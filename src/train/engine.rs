@@ -363,6 +363,7 @@ impl Worker {
         current.profile = *trainer.profile();
         current.losses = trainer.losses();
         current.curve = trainer.history().points().clone();
+        current.film = trainer.film().frames().clone();
         current.replay.0 = trainer.replay().len();
         if !current.phase.is_training() {
             // Nothing moves.

@@ -12,6 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
+use super::film::Film;
 use super::graphs::{ACTIVATION_DIVISOR, BuiltGraph, GraphJob, Graphs, StoredGraph};
 use super::history::{History, LogEntry};
 use super::memory;
@@ -23,8 +24,8 @@ use super::settings::{Settings, UpdateWhen};
 use crate::bridge::{Candidates, CandidatesState, SearchOutcome};
 use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
-    Acting, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Relearning, Replay, ReplayState, Stage,
-    TrainingData,
+    Acting, KnownDistances, Learner, Losses, OutOfRange, Policy, Profile, Relearning, Replay, ReplayState, Scratch,
+    Stage, TrainingData,
 };
 use crate::store::{Store, StoreError};
 pub use change::{KeptState, WorldChange};
@@ -80,6 +81,7 @@ pub struct Trainer {
     profile: Profile,
     threads: usize,
     history: History,
+    film: Film,
     /// The networks to roll back to when numbers are no longer finite, and the latest rollback.
     last_good: LastGood,
     recovery: Option<Recovery>,
@@ -132,6 +134,7 @@ impl Trainer {
             profile: Profile::default(),
             threads,
             history: History::default(),
+            film: Film::default(),
             last_good: LastGood::capture(0, [0.0; 3], &*learner)?,
             recovery: None,
             in_update: false,
@@ -340,7 +343,26 @@ impl Trainer {
         self.check_update(&losses)?;
         let Self { history, rollout, counters, .. } = self;
         history.add_point(counters.updates, counters.losses, || rollout.env().coverage());
+        self.film_learning()?;
         Ok(Tick::Update)
+    }
+
+    /// Takes a frame of the film if one is due. Draws no random numbers.
+    fn film_learning(&mut self) -> Result<()> {
+        let updates = self.counters.updates;
+        if !self.film.is_due(updates) {
+            return Ok(());
+        }
+        let Self { film, learner, rollout, counters, run, .. } = self;
+        let Some(points) = film.points(rollout.env()) else { return Ok(()) };
+        let mut distances = vec![0.0; points.place_of.len()];
+        // The scratch memory of a few frames a minute need not be kept.
+        learner.with_policy(run.settings.bridge.averaged_weights, &mut |policy| {
+            let goals = points.goal.repeat(distances.len());
+            policy.distances(&points.states, &goals, &mut distances, &mut Scratch::default());
+        })?;
+        film.add((updates, counters.env_steps), rollout.env(), &points, &distances);
+        Ok(())
     }
 
     /// Whether distances that may have changed are being relearned.
@@ -444,6 +466,11 @@ impl Trainer {
         &self.history
     }
 
+    /// Returns the film: D and the agents at some of the updates so far.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
     /// Adds an evaluation made after `updates` to the history.
     pub fn record_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
         self.history.add_evaluation(updates, evaluation);
@@ -483,6 +510,7 @@ impl Trainer {
             store.put_json(LEARNED, &self.learned_updates())?;
         }
         store.put_json("history", &self.history)?;
+        self.film.write(&mut store)?;
         Ok(store)
     }
 
@@ -511,6 +539,7 @@ impl Trainer {
         // Format 1 has no history.
         let history = if store.texts().contains_key("history") { store.json("history")? } else { History::default() };
         trainer.restore(state, &graphs, history)?;
+        trainer.film = Film::read(store, trainer.spec())?.fitting(trainer.world());
         Ok(trainer)
     }
 

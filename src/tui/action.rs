@@ -64,6 +64,10 @@ pub enum Action {
     Pan(isize, isize),
     /// Show or hide a cursor that describes its cell.
     Inspect,
+    /// Go back in time, to an earlier picture of the film.
+    Back,
+    /// Go forth in time, to a later picture or to the present.
+    Forth,
     /// Choose the next projection of an arm.
     Projection,
     /// Show the chosen projection alone, or all of them.
@@ -112,6 +116,8 @@ pub enum Action {
     Autosave,
     /// Export the map, the curves or the screen to a file.
     Export,
+    /// Export the film as an animation.
+    ExportFilm,
     /// Take the guided tour.
     Tour,
     /// Go to the next step of the tour.

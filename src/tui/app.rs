@@ -5,10 +5,12 @@ mod answer;
 mod files;
 mod mouse;
 mod offer;
+mod past;
 mod saving;
 mod updates;
 
 use std::sync::Arc;
+use std::thread::JoinHandle;
 use std::time::Instant;
 
 use crossterm::event::{Event, KeyCode, KeyEvent, KeyEventKind, KeyModifiers};
@@ -67,6 +69,8 @@ pub struct App {
     suspending: bool,
     /// The pending export.
     export: Option<ExportKind>,
+    /// The film being written, and its notice.
+    film_export: Option<JoinHandle<Result<String, String>>>,
     /// The engine's snapshots and the viewer's views.
     feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<View>),
     /// What the next frame can reuse.
@@ -93,6 +97,7 @@ impl App {
             done: false,
             suspending: false,
             export: None,
+            film_export: None,
             feed: (engine.snapshots(), viewer.views()),
             cache: Cache::with_pictures(),
             previewed_over: None,
@@ -111,6 +116,7 @@ impl App {
         self.screen.following = None;
         self.screen.offer = None;
         self.screen.tour = None;
+        self.return_to_present();
         self.screen.layout = ScreenLayout::default();
         if !self.screen.has_field(self.screen.field) {
             self.screen.field = Field::default();
@@ -258,6 +264,30 @@ impl App {
     }
 }
 
+impl App {
+    /// Begins to write the film.
+    fn export_film(&mut self) {
+        if self.film_export.is_some() {
+            return self.notify("the film is being written already");
+        }
+        match export::write_film(&self.screen) {
+            Ok(film) => {
+                self.film_export = Some(film);
+                self.notify("writing the film ...");
+            }
+            Err(error) => self.report(&format!("the film cannot be written: {error}")),
+        }
+    }
+
+    /// Says where an export has been written, or why not.
+    fn on_exported(&mut self, written: Result<String, String>) {
+        match written {
+            Ok(notice) => self.notify(&notice),
+            Err(problem) => self.report(&problem),
+        }
+    }
+}
+
 impl Interface for App {
     async fn update(&mut self) {
         tokio::select! {
@@ -279,11 +309,13 @@ impl Interface for App {
     }
 
     fn on_tick(&mut self) -> bool {
-        if let Some(kind) = self.export.take() {
-            match export::write(kind, &self.screen) {
-                Ok(notice) => self.notify(&notice),
-                Err(problem) => self.report(&problem),
-            }
+        match self.export.take() {
+            Some(ExportKind::Film) => self.export_film(),
+            Some(kind) => self.on_exported(export::write(kind, &self.screen)),
+            None => {}
+        }
+        if let Some(done) = self.film_export.take_if(|film| film.is_finished()) {
+            self.on_exported(done.join().unwrap_or_else(|_| Err("the film cannot be drawn".to_owned())));
         }
         App::on_tick(self)
     }
@@ -322,7 +354,11 @@ impl Interface for App {
         App::on_signal(self);
     }
 
-    fn close(self) -> ClosedRun {
+    fn close(mut self) -> ClosedRun {
+        if let Some(film) = self.film_export.take() {
+            // A second at most; otherwise its temporary file would stay behind.
+            drop(film.join());
+        }
         App::close(self)
     }
 }

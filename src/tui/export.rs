@@ -5,6 +5,7 @@ mod picture;
 mod vector;
 
 use std::path::{Path, PathBuf};
+use std::thread::JoinHandle;
 
 use ratatui::backend::TestBackend;
 use ratatui::buffer::Buffer;
@@ -16,6 +17,7 @@ use super::render;
 use super::screen::Screen;
 use super::theme::{Rgb, Theme};
 use crate::files::{self, write_atomically};
+use crate::view::{FilmError, animate};
 pub use picture::{picture_of, png_of};
 
 /// Folder for exports.
@@ -36,6 +38,9 @@ pub enum ExportError {
     /// The curves cannot be drawn.
     #[error(transparent)]
     Drawing(#[from] plotters::drawing::DrawingAreaErrorKind<std::io::Error>),
+    /// There is no film, or it cannot be drawn.
+    #[error(transparent)]
+    Film(#[from] FilmError),
     /// The table cannot be written.
     #[error(transparent)]
     Csv(#[from] csv::Error),
@@ -46,10 +51,27 @@ pub enum ExportError {
 /// # Errors
 /// The notice that the file cannot be written.
 pub fn write(kind: ExportKind, screen: &Screen) -> Result<String, String> {
+    write_contents(&export_path(kind, screen), contents(kind, screen))
+}
+
+/// Writes the film to a new file on a thread of its own, as that takes a second or two; it returns the notice.
+///
+/// # Errors
+/// The thread cannot be started.
+pub fn write_film(screen: &Screen) -> std::io::Result<JoinHandle<Result<String, String>>> {
+    let (path, run) = (export_path(ExportKind::Film, screen), screen.snapshot.clone());
+    let write = move || write_contents(&path, animate(&run).map_err(ExportError::Film));
+    std::thread::Builder::new().name("film".to_owned()).spawn(write)
+}
+
+fn export_path(kind: ExportKind, screen: &Screen) -> PathBuf {
     let (world, updates) = (screen.title(), screen.snapshot.counters.updates);
     let name = format!("{world}-{updates}-{}", kind.stem(screen.scene()));
-    let path = unused_export_path(Path::new(EXPORT_FOLDER), &name, kind.file_type());
-    let written = contents(kind, screen).and_then(|bytes| Ok(write_atomically(&path, &bytes)?));
+    unused_export_path(Path::new(EXPORT_FOLDER), &name, kind.file_type())
+}
+
+fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result<String, String> {
+    let written = contents.and_then(|bytes| Ok(write_atomically(path, &bytes)?));
     match written {
         Ok(()) => Ok(format!("wrote {}", path.display())),
         Err(error) => Err(format!("{} cannot be written: {error}", path.display())),
@@ -69,6 +91,7 @@ pub fn contents(kind: ExportKind, screen: &Screen) -> Result<Vec<u8>, ExportErro
     match kind {
         ExportKind::CurvesSvg => curves::svg(screen),
         ExportKind::CurvesCsv => curves::csv(screen),
+        ExportKind::Film => Ok(animate(&screen.snapshot)?),
         ExportKind::MapPng | ExportKind::MapSvg | ExportKind::ScreenPng | ExportKind::ScreenSvg => {
             let (drawn, map_pane) = draw(screen)?;
             let area = match kind {

@@ -42,6 +42,8 @@ pub struct ScreenLayout {
     pub rows: (Rect, usize),
     /// The lines of the help shown.
     pub help_lines: Option<Range<usize>>,
+    /// The charts over updates.
+    pub charts: Vec<ChartArea>,
     /// The box of the guided tour, and the step it belongs to.
     pub tour: Option<(usize, Rect)>,
     /// Whether there is no room for panes beside or below the map.
@@ -58,6 +60,7 @@ impl ScreenLayout {
     /// Removes all clickable areas.
     pub fn forget_clicks(&mut self) {
         self.clicks.clear();
+        self.charts.clear();
     }
 
     /// Makes `area` clickable.
@@ -68,6 +71,24 @@ impl ScreenLayout {
     /// Returns what a click at `at` does.
     pub fn click(&self, at: Position) -> Option<Click> {
         self.clicks.iter().find(|(area, _)| area.contains(at)).map(|(_, click)| *click)
+    }
+}
+
+/// Where the lines of a chart are.
+#[derive(Clone, Copy, Debug)]
+pub struct ChartArea {
+    /// The characters that show lines.
+    pub area: Rect,
+    /// The values at its left and right edges.
+    pub bounds: [f64; 2],
+}
+
+impl ChartArea {
+    /// Returns the value that a column shows, if `at` is within the chart.
+    pub fn value_at(&self, at: Position) -> Option<f64> {
+        let [from, to] = self.bounds;
+        let last = f64::from(self.area.width.saturating_sub(1)).max(1.0);
+        self.area.contains(at).then(|| from + f64::from(at.x - self.area.x) / last * (to - from))
     }
 }
 

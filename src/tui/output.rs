@@ -17,12 +17,14 @@ pub enum ExportKind {
     CurvesSvg,
     /// The curves as a table.
     CurvesCsv,
+    /// The film of how distance was learned, as an animation.
+    Film,
 }
 
 impl ExportKind {
     /// All kinds.
-    pub const ALL: [Self; 6] =
-        [Self::MapPng, Self::MapSvg, Self::ScreenPng, Self::ScreenSvg, Self::CurvesSvg, Self::CurvesCsv];
+    pub const ALL: [Self; 7] =
+        [Self::MapPng, Self::MapSvg, Self::ScreenPng, Self::ScreenSvg, Self::CurvesSvg, Self::CurvesCsv, Self::Film];
 
     /// Returns the name shown on the screen.
     pub fn name(self, scene: SceneKind) -> String {
@@ -30,6 +32,7 @@ impl ExportKind {
             Self::MapPng | Self::ScreenPng => "bitmap",
             Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "vector graphic",
             Self::CurvesCsv => "table",
+            Self::Film => "animation",
         };
         format!("{} as {form}", self.stem(scene))
     }
@@ -40,13 +43,14 @@ impl ExportKind {
             Self::MapPng | Self::MapSvg => scene.noun(),
             Self::ScreenPng | Self::ScreenSvg => "screen",
             Self::CurvesSvg | Self::CurvesCsv => "curves",
+            Self::Film => "film",
         }
     }
 
     /// Returns the file extension.
     pub fn file_type(self) -> &'static str {
         match self {
-            Self::MapPng | Self::ScreenPng => "png",
+            Self::MapPng | Self::ScreenPng | Self::Film => "png",
             Self::MapSvg | Self::ScreenSvg | Self::CurvesSvg => "svg",
             Self::CurvesCsv => "csv",
         }

@@ -18,7 +18,7 @@ use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
 use crate::bridge::SearchOutcome;
 use crate::text::grouped;
-use crate::train::{Phase, Preset, Run, Settings, Snapshot, Success, settings_in_world};
+use crate::train::{FilmFrame, Phase, Preset, Run, Settings, Snapshot, Success, settings_in_world};
 use crate::view::{Field, OnArrival};
 
 /// Everything that the screen shows.
@@ -65,6 +65,8 @@ pub struct Screen {
     pub following: Option<usize>,
     /// The saved run that is offered.
     pub offer: Option<Offer>,
+    /// The frame of the film that is looked at instead of the present.
+    pub past: Option<Arc<FilmFrame>>,
     /// The guided tour, while it lasts.
     pub tour: Option<Tour>,
     /// Whether the interface has not been used yet: a line says what there is to see.
@@ -99,6 +101,7 @@ impl Screen {
             frozen: false,
             following: None,
             offer: None,
+            past: None,
             tour: None,
             first_run: false,
             layout: ScreenLayout::default(),
@@ -126,6 +129,19 @@ impl Screen {
     /// Returns the settings of `preset` in the world shown.
     pub fn settings_of(&self, preset: Preset) -> Settings {
         settings_in_world(preset, self.snapshot.world_defaults)
+    }
+
+    /// Returns the frame of the film that the scene shows: what the viewer has computed last, so that nothing flickers.
+    pub fn shown_past(&self) -> Option<&FilmFrame> {
+        match self.scene() {
+            SceneKind::Maze => self.maze.view.past.as_deref(),
+            SceneKind::Arm => self.arm.view.past.as_deref(),
+        }
+    }
+
+    /// Returns the field that the colours show: of the past, there is only D.
+    pub fn shown_field(&self) -> Field {
+        if self.shown_past().is_some() { Field::Learned } else { self.field }
     }
 
     /// Returns the largest value that the colours show, at least 1.

@@ -6,6 +6,7 @@ mod compare;
 mod dialogs;
 mod found;
 mod mouse;
+mod past;
 mod pixels;
 mod screens;
 mod tour;

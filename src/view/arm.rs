@@ -1,5 +1,6 @@
 //! An arm: D on planes through the goal, and an arm that reaches for the goal again and again.
 
+mod past;
 mod plane;
 mod reach;
 
@@ -14,7 +15,8 @@ use super::{Field, SceneWorker, ShownNetworks, View};
 use crate::env::fetch_reach::Pose;
 use crate::env::{ArmScene, Environment, FetchReach, Scene};
 use crate::learn::Scratch;
-use crate::train::Snapshot;
+use crate::train::{FilmFrame, Snapshot};
+pub use past::{film_field, film_goal};
 pub use plane::Plane;
 pub use reach::Reach;
 
@@ -39,6 +41,8 @@ pub struct ArmView {
     pub goal: (Option<[f32; 3]>, u64),
     /// The quantity that the fields show.
     pub kind: Field,
+    /// The frame of the film that the fields show instead, if any.
+    pub past: Option<Arc<FilmFrame>>,
     /// The planes of the fields.
     pub planes: Arc<Vec<Plane>>,
     /// The values on each plane, row by row; NaN where there is none.
@@ -108,7 +112,12 @@ impl ArmWorker {
     fn refresh_fields(&mut self) {
         let began = Instant::now();
         self.view.farthest = 1.0;
-        if let Some(goal) = self.view.goal.0 {
+        self.view.past = self.shown.past.clone();
+        if let Some(frame) = &self.shown.past {
+            let fields = self.planes.iter().map(|plane| film_field(&self.scene, frame, plane)).collect();
+            (self.view.planes, self.view.fields) = (self.planes.clone(), Arc::new(fields));
+            self.view.farthest = frame.farthest();
+        } else if let Some(goal) = self.view.goal.0 {
             let planes = self.planes.clone();
             let fields: Vec<Vec<f32>> = planes.iter().map(|plane| self.field(plane, goal)).collect();
             self.view.farthest = fields.iter().flatten().copied().filter(|d| d.is_finite()).fold(1.0, f32::max);
@@ -136,6 +145,7 @@ impl SceneWorker for ArmWorker {
                 self.view.kind = kind;
                 self.shown.timer.make_due();
             }
+            super::Request::Past(past) => self.shown.look_at(past),
             super::Request::Arm(Request::Goal(goal, number)) => {
                 self.view.goal = (Some(goal), number);
                 self.start_reach();

@@ -2,6 +2,7 @@
 
 mod exploration;
 mod field;
+mod past;
 mod walk;
 
 use std::sync::Arc;
@@ -15,8 +16,9 @@ use super::{Field, Raster, RefreshTimer, SceneWorker, ShownNetworks, View, pause
 use crate::env::{Environment, MazeScene, PointMaze, Scene};
 use crate::learn::Scratch;
 use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use crate::train::Snapshot;
+use crate::train::{FilmFrame, Snapshot};
 pub use exploration::{Exploration, Knowledge};
+pub use past::{FilmedMap, FilmedPixels};
 pub use walk::Walk;
 
 /// Time between two steps of the walking agent.
@@ -46,8 +48,8 @@ pub struct CellInfo {
     pub learned: f32,
     /// The true number of steps, if the goal is reachable.
     pub truth: Option<u32>,
-    /// Number of visits by agents.
-    pub visits: u32,
+    /// Number of visits by agents; not known of the past.
+    pub visits: Option<u32>,
 }
 
 /// What the screen shows of a maze at one moment.
@@ -57,6 +59,8 @@ pub struct MazeView {
     pub goal: (Option<Cell>, u64),
     /// The quantity that the field shows.
     pub kind: Field,
+    /// The frame of the film that the field shows instead, if any.
+    pub past: Option<Arc<FilmFrame>>,
     /// The value of each pixel, row by row; NaN at walls.
     pub field: Arc<Vec<f32>>,
     /// The largest value, at least 1.
@@ -99,6 +103,8 @@ pub(super) struct MazeWorker {
     latest_visits: Arc<Vec<u32>>,
     frame: Option<(Raster, Arc<Vec<[f32; 2]>>)>,
     directions: bool,
+    /// The map as it is filmed, once it has been needed.
+    filmed: Option<FilmedMap>,
     inspect: Option<Cell>,
     inspection_due: bool,
     on_arrival: OnArrival,
@@ -127,6 +133,7 @@ impl SceneWorker for MazeWorker {
                 self.view.kind = kind;
                 self.shown.timer.make_due();
             }
+            super::Request::Past(past) => self.shown.look_at(past),
             super::Request::Maze(request) => self.handle_own(request),
             super::Request::Arm(_) => {}
         }
@@ -182,6 +189,7 @@ impl MazeWorker {
             latest_visits: Arc::default(),
             frame: None,
             directions: false,
+            filmed: None,
             inspect: None,
             inspection_due: false,
             on_arrival: OnArrival::default(),
@@ -279,11 +287,24 @@ impl MazeWorker {
         if !self.world.map().is_free(cell) {
             return;
         }
+        if let Some(frame) = self.shown.past.clone() {
+            let learned = self.filmed_map().distance(&frame, cell.centre());
+            let goal = film_goal(&frame, self.world.map()).filter(|goal| self.world.map().is_free(*goal));
+            let truth = goal.and_then(|goal| self.true_steps(cell, goal));
+            self.view.inspected = Some(CellInfo { cell, learned, truth, visits: None });
+            return;
+        }
         let truth = self.true_steps(cell, goal);
         let learned = self.shown.networks.policy.distance(&cell.centre(), &goal.centre(), &mut self.scratch);
-        let visits = self.latest_visits.get(self.world.map().index(cell)).copied().unwrap_or(0);
+        let visits = self.latest_visits.get(self.world.map().index(cell)).copied().or(Some(0));
         self.view.inspected = Some(CellInfo { cell, learned, truth, visits });
     }
+}
+
+/// Returns the cell of a frame's goal, if it is on the map.
+pub fn film_goal(frame: &FilmFrame, map: &Grid) -> Option<Cell> {
+    let cell = cell_of([*frame.goal.first()?, *frame.goal.get(1)?]);
+    (cell.x < map.width() && cell.y < map.height()).then_some(cell)
 }
 
 /// Returns the cell that contains a position.

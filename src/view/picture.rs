@@ -1,6 +1,11 @@
 //! Pictures as PNG files.
 
-use super::colour::Rgb;
+use noto_sans_mono_bitmap::{FontWeight, RasterHeight, get_raster, get_raster_width};
+
+use super::colour::{Rgb, blend};
+
+/// The size of letters, in pixels.
+const TEXT_HEIGHT: RasterHeight = RasterHeight::Size16;
 
 /// A picture in memory.
 #[derive(Clone, Debug)]
@@ -67,6 +72,30 @@ impl Picture {
         }
     }
 
+    /// Writes text from an upper left corner to the right; characters that the font lacks are left out.
+    pub fn text(&mut self, text: &str, [left, top]: [usize; 2], colour: Rgb) {
+        let (columns, _) = self.size();
+        for (i, letter) in text.chars().enumerate() {
+            let Some(letter) = get_raster(letter, FontWeight::Regular, TEXT_HEIGHT) else { continue };
+            for (row, shares) in letter.rows().enumerate() {
+                for (column, share) in shares.iter().enumerate().filter(|(_, share)| **share > 0) {
+                    let x = left + i * text_size("i")[0] + column;
+                    if let Some(pixel) = self.pixels.get_mut((top + row) * columns + x).filter(|_| x < columns) {
+                        *pixel = blend(*pixel, colour, f32::from(*share) / 255.0);
+                    }
+                }
+            }
+        }
+    }
+
+    /// Copies a picture to an upper left corner, as far as it fits.
+    pub fn put(&mut self, picture: &Self, [left, top]: [usize; 2]) {
+        let columns = picture.size().0;
+        for (i, pixel) in picture.pixels.iter().enumerate() {
+            self.set((left + i % columns) as isize, (top + i / columns) as isize, *pixel);
+        }
+    }
+
     /// Encodes the picture as a PNG file.
     ///
     /// # Errors
@@ -84,4 +113,9 @@ impl Picture {
         writer.finish()?;
         Ok(file)
     }
+}
+
+/// Returns the width and height of a line of text, in pixels.
+pub fn text_size(line: &str) -> [usize; 2] {
+    [line.chars().count() * get_raster_width(FontWeight::Regular, TEXT_HEIGHT), TEXT_HEIGHT.val()]
 }

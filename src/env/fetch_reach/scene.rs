@@ -99,6 +99,12 @@ impl ArmScene {
         [corner(TABLE_X.0, TABLE_Y.0), corner(TABLE_X.1, TABLE_Y.1)]
     }
 
+    /// Returns whether the grip may be at a position: among [`Self::positions`], above the table, outside the wall.
+    pub fn has_room(&self, at: [f32; 3]) -> bool {
+        let within = |[low, high]: Corners| (0..3).all(|i| (low[i]..=high[i]).contains(&at[i]));
+        within(self.positions()) && at[2] >= self.table()[0][2] && !self.wall().is_some_and(within)
+    }
+
     /// A goal is reached when the grip is closer to it than this, in metres.
     pub fn goal_radius(&self) -> f32 {
         GOAL_RADIUS

@@ -9,6 +9,7 @@ use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
 use crate::train::error::TrainError;
 use crate::train::evaluate::Evaluation;
+use crate::train::film::FilmFrame;
 use crate::train::history::{CurvePoint, LogEntry, Methods};
 use crate::train::rollout::Rollout;
 use crate::train::run::{Counters, Limits, Run};
@@ -110,6 +111,8 @@ pub struct Snapshot {
     pub search: Option<Arc<SearchOutcome>>,
     /// Losses and coverage over time.
     pub curve: Arc<Vec<CurvePoint>>,
+    /// The film of how distance was learned, oldest frame first.
+    pub film: Arc<Vec<Arc<FilmFrame>>>,
     /// Evaluations so far: updates and result.
     pub evaluations: Arc<Vec<(u64, Evaluation)>>,
     /// Methods used so far, if there was more than one.
@@ -205,6 +208,7 @@ impl Snapshot {
             networks: Networks::capture(trainer)?,
             search: trainer.last_search().cloned(),
             curve: trainer.history().points().clone(),
+            film: trainer.film().frames().clone(),
             evaluations: trainer.history().evaluations().clone(),
             methods: trainer.history().methods().clone(),
             learns: trainer.learns(),
@@ -233,6 +237,13 @@ impl Snapshot {
     /// Returns the latest evaluation, if it was of the current method, and the updates counted then.
     pub fn evaluation(&self) -> Option<&(u64, Evaluation)> {
         self.evaluations.last().filter(|(updates, _)| self.methods.is_current(*updates))
+    }
+
+    /// Returns the success rate found by the latest evaluation up to an update, if it was of the method used then.
+    pub fn success_at(&self, updates: u64) -> Option<f64> {
+        let (at, evaluation) = self.evaluations.iter().rev().find(|(at, _)| *at <= updates)?;
+        let same_method = self.methods.index(*at) == self.methods.index(updates);
+        evaluation.success_rate().filter(|_| same_method)
     }
 
     /// Returns the fraction of the world explored over time: updates and coverage, from the curve's points and the

@@ -166,6 +166,12 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Pan(0, -1), "pan-up", &["shift-up", "alt-up"], "", "pan the map upwards").also("scroll"),
             bind(Action::Pan(0, 1), "pan-down", &["shift-down", "alt-down"], "", "pan the map downwards")
                 .also("scroll"),
+            bind(Action::Back, "back-in-time", &["["], "", "back in time: what was learned by then")
+                .watching()
+                .also("past history film rewind earlier previous before time travel scrub movie replay"),
+            bind(Action::Forth, "forth-in-time", &["]"], "", "forth in time, and back to the present")
+                .watching()
+                .also("future now present film forward later next time travel movie replay"),
             bind(Action::Projection, "projection", &["shift-p"], "turn", "choose the next projection")
                 .watching()
                 .also("side top front orbit rotate camera angle"),
@@ -255,9 +261,11 @@ pub const SECTIONS: &[Section] = &[
                 .within(When::Offered)
                 .also("continue load saved go on"),
             bind(Action::Autosave, "autosave", &[], "", "set the autosave interval").also("automatic backup minutes"),
-            bind(Action::Export, "export", &["shift-e"], "", "export map, curves or screen")
+            bind(Action::Export, "export", &["shift-e"], "", "export map, curves, screen or film")
                 .watching()
                 .also("screenshot picture image png svg csv figure capture print data"),
+            bind(Action::ExportFilm, "export-film", &[], "", "export the film of how distance was learned")
+                .also("animation animate apng gif video movie clip timelapse time lapse record history"),
         ],
     },
     Section {

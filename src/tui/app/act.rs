@@ -6,8 +6,9 @@ use super::App;
 use crate::bridge::EdgeStatus;
 use crate::train::{Command, Step};
 use crate::tui::action::{Action, Mode, bindings};
-use crate::tui::dialog::{Dialog, Help, Picker, Prompt, Question, lists};
+use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question, lists};
 use crate::tui::layers::{Overlay, Overlays};
+use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::raster::Marker;
 use crate::tui::scene::{self, SceneKind};
@@ -26,6 +27,9 @@ impl App {
         }
         if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
             self.on_first_use();
+        }
+        if is_about_present(action) {
+            self.return_to_present();
         }
         match action {
             Action::TogglePause => self.toggle_pause(),
@@ -66,6 +70,8 @@ impl App {
                 let more = if none { ", but there are none here: as auto" } else { "" };
                 self.notify(&format!("marker: {}{more}", self.screen.marker.name()));
             }
+            Action::Back => self.step_through_time(false),
+            Action::Forth => self.step_through_time(true),
             Action::Theme => self.open_picker(lists::themes(self.screen.theme.name)),
             Action::Show(pane) => self.show(pane),
             Action::NextPane => self.show_next(),
@@ -85,6 +91,7 @@ impl App {
                 self.open_prompt(Prompt::new(Question::Autosave, "autosave interval in minutes", hint, now));
             }
             Action::Export => self.open_picker(lists::exports(self.screen.scene())),
+            Action::ExportFilm => self.choose(Choice::Export(ExportKind::Film)),
             Action::Tour => self.ask_tour(),
             Action::NextTourStep => self.next_tour_step(),
             Action::EndTour => self.end_tour(),
@@ -185,6 +192,9 @@ impl App {
     }
 
     fn close_top(&mut self) {
+        if self.return_to_present() {
+            return;
+        }
         if self.close_in_scene() || std::mem::take(&mut self.screen.maximised) || self.screen.offer.take().is_some() {
             return;
         }
@@ -242,4 +252,23 @@ impl App {
             _ => {}
         }
     }
+}
+
+/// Whether an action shows or changes something that the past does not have: it returns to the present.
+fn is_about_present(action: Action) -> bool {
+    use Action as A;
+    matches!(
+        action,
+        A::NewGoal
+            | A::GoalHere
+            | A::StartHere
+            | A::NewStart
+            | A::Follow
+            | A::Field(_)
+            | A::ToggleEdit
+            | A::Tool(_)
+            | A::Apply
+            | A::Undo
+            | A::Redo
+    )
 }

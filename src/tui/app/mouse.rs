@@ -19,6 +19,11 @@ impl App {
         {
             return self.act(action);
         }
+        let pressed =
+            matches!(mouse.kind, MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left));
+        if let Some(at) = self.screen.layout.charts.iter().find_map(|chart| chart.value_at(at)).filter(|_| pressed) {
+            return self.look_at_curves(at);
+        }
         if self.moves_tour_on(mouse.kind) {
             return;
         }

@@ -79,7 +79,8 @@ impl App {
 
     /// Handles a new view.
     pub fn on_view(&mut self, view: View) {
-        if self.screen.frozen {
+        // The past can be looked at on a frozen screen.
+        if self.screen.frozen && self.screen.past.is_none() {
             return;
         }
         // Follow goals chosen by the walking agent itself, but not those older than the latest goal request.

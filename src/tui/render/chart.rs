@@ -36,14 +36,15 @@ pub fn heading(title: Span<'static>, names: impl Iterator<Item = Span<'static>>,
     lines
 }
 
-/// Draws lines within the bounds `x` and `y`, the latter labelled with `y_labels`.
+/// Draws lines within the bounds `x` and `y`, the latter labelled with `y_labels`; returns the area of the lines.
 pub fn draw<'a>(
     frame: &mut Frame,
     area: Rect,
     (x, y): ([f64; 2], [f64; 2]),
     y_labels: [String; 2],
     lines: impl Iterator<Item = Line<'a>>,
-) {
+) -> Rect {
+    let inner = lines_area(area, x.map(short), &y_labels);
     let set = |line: Line<'a>| {
         let set = Dataset::default().marker(line.marker).graph_type(GraphType::Line);
         set.style(line.style).data(line.points)
@@ -52,4 +53,19 @@ pub fn draw<'a>(
     let y_axis = Axis::default().bounds(y).labels(y_labels).style(DIM);
     let chart = Chart::new(lines.map(set).collect()).x_axis(x_axis).y_axis(y_axis);
     frame.render_widget(chart.legend_position(None::<LegendPosition>), area);
+    inner
+}
+
+/// Returns the area within a chart that ratatui leaves for lines: to the right of the labels, of which the first one below
+/// may begin under the axis, and of the axis; above the other axis and its labels.
+fn lines_area(area: Rect, x_labels: [String; 2], y_labels: &[String; 2]) -> Rect {
+    let width = |label: &String| TextLine::raw(label.as_str()).width();
+    let left = y_labels.iter().map(width).chain([width(&x_labels[0]).saturating_sub(1)]).max().unwrap_or(0);
+    let left = (left as u16).min(area.width / 3) + 1;
+    Rect {
+        x: area.x + left.min(area.width),
+        width: area.width.saturating_sub(left),
+        height: area.height.saturating_sub(2),
+        ..area
+    }
 }

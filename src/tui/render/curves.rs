@@ -11,6 +11,7 @@ use super::text::short;
 use super::{BOLD, DIM, chart};
 use crate::env::DistanceUnit;
 use crate::train::{DistanceScore, Evaluation};
+use crate::tui::layout::{ChartArea, ScreenLayout};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, blend};
 
@@ -47,7 +48,7 @@ struct Plot {
 }
 
 /// Draws as many charts as fit, the most informative first.
-pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
+pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let mut plots = plots(screen);
     let columns = if area.width >= MIN_TWO_CHART_WIDTH { 2 } else { 1 };
     let rows = usize::from((area.height / MIN_CHART_HEIGHT).max(1)).min(plots.len().div_ceil(columns));
@@ -57,7 +58,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen) {
     for row in rows.iter() {
         let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
         for (area, plot) in areas.iter().zip(&mut plots) {
-            draw_plot(frame, *area, screen, &plot);
+            layout.charts.extend(draw_plot(frame, *area, screen, &plot));
         }
     }
 }
@@ -112,7 +113,8 @@ fn by_distance(e: &Evaluation) -> &[DistanceScore] {
     &e.planned.as_ref().unwrap_or(&e.greedy).by_distance
 }
 
-fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
+/// Draws a chart; returns where its lines are, unless there are none.
+fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Option<ChartArea> {
     let log = plot.log && screen.log_scale;
     let [from, to] = window(screen);
     let value = |y: f64| if log { y.max(1e-9).log10() } else { y };
@@ -142,7 +144,7 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
             false => " not known here",
         };
         frame.render_widget(Paragraph::new(Line::styled(text, DIM)), body);
-        return;
+        return None;
     }
     let low = if log { values().fold(f64::INFINITY, f64::min) } else { 0.0 };
     let high = plot.max.unwrap_or_else(|| values().fold(low + 1e-6, f64::max));
@@ -159,13 +161,18 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) {
     };
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
+    let past = screen.past.as_ref().map(|frame| along(screen, frame.updates)).filter(|at| (from..=to).contains(at));
+    let past = past.map(|at| [(at, low), (at, high)]);
     let lines = changes.chain(shown.iter().map(|(i, points)| line(colour(screen, *i), &points[..])));
-    chart::draw(frame, body, ([from, to], [low, high]), [label(low), label(high)], lines);
+    let cursor = Style::new().fg(screen.theme.colour(screen.theme.cursor)).add_modifier(Modifier::BOLD);
+    let lines = lines.chain(past.iter().map(|upright| line(cursor, &upright[..])));
+    let area = chart::draw(frame, body, ([from, to], [low, high]), [label(low), label(high)], lines);
+    Some(ChartArea { area, bounds: [from, to] })
 }
 
 /// Returns the place along the curves of a number of updates counted: the updates done by a learner or, in a run
 /// without any, the steps.
-fn along(screen: &Screen, updates: u64) -> f64 {
+pub fn along(screen: &Screen, updates: u64) -> f64 {
     let snapshot = &screen.snapshot;
     if snapshot.updates() > 0 || snapshot.learns {
         return snapshot.learned(updates) as f64;

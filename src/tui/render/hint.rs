@@ -7,6 +7,7 @@ use ratatui::widgets::Clear;
 
 use super::{BOLD, REVERSED};
 use crate::runs;
+use crate::text::grouped;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
@@ -18,11 +19,37 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         return;
     }
     let width = usize::from(area.width);
-    let Some(line) = offer(screen, width).or_else(|| what_to_see(screen, width)) else { return };
+    let Some(line) = past(screen, width).or_else(|| offer(screen, width)).or_else(|| what_to_see(screen, width)) else {
+        return;
+    };
     let width = (line.width() as u16).min(area.width);
     let area = Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
     frame.render_widget(Clear, area);
     line.draw(frame, area, layout);
+}
+
+/// Says which moment of the past is shown, and how to get back.
+fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
+    let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
+    let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
+    let success = snapshot.success_at(frame.updates).map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    let texts = [
+        (format!("update {then} of {now}{success}"), " back and forth"),
+        (format!("update {then} of {now}"), " back and forth"),
+        (format!("update {then} of {now}"), ""),
+        (format!("update {then}"), ""),
+    ];
+    let lines = texts.map(|(text, directions)| {
+        let mut line = ClickableLine::default();
+        let keys = [(Action::Back, ""), (Action::Forth, directions), (Action::Close, " now ")];
+        for ((action, word), before) in keys.into_iter().zip([&*format!(" {text} \u{b7} "), " ", " \u{b7} "]) {
+            line.push(Span::styled(before.to_owned(), REVERSED), None);
+            line.push(Span::styled(screen.keymap.key_of(action), BOLD.patch(REVERSED)), Click::Act(action));
+            line.push(Span::styled(word, REVERSED), Click::Act(action));
+        }
+        line
+    });
+    fitting(lines, width)
 }
 
 /// Offers the saved run, in at most `width` columns if possible.

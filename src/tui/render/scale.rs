@@ -20,12 +20,12 @@ pub const MAX_SHOWN_ERROR: f32 = 0.5;
 /// Returns the colour scale with the values at its ends and a bar of `bar` characters.
 pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
     let farthest = screen.farthest();
-    let name = match screen.field {
+    let name = match screen.shown_field() {
         Field::Plain => format!(" {} only ", screen.scene().noun()),
         field => format!(" {} ", field.name()),
     };
     let name = Span::raw(name);
-    let (low, high) = match screen.field {
+    let (low, high) = match screen.shown_field() {
         Field::Plain => return Line::from(name),
         Field::Error => {
             let most = 100.0 * MAX_SHOWN_ERROR;
@@ -41,7 +41,7 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
     } else {
         for i in 0..bar {
             let at = i as f32 / (bar - 1) as f32;
-            let rgb = match screen.field {
+            let rgb = match screen.shown_field() {
                 Field::Error => screen.theme.error_colour(2.0 * at - 1.0),
                 Field::Visits => screen.theme.distance_colour(1.0 - at),
                 _ => screen.theme.distance_colour(at),

@@ -90,7 +90,7 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
     let inner = block.inner(area);
     frame.render_widget(block, area);
     match pane {
-        Pane::Curves => curves::draw(frame, inner, screen),
+        Pane::Curves => curves::draw(frame, inner, screen, layout),
         Pane::Log => log::draw(frame, inner, screen),
         _ => frame.render_widget(Paragraph::new(lines(pane, screen, inner.width).unwrap_or_default()), inner),
     }

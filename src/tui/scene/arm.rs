@@ -20,6 +20,7 @@ use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::screen::Screen;
 use crate::view::ArmView;
+use crate::view::arm::film_goal;
 pub use act::{offers, wording};
 pub use legend::lines as legend_lines;
 pub use projection::{Angle, Camera, Orbit, Projection};
@@ -57,10 +58,20 @@ pub fn draw(frame: &mut Frame, [area, info]: [Rect; 2], scene: &ArmScene, screen
 /// Returns the steps between two contour lines, the same in all projections, if there are any.
 fn contour_interval(screen: &Screen) -> Option<f32> {
     let view = &screen.arm.view;
-    let shown = screen.field.is_distance() && view.kind == screen.field && screen.overlays.has(Overlay::Contours);
+    let shown = screen.shown_field().is_distance() && shows_field(screen) && screen.overlays.has(Overlay::Contours);
     let fields = view.fields.iter().zip(view.planes.iter());
     let fields: Vec<_> = fields.map(|(field, plane)| (&**field, plane.raster.pixels.0)).collect();
     contours::interval(&fields, contours::SPACING, None).filter(|_| shown)
+}
+
+/// Returns whether the viewer has computed the field to be shown.
+fn shows_field(screen: &Screen) -> bool {
+    screen.shown_past().is_some() || screen.arm.view.kind == screen.field
+}
+
+/// Returns the goal that distances are shown to, in metres.
+fn shown_goal(screen: &Screen) -> [f32; 3] {
+    screen.shown_past().map_or(screen.arm.goal, film_goal)
 }
 
 /// Formats a position in centimetres.

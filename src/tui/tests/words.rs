@@ -7,7 +7,7 @@ use crate::tui::panes::Pane;
 use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
-const WORDS: [(&str, Action); 62] = [
+const WORDS: [(&str, Action); 69] = [
     ("resume", Action::TogglePause),
     ("pause", Action::TogglePause),
     ("stop", Action::TogglePause),
@@ -67,6 +67,13 @@ const WORDS: [(&str, Action); 62] = [
     ("autosave", Action::Autosave),
     ("export", Action::Export),
     ("screenshot", Action::Export),
+    ("animation", Action::ExportFilm),
+    ("gif", Action::ExportFilm),
+    ("video", Action::ExportFilm),
+    ("export film", Action::ExportFilm),
+    ("time travel", Action::Back),
+    ("rewind", Action::Back),
+    ("past", Action::Back),
     ("keys", Action::Help),
     ("exit", Action::Quit),
     ("quit", Action::Quit),

@@ -32,7 +32,7 @@ impl Plane {
     }
 
     /// Returns the point that pixel `i` shows of the plane through `goal`.
-    fn pixel(&self, i: usize, goal: [f32; 3]) -> [f32; 3] {
+    pub(super) fn pixel(&self, i: usize, goal: [f32; 3]) -> [f32; 3] {
         let Raster { window: [left, top, width, height], pixels: (columns, rows) } = self.raster;
         let (column, row) = ((i % columns) as f32 + 0.5, (i / columns) as f32 + 0.5);
         self.point([left + column / columns as f32 * width, top + row / rows as f32 * height], goal)
@@ -44,13 +44,8 @@ impl ArmWorker {
     pub(super) fn field(&mut self, plane: &Plane, goal: [f32; 3]) -> Vec<f32> {
         let count = plane.raster.pixels.0 * plane.raster.pixels.1;
         let mut field = vec![f32::NAN; count];
-        let [low, high] = self.scene.positions();
-        let (table, wall) = (self.scene.table()[0][2], self.scene.wall());
-        let within = |[low, high]: [[f32; 3]; 2], at: [f32; 3]| (0..3).all(|i| (low[i]..=high[i]).contains(&at[i]));
-        let shown: Vec<(usize, [f32; 3])> = (0..count)
-            .map(|i| (i, plane.pixel(i, goal)))
-            .filter(|(_, at)| within([low, high], *at) && at[2] >= table && !wall.is_some_and(|wall| within(wall, *at)))
-            .collect();
+        let shown: Vec<(usize, [f32; 3])> =
+            (0..count).map(|i| (i, plane.pixel(i, goal))).filter(|(_, at)| self.scene.has_room(*at)).collect();
         if self.view.kind == Field::Plain || shown.is_empty() {
             return field;
         }

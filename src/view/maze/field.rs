@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use super::{MazeWorker, cell_of};
+use super::{FilmedMap, MazeWorker, cell_of};
 use crate::learn::Policy;
 use crate::map::UNREACHABLE;
 use crate::view::{Field, Raster};
@@ -14,7 +14,13 @@ const LINK_CANDIDATES_PER_PIXEL: usize = 6;
 impl MazeWorker {
     pub(super) fn refresh_field(&mut self) {
         let began = Instant::now();
-        if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone()) {
+        self.view.past = self.shown.past.clone();
+        if let (Some(frame), Some((raster, _))) = (self.shown.past.clone(), &self.frame) {
+            let raster = *raster;
+            self.view.field = Arc::new(self.filmed_map().field(&frame, raster));
+            (self.view.farthest, self.view.raster) = (frame.farthest(), Some(raster));
+            self.view.directions = Arc::default();
+        } else if let (Some(goal), Some((raster, arrows))) = (self.view.goal.0, self.frame.clone()) {
             let shown = self.shown.networks.clone();
             let policy = &*shown.policy;
             self.view.field = Arc::new(self.field(raster, goal.centre(), policy));
@@ -34,6 +40,13 @@ impl MazeWorker {
         }
         self.shown.timer.done(began);
         self.changed = true;
+    }
+
+    /// Returns the map as it is filmed.
+    pub(super) fn filmed_map(&mut self) -> &FilmedMap {
+        let map = self.world.map();
+        let known = self.filmed.take().filter(|filmed| Arc::ptr_eq(filmed.map(), map));
+        self.filmed.insert(known.unwrap_or_else(|| FilmedMap::new(map.clone())))
     }
 
     /// Computes the value of every pixel that shows free ground; the others are NaN.

@@ -52,7 +52,7 @@ pub fn wording(action: Action) -> Option<&'static str> {
         Action::ZoomOff => "show everything",
         Action::Pan(-1, 0) => "turn the free projection (or drag), pan the others",
         Action::Show(Pane::Legend) => "legend of the arm",
-        Action::Export => "export arm, curves or screen",
+        Action::Export => "export arm, curves, screen or film",
         Action::OpenMap => "open a map instead",
         _ => return None,
     })
@@ -90,6 +90,7 @@ impl App {
     pub(in crate::tui) fn set_arm_goal(&mut self, at: [f32; 3]) {
         let Some(scene) = self.arm_scene() else { return };
         let goal = scene.nearest_goal(at);
+        self.return_to_present();
         self.screen.arm.goal = goal;
         self.goal_requests += 1;
         self.viewer.request(Request::Goal(goal, self.goal_requests));

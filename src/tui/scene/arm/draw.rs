@@ -6,6 +6,7 @@ use ratatui::text::Line;
 
 use super::projection::{Angle, Projection};
 use super::shapes::{Sketch, edges};
+use super::{shown_goal, shows_field};
 use crate::bridge::EdgeStatus;
 use crate::env::ArmScene;
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, shade};
@@ -34,11 +35,15 @@ pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen
         |label: &Label, canvas: &Canvas| label.pixels(&projection.frame).map(|i| canvas.colour(i)).collect::<Vec<_>>();
     let labels: Vec<_> = labels.into_iter().map(|label| (under(&label, &sketch.canvas), label)).collect();
     draw_surroundings(&mut sketch, scene, screen);
-    draw_graph(&mut sketch, screen);
+    if screen.shown_past().is_none() {
+        draw_graph(&mut sketch, screen);
+    }
     draw_explorers(&mut sketch, screen);
-    draw_plan(&mut sketch, screen);
-    draw_arm(&mut sketch, screen);
-    sketch.circle(screen.arm.goal, scene.goal_radius(), (screen.theme.goal, '*'));
+    if screen.shown_past().is_none() {
+        draw_plan(&mut sketch, screen);
+        draw_arm(&mut sketch, screen);
+    }
+    sketch.circle(shown_goal(screen), scene.goal_radius(), (screen.theme.goal, '*'));
     sketch.canvas.paint(frame.buffer_mut(), &projection.frame, &screen.theme);
     let mut glyphs = Glyphs { map_frame: &projection.frame, theme: &screen.theme, buffer: frame.buffer_mut() };
     // Where nothing else has been drawn since.
@@ -57,7 +62,7 @@ pub fn draw(frame: &mut Frame, projection: &Projection, scene: &ArmScene, screen
 /// Returns the name of a projection and the coordinate of the coloured plane, or the direction.
 fn title(angle: Angle, screen: &Screen) -> String {
     let degrees = |rad: f32| (rad.to_degrees().round() as i32).rem_euclid(360);
-    let [x, y, z] = screen.arm.goal.map(|metres| format!("{:.0} cm", 100.0 * metres));
+    let [x, y, z] = shown_goal(screen).map(|metres| format!("{:.0} cm", 100.0 * metres));
     let name = angle.name();
     match angle {
         Angle::Side => format!("{name} at y {y}"),
@@ -75,7 +80,7 @@ fn draw_field(sketch: &mut Sketch, contour_interval: Option<f32>, screen: &Scree
     let (theme, view, canvas) = (&screen.theme, &screen.arm.view, &mut sketch.canvas);
     (0..canvas.len()).for_each(|i| canvas.set(i, Some(theme.unknown), ' '));
     let field = view.planes.iter().position(|plane| *plane == sketch.projection.plane).map(|n| &view.fields[n]);
-    let Some(field) = field.filter(|_| view.kind == screen.field) else { return Vec::new() };
+    let Some(field) = field.filter(|_| shows_field(screen)) else { return Vec::new() };
     let (farthest, mono) = (screen.farthest(), theme.depth == ColourDepth::Mono);
     for (i, value) in field.iter().enumerate().filter(|(_, value)| value.is_finite()) {
         let share = value / farthest;
@@ -83,7 +88,7 @@ fn draw_field(sketch: &mut Sketch, contour_interval: Option<f32>, screen: &Scree
     }
     let Some(interval) = contour_interval else { return Vec::new() };
     let frame = &sketch.projection.frame;
-    let goal = frame.raster.pixel_of(sketch.projection.flat(screen.arm.goal)).unwrap_or_default();
+    let goal = frame.raster.pixel_of(sketch.projection.flat(shown_goal(screen))).unwrap_or_default();
     let mut labels = contours::draw(canvas, frame, field, (interval, goal));
     // The first row has the projection's name.
     labels.retain(|label| label.area.y > frame.area.y);
@@ -145,6 +150,9 @@ fn draw_explorers(sketch: &mut Sketch, screen: &Screen) {
     if !screen.overlays.has(Overlay::Agents) {
         return;
     }
+    if let Some(past) = screen.shown_past() {
+        return positions(&past.agents, 3).for_each(|at| sketch.ball(at, DOT_RADIUS, (rgb, 'o')));
+    }
     let agents = screen.run().settings.train.agents.max(1);
     let size = (snapshot.agents.len() / agents).max(1);
     for trail in snapshot.trails.iter() {
@@ -188,12 +196,13 @@ fn draw_arm(sketch: &mut Sketch, screen: &Screen) {
 fn draw_symbols(frame: &mut Frame, projection: &Projection, screen: &Screen) {
     let (theme, view) = (&screen.theme, &screen.arm.view);
     let mut glyphs = Glyphs { map_frame: &projection.frame, theme, buffer: frame.buffer_mut() };
-    if let Some(followed) = &screen.snapshot.followed {
+    let is_past = screen.shown_past().is_some();
+    if let Some(followed) = screen.snapshot.followed.as_ref().filter(|_| !is_past) {
         glyphs.symbol(projection.flat(position(&followed.goal)), '\u{2691}', Some(theme.frontier));
         glyphs.letter(projection.flat(position(&followed.state)), 'A', theme.frontier);
     }
-    glyphs.letter(projection.flat(screen.arm.goal), 'G', theme.goal);
-    if view.pose.grip != [0.0; 3] {
+    glyphs.letter(projection.flat(shown_goal(screen)), 'G', theme.goal);
+    if view.pose.grip != [0.0; 3] && !is_past {
         glyphs.letter(projection.flat(view.pose.grip), '@', theme.walker);
     }
 }

@@ -90,6 +90,7 @@ impl App {
     /// Puts the goal at `cell`, or at the free cell nearest to it.
     pub(in crate::tui) fn set_goal(&mut self, cell: Cell) {
         if let Some(cell) = self.screen.maze.map.nearest_free(cell) {
+            self.return_to_present();
             self.screen.maze.goal = cell;
             self.goal_requests += 1;
             self.viewer.request(Request::Goal(cell, self.goal_requests));
@@ -98,6 +99,7 @@ impl App {
 
     /// Puts the walking agent at a cell, or at a random place.
     pub(in crate::tui) fn place_walker(&mut self, cell: Option<Cell>) {
+        self.return_to_present();
         self.viewer.request(Request::Start(cell));
     }
 

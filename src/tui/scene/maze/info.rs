@@ -43,11 +43,12 @@ fn cell_facts(screen: &Screen) -> Line<'static> {
         return Line::from(format!("{place}: wall"));
     }
     let Some(facts) = screen.maze.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
-    let (learned, visits) = (facts.learned, short(f64::from(facts.visits)));
+    let learned = facts.learned;
+    let visits = facts.visits.map_or(String::new(), |visits| format!(", {} visits", short(f64::from(visits))));
     Line::from(match facts.truth {
         Some(truth) => {
             let error = 100.0 * (learned - truth as f32) / (truth as f32).max(1.0);
-            format!("{place}: D {learned:.1}, true {truth} ({error:+.0} %), {visits} visits")
+            format!("{place}: D {learned:.1}, true {truth} ({error:+.0} %){visits}")
         }
         None => format!("{place}: D {learned:.1}, no path to G"),
     })

@@ -9,7 +9,7 @@ use ratatui::layout::Rect;
 use super::edges;
 use super::picture::{self, PictureCache};
 use super::unexplored::Unexplored;
-use crate::map::Grid;
+use crate::map::{Cell, Grid};
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, WALL_MARK, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
@@ -20,7 +20,7 @@ use crate::tui::raster::MapFrame;
 use crate::tui::render::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend};
-use crate::view::maze::Exploration;
+use crate::view::maze::{Exploration, film_goal};
 use crate::view::{Field, Ground, Raster};
 
 /// Minimum characters per cell for drawing bridge candidates, and for drawing them in sizes.
@@ -97,6 +97,7 @@ pub(super) struct Key {
     pub(super) field: Option<Arc<Vec<f32>>>,
     exploration: Arc<Exploration>,
     cut_off: Arc<Vec<bool>>,
+    is_past: bool,
 }
 
 impl Key {
@@ -109,6 +110,7 @@ impl Key {
             field: Self::field_on(&map_frame.raster, screen).cloned(),
             exploration: screen.maze.view.exploration.clone(),
             cut_off: screen.maze.view.cut_off.clone(),
+            is_past: screen.shown_past().is_some(),
         }
     }
 
@@ -124,8 +126,8 @@ impl Key {
 
     /// Returns the field for `raster`, if it has been computed.
     fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
-        (screen.maze.view.raster == Some(*raster) && screen.maze.view.kind == screen.field)
-            .then_some(&screen.maze.view.field)
+        let view = &screen.maze.view;
+        (view.raster == Some(*raster) && (view.past.is_some() || view.kind == screen.field)).then_some(&view.field)
     }
 
     /// Returns whether what has been drawn from this is still up to date.
@@ -137,8 +139,9 @@ impl Key {
         let same_map = Arc::ptr_eq(&self.map, &screen.maze.map);
         let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
             && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
+        let same_time = self.is_past == screen.shown_past().is_some();
         let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.map_frame == *map_frame && same_field && same_map && same_exploration && same_style
+        self.map_frame == *map_frame && same_field && same_map && same_exploration && same_time && same_style
     }
 }
 
@@ -166,7 +169,7 @@ impl Base {
         let (mut contour_interval, mut labels) = (None, Vec::new());
         if let Some(field) = &key.field {
             colour(&mut canvas, field, screen);
-            if screen.field.is_distance() && screen.overlays.has(Overlay::Contours) {
+            if screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours) {
                 let open = open_field(field, &grounds, &unexplored);
                 contour_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
                 labels = draw_contours(&mut canvas, map_frame, (&open, contour_interval), screen);
@@ -202,12 +205,12 @@ fn colour(canvas: &mut Canvas, field: &[f32], screen: &Screen) {
     let (theme, farthest) = (&screen.theme, screen.maze.view.farthest.max(1.0));
     let mono = theme.depth == ColourDepth::Mono;
     for (i, value) in field.iter().copied().enumerate().filter(|(_, value)| value.is_finite()) {
-        let share = match screen.field {
+        let share = match screen.shown_field() {
             Field::Error => value.abs() / MAX_SHOWN_ERROR,
             Field::Visits => 1.0 - (1.0 + value).ln() / (1.0 + farthest).ln(),
             _ => value / farthest,
         };
-        let rgb = match screen.field {
+        let rgb = match screen.shown_field() {
             Field::Error => theme.error_colour(value / MAX_SHOWN_ERROR),
             _ => theme.distance_colour(share),
         };
@@ -234,7 +237,7 @@ fn draw_contours(
     (field, interval): (&[f32], Option<f32>),
     screen: &Screen,
 ) -> Vec<Label> {
-    let goal = map_frame.raster.pixel_of(screen.maze.goal.centre()).unwrap_or_default();
+    let goal = map_frame.raster.pixel_of(shown_goal(screen).centre()).unwrap_or_default();
     interval.map_or_else(Vec::new, |interval| contours::draw(canvas, map_frame, field, (interval, goal)))
 }
 
@@ -243,9 +246,22 @@ fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Them
     label.pixels(map_frame).any(|i| [theme.path, theme.agent].map(Some).contains(&canvas.colour(i)))
 }
 
-/// Draws what changes from frame to frame, as pixels.
+/// Returns the goal that distances are shown to.
+pub(super) fn shown_goal(screen: &Screen) -> Cell {
+    let past = screen.shown_past().and_then(|frame| film_goal(frame, &screen.maze.map));
+    past.unwrap_or(screen.maze.goal)
+}
+
+/// Draws what changes from frame to frame, as pixels: of the past, only the agents.
 fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen) {
     let (theme, shows) = (&screen.theme, |overlay| screen.overlays.has(overlay));
+    if let Some(past) = screen.shown_past() {
+        if shows(Overlay::Agents) {
+            let (positions, _) = past.agents.as_chunks::<2>();
+            positions.iter().for_each(|at| canvas.dot(map_frame, *at, theme.agent, 'o'));
+        }
+        return;
+    }
     // On a map scaled down, candidates would hide the rest; on a large one they are drawn as signs.
     let scale = map_frame.scale();
     if shows(Overlay::Edges) {
@@ -308,7 +324,8 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
 /// Draws letters and signs, and those of `labels` which they leave room for.
 fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
     let (theme, scale) = (&screen.theme, glyphs.map_frame.scale());
-    let shows = |overlay| screen.overlays.has(overlay);
+    let is_past = screen.shown_past().is_some();
+    let shows = |overlay| screen.overlays.has(overlay) && !is_past;
     if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
         for candidate in screen.maze.view.candidates.iter() {
             let symbol = match candidate.degree {
@@ -342,13 +359,15 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
             glyphs.symbol([at[0], at[1]], FRONTIER_SIGN, Some(theme.frontier));
         }
     }
-    if let Some(followed) = &screen.snapshot.followed {
+    if let Some(followed) = screen.snapshot.followed.as_ref().filter(|_| !is_past) {
         glyphs.letter([followed.state[0], followed.state[1]], 'A', theme.agent);
         glyphs.symbol([followed.goal[0], followed.goal[1]], '\u{2691}', Some(theme.agent));
     }
-    glyphs.letter(screen.maze.view.walk.start, 'S', theme.walker);
-    glyphs.letter(screen.maze.goal.centre(), 'G', theme.goal);
-    if let Some(at) = screen.maze.view.trail.last() {
+    if !is_past {
+        glyphs.letter(screen.maze.view.walk.start, 'S', theme.walker);
+    }
+    glyphs.letter(shown_goal(screen).centre(), 'G', theme.goal);
+    if let Some(at) = screen.maze.view.trail.last().filter(|_| !is_past) {
         glyphs.letter(*at, '@', theme.walker);
     }
     if let Some(cursor) = screen.maze.editor.cursor.or(screen.maze.inspecting) {

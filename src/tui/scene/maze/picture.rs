@@ -9,7 +9,7 @@ use std::sync::Arc;
 use ratatui::Frame;
 
 use super::edges;
-use super::map::{Key, open_field};
+use super::map::{Key, open_field, shown_goal};
 use super::unexplored::Unexplored;
 use crate::bridge::EdgeStatus;
 use crate::tui::contours as intervals;
@@ -129,7 +129,7 @@ impl Base {
         ground::draw(&mut sheet, scale, (key.field.as_deref().map(Vec::as_slice), columns), screen);
         let mut contour_interval = None;
         if let Some(field) =
-            key.field.as_ref().filter(|_| screen.field.is_distance() && screen.overlays.has(Overlay::Contours))
+            key.field.as_ref().filter(|_| screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours))
         {
             let open = open_field(field, &grounds, &Unexplored::new(&grounds, screen));
             contour_interval = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
@@ -139,7 +139,7 @@ impl Base {
         }
         ground::draw_walls(&mut sheet, scale, screen);
         ground::draw_edge(&mut sheet, scale, screen);
-        if screen.overlays.has(Overlay::Directions) {
+        if screen.overlays.has(Overlay::Directions) && screen.shown_past().is_none() {
             draw_directions(&mut sheet, scale, screen);
         }
         let directions = screen.maze.view.directions.clone();
@@ -186,9 +186,15 @@ impl Moving<'_> {
         share * self.scale.unit()
     }
 
-    /// Draws all of it, what matters most last.
+    /// Draws all of it, what matters most last; of the past, only the agents.
     fn draw(&mut self, map_frame: &MapFrame) {
         let shows = |overlay| self.screen.overlays.has(overlay);
+        if let Some(past) = self.screen.shown_past() {
+            if shows(Overlay::Agents) {
+                self.discs(past.agents.as_chunks::<2>().0);
+            }
+            return self.signs(false);
+        }
         let [edges, candidates, path, search, agents] =
             [Overlay::Edges, Overlay::Candidates, Overlay::Path, Overlay::Search, Overlay::Agents].map(shows);
         if edges {
@@ -302,11 +308,16 @@ impl Moving<'_> {
         for trail in self.screen.snapshot.trails.iter() {
             self.fading(trail.as_chunks::<2>().0, self.of(0.08).max(1.0), Ink(rgb, 0.6));
         }
+        self.discs(self.screen.snapshot.agents.as_chunks::<2>().0);
+    }
+
+    /// Draws an agent at each position.
+    fn discs(&mut self, positions: &[[f32; 2]]) {
         let radius = (0.35 * self.scale.cell_width()).clamp(self.of(0.12), self.of(0.22));
-        for at in self.screen.snapshot.agents.as_chunks::<2>().0 {
+        for at in positions {
             let at = self.scale.pixel(*at);
             self.sheet.disc(at, radius + 1.2, Ink(SHADOW, 0.7));
-            self.sheet.disc(at, radius, Ink(rgb, 1.0));
+            self.sheet.disc(at, radius, Ink(self.screen.theme.agent, 1.0));
         }
     }
 
@@ -328,7 +339,7 @@ impl Moving<'_> {
 
     fn signs(&mut self, shows_agents: bool) {
         let Self { screen, .. } = *self;
-        let theme = &screen.theme;
+        let (theme, is_past) = (&screen.theme, screen.shown_past().is_some());
         for (marks, letter) in [(screen.maze.map.starts(), "s"), (screen.maze.map.goals(), "g")] {
             for cell in marks {
                 let at = self.scale.pixel(cell.centre());
@@ -341,13 +352,15 @@ impl Moving<'_> {
                 self.flag(*at, theme.frontier);
             }
         }
-        if let Some(followed) = &screen.snapshot.followed {
+        if let Some(followed) = screen.snapshot.followed.as_ref().filter(|_| !is_past) {
             self.flag([followed.goal[0], followed.goal[1]], theme.agent);
             self.badge('A', [followed.state[0], followed.state[1]], 0.4, theme.agent);
         }
-        self.badge('S', screen.maze.view.walk.start, 0.36, theme.walker);
-        self.badge('G', screen.maze.goal.centre(), 0.45, theme.goal);
-        if let Some(at) = screen.maze.view.trail.last() {
+        if !is_past {
+            self.badge('S', screen.maze.view.walk.start, 0.36, theme.walker);
+        }
+        self.badge('G', shown_goal(screen).centre(), 0.45, theme.goal);
+        if let Some(at) = screen.maze.view.trail.last().filter(|_| !is_past) {
             self.badge('@', *at, 0.42, theme.walker);
         }
         if let Some(cursor) = screen.maze.editor.cursor.or(screen.maze.inspecting) {

@@ -38,6 +38,10 @@ impl Unexplored {
     /// Looks up each pixel's cell.
     pub fn new(grounds: &[Ground], screen: &Screen) -> Self {
         let (map, exploration) = (&screen.maze.map, &screen.maze.view.exploration);
+        if screen.shown_past().is_some() {
+            // What had been explored then is not known.
+            return Self { known: Vec::new(), cut_off: Vec::new(), fades: false };
+        }
         let cut_off = cut_off(grounds, screen);
         if !screen.overlays.has(Overlay::Unexplored) || exploration.is_complete(map) {
             return Self { known: Vec::new(), cut_off, fades: false };

@@ -103,7 +103,7 @@ pub fn draw(sheet: &mut Sheet, scale: &Scale, (field, columns): (Option<&[f32]>,
     let colours = Colours::new(screen);
     let shades: Vec<f32> = field.unwrap_or_default().iter().map(|value| colours.shade(*value, screen)).collect();
     let width = scale.size.0 as usize;
-    let samples = Samples::new(&shades, columns, screen.field != Field::Visits);
+    let samples = Samples::new(&shades, columns, screen.shown_field() != Field::Visits);
     let across = samples.across(width);
     let [columns_of_cells, rows_of_cells] = scale.cells();
     let hatching = Hatching {
@@ -159,11 +159,11 @@ fn kind(cell: Cell, screen: &Screen) -> Kind {
         return Kind::Outside;
     }
     let view = &screen.maze.view;
-    let to_goal = matches!(screen.field, Field::Learned | Field::Composed | Field::True | Field::Error);
+    let to_goal = matches!(screen.shown_field(), Field::Learned | Field::Composed | Field::True | Field::Error);
     if to_goal && view.cut_off.len() == map.free().len() && view.cut_off[map.index(cell)] {
         return Kind::CutOff;
     }
-    let fades = matches!(screen.field, Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
+    let fades = matches!(screen.shown_field(), Field::Learned | Field::FromStart | Field::Composed | Field::Plain);
     if !screen.overlays.has(Overlay::Unexplored) || view.exploration.is_complete(map) || !map.is_free(cell) {
         return Kind::Plain;
     }
@@ -199,7 +199,7 @@ impl Colours {
         };
         let shade = |i: usize| {
             let share = i as f32 / (SHADES - 1) as f32;
-            let is_error = screen.field == Field::Error;
+            let is_error = screen.shown_field() == Field::Error;
             variants(if is_error { theme.error_colour(2.0 * share - 1.0) } else { theme.distance_colour(share) })
         };
         let all: Vec<[[u8; 4]; 4]> = (0..SHADES).map(shade).chain([variants(theme.unknown)]).collect();
@@ -213,7 +213,7 @@ impl Colours {
 
     /// Returns which shade shows a value; NaN if it is not known.
     fn shade(&self, value: f32, screen: &Screen) -> f32 {
-        let share = match screen.field {
+        let share = match screen.shown_field() {
             Field::Error => 0.5 + 0.5 * value / MAX_SHOWN_ERROR,
             Field::Visits => 1.0 - (1.0 + value).ln() / (1.0 + self.farthest).ln(),
             _ => value / self.farthest,

@@ -1,0 +1,120 @@
+//! The cells whose distances the film of a run shows: all of a small map's, every few of a large one's.
+
+use crate::env::{FilmPoints, MAX_FILM_PLACES};
+use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
+
+/// Square blocks of cells, row by row; one cell of each is filmed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FilmGrid {
+    /// Cells along the side of a block.
+    pub side: usize,
+    /// Blocks across.
+    pub columns: usize,
+    /// Blocks down.
+    pub rows: usize,
+}
+
+impl FilmGrid {
+    /// Returns the smallest blocks of which there are no more than [`MAX_FILM_PLACES`] on `map`.
+    pub fn new(map: &Grid) -> Self {
+        let of_side =
+            |side: usize| Self { side, columns: map.width().div_ceil(side), rows: map.height().div_ceil(side) };
+        let mut grid = of_side(1);
+        while grid.places() > MAX_FILM_PLACES {
+            grid = of_side(grid.side + 1);
+        }
+        grid
+    }
+
+    /// Returns the number of blocks.
+    pub fn places(&self) -> usize {
+        self.columns * self.rows
+    }
+
+    /// Returns the cell that is filmed of block `place`: the free cell nearest to its middle, if it has any.
+    pub fn cell(&self, map: &Grid, place: usize) -> Option<Cell> {
+        let first = Cell::new(place % self.columns * self.side, place / self.columns * self.side);
+        let middle = Cell::new(first.x + self.side / 2, first.y + self.side / 2);
+        let inside = |cell: &Cell| cell.x < map.width() && cell.y < map.height() && map.is_free(*cell);
+        if inside(&middle) {
+            return Some(middle);
+        }
+        let cells = (0..self.side * self.side).map(|i| Cell::new(first.x + i % self.side, first.y + i / self.side));
+        let off = |cell: &Cell| cell.x.abs_diff(middle.x).pow(2) + cell.y.abs_diff(middle.y).pow(2);
+        cells.filter(inside).min_by_key(off)
+    }
+}
+
+/// Returns what a film shows of `map`: D to its own goal; else to the one of the film so far, if it is still free; else to
+/// the cell farthest from the map's start.
+pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> FilmPoints {
+    let grid = FilmGrid::new(map);
+    let mut points = FilmPoints {
+        places: grid.places(),
+        place_of: Vec::new(),
+        states: Vec::new(),
+        goal: goal(map, goal_before).centre().to_vec(),
+    };
+    for place in 0..grid.places() {
+        if let Some(cell) = grid.cell(map, place) {
+            points.place_of.push(place as u32);
+            points.states.extend(cell.centre());
+        }
+    }
+    points
+}
+
+fn goal(map: &Grid, before: Option<&[f32]>) -> Cell {
+    let is_free = |cell: &Cell| cell.x < map.width() && cell.y < map.height() && map.is_free(*cell);
+    let before = before.map(|at| Cell::new(at[0] as usize, at[1] as usize));
+    map.goals().first().copied().into_iter().chain(before).find(is_free).unwrap_or_else(|| farthest(map))
+}
+
+/// Returns the cell with the longest way from the map's first start, or else from its first free cell.
+fn farthest(map: &Grid) -> Cell {
+    let start = map.starts().first().copied().or_else(|| map.free_cells().next()).unwrap_or(Cell::new(0, 0));
+    let mut search = StepSearch::new(map);
+    let steps = search.steps_from(start).iter().copied().enumerate().filter(|(_, steps)| *steps != UNREACHABLE);
+    steps.max_by_key(|(_, steps)| *steps).map_or(start, |(cell, _)| map.cell(cell))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::parse_map;
+
+    fn map(text: &str) -> Grid {
+        parse_map("map", text.as_bytes()).expect("a map")
+    }
+
+    #[test]
+    fn every_cell_of_a_small_map_is_filmed_and_some_of_a_large_one() {
+        let small = points(&map("S.#\n..G\n"), None);
+        assert_eq!((small.places, small.place_of), (6, vec![0, 1, 3, 4, 5]));
+        assert_eq!(small.states, [0.5, 0.5, 1.5, 0.5, 0.5, 1.5, 1.5, 1.5, 2.5, 1.5]);
+        for (width, height) in [(36, 36), (37, 37), (2_600, 1), (1_500, 900)] {
+            let grid = FilmGrid::new(&Grid::empty("map", width, height));
+            assert!(grid.places() <= MAX_FILM_PLACES && grid.columns * grid.side >= width, "{grid:?}");
+            assert!(grid.side == 1 || 5 * grid.places() > MAX_FILM_PLACES, "no fewer than necessary: {grid:?}");
+        }
+    }
+
+    #[test]
+    fn of_a_block_the_free_cell_nearest_to_its_middle_is_filmed() {
+        let grid = FilmGrid { side: 3, columns: 2, rows: 1 };
+        let map = map("######\n#.####\n.#####\n");
+        assert_eq!([0, 1].map(|place| grid.cell(&map, place)), [Some(Cell::new(1, 1)), None]);
+        let map = map.with_cells([(Cell::new(1, 1), false)]).expect("a map");
+        assert_eq!(grid.cell(&map, 0), Some(Cell::new(0, 2)));
+    }
+
+    #[test]
+    fn the_goal_is_the_maps_own_or_stays_or_is_far() {
+        let goal = |text: &str, before: Option<[f32; 2]>| points(&map(text), before.as_ref().map(|at| &at[..])).goal;
+        assert_eq!(goal("S..G.\n", Some([1.5, 0.5])), [3.5, 0.5]);
+        assert_eq!(goal("S....\n", Some([1.5, 0.5])), [1.5, 0.5]);
+        assert_eq!(goal("S#...\n....#\n", Some([1.5, 0.5])), [4.5, 0.5]);
+        assert_eq!(goal("....S\n", None), [0.5, 0.5]);
+        assert_eq!(goal("S....\n", Some([1e9, -3.0])), [4.5, 0.5], "from another map");
+    }
+}

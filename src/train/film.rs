@@ -1,0 +1,367 @@
+//! The film of a run: D and the agents at some of the updates so far, for looking back. Checkpoints contain it; training
+//! does not depend on it.
+
+use std::sync::Arc;
+
+use serde::{Deserialize, Serialize};
+
+use crate::env::{Environment, FilmPoints, MAX_FILM_PLACES, Spec};
+use crate::store::{Store, StoreError};
+
+/// Initial number of updates between two frames.
+const FRAME_EVERY_UPDATES: u64 = 250;
+
+/// Maximum number of frames.
+const MAX_FRAMES: usize = 64;
+
+/// Maximum number of agents in a frame; the others are left out.
+const MAX_FILM_AGENTS: usize = 64;
+
+/// Stands for a place without a value.
+const UNKNOWN: u16 = u16::MAX;
+
+/// Names in the store: what frames consist of, their values and their agents, both concatenated.
+const FILM: &str = "film";
+const VALUES: &str = "film_values";
+const AGENTS: &str = "film_agents";
+
+/// What was learned by one update.
+#[derive(Clone, Debug, PartialEq)]
+pub struct FilmFrame {
+    /// Updates done.
+    pub updates: u64,
+    /// Environment steps, summed over all agents.
+    pub env_steps: u64,
+    /// The goal that distances are to, `(goal_dim)`.
+    pub goal: Vec<f32>,
+    /// The places of the first agents, as goals, `(agents, goal_dim)`.
+    pub agents: Vec<f32>,
+    /// Steps per unit of `values`.
+    scale: f32,
+    /// D of each place of [`FilmPoints`], in units of `scale`.
+    values: Vec<u16>,
+}
+
+impl FilmFrame {
+    /// Returns the number of places.
+    pub fn places(&self) -> usize {
+        self.values.len()
+    }
+
+    /// Returns D from a place to the goal; NaN if it is not known.
+    pub fn distance(&self, place: usize) -> f32 {
+        match self.values.get(place) {
+            None | Some(&UNKNOWN) => f32::NAN,
+            Some(value) => f32::from(*value) * self.scale,
+        }
+    }
+
+    /// Returns the largest D, at least 1.
+    pub fn farthest(&self) -> f32 {
+        let known = self.values.iter().filter(|value| **value != UNKNOWN);
+        known.max().map_or(1.0, |most| (f32::from(*most) * self.scale).max(1.0))
+    }
+}
+
+/// The frames of a run. They are evenly spaced while they are few. When there are too many, every other one is dropped, the
+/// oldest first; once all are twice as far apart, new ones are taken half as often.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Film {
+    /// Updates between two new frames.
+    every: u64,
+    frames: Arc<Vec<Arc<FilmFrame>>>,
+}
+
+impl Default for Film {
+    fn default() -> Self {
+        Self { every: FRAME_EVERY_UPDATES, frames: Arc::default() }
+    }
+}
+
+impl Film {
+    /// Returns the frames, the oldest first.
+    pub fn frames(&self) -> &Arc<Vec<Arc<FilmFrame>>> {
+        &self.frames
+    }
+
+    /// Returns where the next frame shows D in `world`, if there are films of it.
+    pub fn points(&self, world: &dyn Environment) -> Option<FilmPoints> {
+        world.film_points(self.frames.last().map(|frame| &*frame.goal))
+    }
+
+    /// Returns the film if it is of `world`, as far as can be told, and otherwise an empty one: another version of this
+    /// program may film other places.
+    #[must_use]
+    pub fn fitting(self, world: &dyn Environment) -> Self {
+        let Some(last) = self.frames.last() else { return self };
+        let fits = self.points(world).is_some_and(|points| points.places == last.places());
+        if fits { self } else { Self::default() }
+    }
+
+    /// Whether a frame is to be taken after this update: the first one, which shows what has not been learned yet, and
+    /// then at multiples, so that it does not depend on when training was paused or resumed.
+    pub fn is_due(&self, updates: u64) -> bool {
+        updates == 1 || updates.is_multiple_of(self.every)
+    }
+
+    /// Adds a frame after a number of updates and environment steps: `distances` at `points`, and the agents of `world`.
+    pub fn add(&mut self, at: (u64, u64), world: &dyn Environment, points: &FilmPoints, distances: &[f32]) {
+        let spec = world.spec();
+        let states = world.states().chunks_exact(spec.state_dim()).take(MAX_FILM_AGENTS);
+        let agents = states.flat_map(|state| spec.achieved(state)).collect();
+        self.push(frame(at, points, distances, agents));
+    }
+
+    fn push(&mut self, frame: FilmFrame) {
+        let frames = Arc::make_mut(&mut self.frames);
+        // After a change to a world that is filmed elsewhere, the former frames could not be shown.
+        if frames.last().is_some_and(|last| last.places() != frame.places() || last.goal.len() != frame.goal.len()) {
+            frames.clear();
+        }
+        frames.push(Arc::new(frame));
+        while frames.len() > MAX_FRAMES {
+            // The first frame stays.
+            match frames[1..].iter().position(|frame| !frame.updates.is_multiple_of(2 * self.every)) {
+                Some(oldest) => drop(frames.remove(oldest + 1)),
+                None => self.every *= 2,
+            }
+        }
+    }
+
+    /// Writes the film into a checkpoint.
+    ///
+    /// # Errors
+    /// A number cannot be written.
+    pub fn write(&self, store: &mut Store) -> Result<(), StoreError> {
+        let frames = || self.frames.iter();
+        let parts = frames().map(|frame| StoredFrame {
+            updates: frame.updates,
+            env_steps: frame.env_steps,
+            scale: frame.scale,
+            goal: frame.goal.clone(),
+            agents: frame.agents.len() / frame.goal.len().max(1),
+        });
+        let places = self.frames.first().map_or(0, |frame| frame.places());
+        store.put_json(FILM, &StoredFilm { every: self.every, places, frames: parts.collect() })?;
+        store.put(VALUES, frames().flat_map(|frame| frame.values.iter().copied()).collect::<Vec<u16>>());
+        store.put(AGENTS, frames().flat_map(|frame| frame.agents.iter().copied()).collect::<Vec<f32>>());
+        Ok(())
+    }
+
+    /// Reads the film from a checkpoint; older ones have none.
+    ///
+    /// # Errors
+    /// It is incomplete or out of range.
+    pub fn read(store: &Store, spec: &Spec) -> Result<Self, StoreError> {
+        if !store.texts().contains_key(FILM) {
+            return Ok(Self::default());
+        }
+        let StoredFilm { every, places, frames: stored } = store.json(FILM)?;
+        let (mut values, mut agents) = (store.u16(VALUES)?, store.f32(AGENTS)?);
+        let mut frames = Vec::with_capacity(stored.len().min(MAX_FRAMES));
+        for StoredFrame { updates, env_steps, scale, goal, agents: count } in stored {
+            let own_values = take(&mut values, places)?;
+            let own_agents = take(&mut agents, count.saturating_mul(goal.len()))?;
+            let sound = (0.0..f32::INFINITY).contains(&scale)
+                && goal.len() == spec.goal_dim()
+                && count <= MAX_FILM_AGENTS
+                && goal.iter().chain(own_agents).all(|number| number.is_finite());
+            if !sound {
+                return Err(out_of_range());
+            }
+            let (values, agents) = (own_values.to_vec(), own_agents.to_vec());
+            frames.push(Arc::new(FilmFrame { updates, env_steps, goal, agents, scale, values }));
+        }
+        let sound = (1..1 << 50).contains(&every)
+            && places <= MAX_FILM_PLACES
+            && frames.len() <= MAX_FRAMES
+            && frames.iter().all(|frame| (1..1 << 53).contains(&frame.updates))
+            && frames.windows(2).all(|pair| pair[0].updates < pair[1].updates)
+            && values.is_empty()
+            && agents.is_empty();
+        if sound { Ok(Self { every, frames: Arc::new(frames) }) } else { Err(out_of_range()) }
+    }
+}
+
+/// Returns the frame of `distances` at `points`.
+fn frame((updates, env_steps): (u64, u64), points: &FilmPoints, distances: &[f32], agents: Vec<f32>) -> FilmFrame {
+    let known = |distance: &f32| distance.is_finite() && *distance >= 0.0;
+    let farthest = distances.iter().copied().filter(known).fold(0.0, f32::max);
+    let scale = farthest / f32::from(UNKNOWN - 1);
+    let mut values = vec![UNKNOWN; points.places];
+    for (place, distance) in points.place_of.iter().zip(distances).filter(|(_, distance)| known(distance)) {
+        // All are 0 if the farthest is.
+        let value = if scale > 0.0 { (distance / scale).round() } else { 0.0 };
+        values[*place as usize] = (value as u16).min(UNKNOWN - 1);
+    }
+    FilmFrame { updates, env_steps, goal: points.goal.clone(), agents, scale, values }
+}
+
+/// Takes the first `count` numbers.
+fn take<'a, T>(numbers: &mut &'a [T], count: usize) -> Result<&'a [T], StoreError> {
+    let (first, rest) = numbers.split_at_checked(count).ok_or_else(out_of_range)?;
+    *numbers = rest;
+    Ok(first)
+}
+
+fn out_of_range() -> StoreError {
+    StoreError::inconsistent("its film is out of range")
+}
+
+/// The film in a checkpoint, without its values and agents.
+#[derive(Serialize, Deserialize)]
+struct StoredFilm {
+    every: u64,
+    places: usize,
+    frames: Vec<StoredFrame>,
+}
+
+/// A frame in a checkpoint.
+#[derive(Serialize, Deserialize)]
+struct StoredFrame {
+    updates: u64,
+    env_steps: u64,
+    scale: f32,
+    goal: Vec<f32>,
+    /// Number of agents.
+    agents: usize,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SPACING: u64 = FRAME_EVERY_UPDATES;
+
+    fn points() -> FilmPoints {
+        FilmPoints { places: 4, place_of: vec![0, 2, 3], states: Vec::new(), goal: vec![1.5, 2.5] }
+    }
+
+    /// Returns the film after `last` updates.
+    fn film_after(last: u64) -> Film {
+        let mut film = Film::default();
+        for updates in (1..=last).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING)) {
+            if film.is_due(updates) {
+                let distances = [0.0, 1.0, updates as f32];
+                film.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, updates as f32]));
+            }
+        }
+        film
+    }
+
+    fn updates(film: &Film) -> Vec<u64> {
+        film.frames().iter().map(|frame| frame.updates).collect()
+    }
+
+    fn spec() -> Spec {
+        Spec {
+            state_centre: vec![0.0; 2],
+            state_half_range: vec![1.0; 2],
+            change_scale: vec![1.0; 2],
+            achieved: vec![0, 1],
+            action_dim: 2,
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        }
+    }
+
+    fn stored(film: &Film) -> Store {
+        let mut store = Store::default();
+        film.write(&mut store).expect("a film that can be written");
+        store
+    }
+
+    #[test]
+    fn few_frames_are_evenly_spaced_and_many_thinned_towards_the_past() {
+        assert_eq!(updates(&film_after(3 * SPACING + 5)), [1, SPACING, 2 * SPACING, 3 * SPACING]);
+        for last in [100, 1_000, 12_345, 100_000] {
+            let film = film_after(last * SPACING);
+            let updates = updates(&film);
+            assert!((MAX_FRAMES - 1..=MAX_FRAMES).contains(&updates.len()), "{last}: {}", updates.len());
+            assert_eq!(updates[0], 1, "the beginning stays");
+            let gaps: Vec<u64> = updates[1..].windows(2).map(|pair| pair[1] - pair[0]).collect();
+            assert!(gaps.is_sorted_by(|a, b| a >= b), "{last}: denser towards the present: {gaps:?}");
+            assert!(gaps[0] <= 2 * gaps[gaps.len() - 1], "{last}: but not by more than twice: {gaps:?}");
+            assert!(last * SPACING - updates[updates.len() - 1] < 2 * film.every, "{last}: up to the present");
+        }
+    }
+
+    #[test]
+    fn a_film_is_the_same_after_a_break() {
+        let mut resumed = film_after(90 * SPACING);
+        for updates in 90 * SPACING + 1..=200 * SPACING {
+            let every_few = updates.is_multiple_of(3_000);
+            if every_few {
+                resumed = Film::read(&stored(&resumed), &spec()).expect("a film");
+            }
+            if resumed.is_due(updates) {
+                let distances = [0.0, 1.0, updates as f32];
+                resumed.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, updates as f32]));
+            }
+        }
+        assert_eq!(resumed, film_after(200 * SPACING));
+    }
+
+    #[test]
+    fn distances_are_kept_to_a_fraction_of_the_farthest() {
+        let frame = frame((1, 2), &points(), &[0.0, 33.3, 120.0], Vec::new());
+        let found: Vec<f32> = (0..5).map(|place| frame.distance(place)).collect();
+        assert!(found[1].is_nan() && found[4].is_nan(), "{found:?}");
+        for (found, expected) in [(found[0], 0.0), (found[2], 33.3), (found[3], 120.0)] {
+            assert!((found - expected).abs() < 0.002, "{found} instead of {expected}");
+        }
+        assert!((frame.farthest() - 120.0).abs() < 0.002);
+        let unknown = super::frame((1, 2), &points(), &[f32::NAN, f32::INFINITY, -1.0], Vec::new());
+        assert!((0..4).all(|place| unknown.distance(place).is_nan()) && unknown.farthest() == 1.0);
+        let zero = super::frame((1, 2), &points(), &[0.0; 3], Vec::new());
+        assert_eq!((zero.distance(0), zero.farthest()), (0.0, 1.0));
+    }
+
+    #[test]
+    fn another_world_begins_another_film() {
+        let mut film = film_after(3 * SPACING);
+        let elsewhere = FilmPoints { places: 9, ..points() };
+        film.push(frame((4 * SPACING, 0), &elsewhere, &[0.0; 3], Vec::new()));
+        assert_eq!(updates(&film), [4 * SPACING]);
+    }
+
+    #[test]
+    fn checkpoints_without_a_film_can_be_read_and_damaged_films_cannot() {
+        assert_eq!(Film::read(&Store::default(), &spec()).expect("no film"), Film::default());
+        let film = film_after(5 * SPACING);
+        let good = stored(&film);
+        assert_eq!(Film::read(&good, &spec()).expect("a film"), film);
+        let text = good.text(FILM).expect("its frames").to_owned();
+        let changed = |from: &str, to: &str| {
+            assert!(text.contains(from), "{text}");
+            let mut store = good.clone();
+            store.put_text(FILM, text.replacen(from, to, 1));
+            store
+        };
+        let damaged = [
+            changed("\"every\":250", "\"every\":0"),
+            changed("\"places\":4", "\"places\":5"),
+            changed("\"places\":4", "\"places\":18446744073709551615"),
+            changed("\"updates\":500", "\"updates\":250"),
+            changed("\"updates\":1,", "\"updates\":0,"),
+            changed("\"agents\":1", "\"agents\":0"),
+            changed("\"agents\":1", "\"agents\":9223372036854775808"),
+            changed("[1.5,2.5]", "[1.5]"),
+            changed("\"scale\":", "\"scale\":-"),
+        ];
+        for store in damaged {
+            assert!(Film::read(&store, &spec()).is_err(), "{:?}", store.text(FILM));
+        }
+        let mut infinite = good.clone();
+        infinite.put(AGENTS, vec![f32::INFINITY; 12]);
+        let mut missing = Store::default();
+        missing.put_text(FILM, text.as_str());
+        assert!(Film::read(&infinite, &spec()).is_err() && Film::read(&missing, &spec()).is_err());
+    }
+
+    #[test]
+    fn the_largest_film_takes_less_than_a_megabyte() {
+        let agents = MAX_FILM_AGENTS * 3;
+        assert!(MAX_FRAMES * (2 * MAX_FILM_PLACES + 4 * agents) < 1_000_000);
+    }
+}

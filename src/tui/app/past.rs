@@ -1,0 +1,76 @@
+//! Looking back: the film of how distance was learned.
+
+use std::sync::Arc;
+
+use super::App;
+use crate::train::FilmFrame;
+use crate::tui::action::Action;
+use crate::view::Request;
+
+impl App {
+    /// Goes back to the frame before the moment shown, or forth to the one after it; from the last one to the present.
+    pub(super) fn step_through_time(&mut self, forth: bool) {
+        let film = self.screen.snapshot.film.clone();
+        let shown = self.screen.past.as_ref().map(|frame| frame.updates);
+        if let Some(problem) = self.cannot_look_back() {
+            return self.notify(&problem);
+        }
+        match (forth, shown) {
+            (true, None) => {
+                let key = self.screen.keymap.key_of(Action::Back);
+                self.notify(&format!("this is the present: {key} goes back"));
+            }
+            (true, Some(shown)) => {
+                let next = film.iter().find(|frame| frame.updates > shown).cloned();
+                self.look_at(next);
+            }
+            (false, shown) => match film.iter().rfind(|frame| shown.is_none_or(|shown| frame.updates < shown)) {
+                Some(frame) => self.look_at(Some(frame.clone())),
+                None => self.notify("this is the first picture of the film"),
+            },
+        }
+    }
+
+    /// Goes to the frame nearest to a place along the curves.
+    pub(super) fn look_at_curves(&mut self, at: f64) {
+        if let Some(problem) = self.cannot_look_back() {
+            return self.notify(&problem);
+        }
+        let along = |frame: &FilmFrame| (crate::tui::render::curves::along(&self.screen, frame.updates) - at).abs();
+        let nearest = self.screen.snapshot.film.iter().min_by(|a, b| along(a).total_cmp(&along(b))).cloned();
+        self.look_at(nearest);
+    }
+
+    /// Returns to the present; returns whether the past was shown.
+    pub(in crate::tui) fn return_to_present(&mut self) -> bool {
+        let was_past = self.screen.past.is_some();
+        if was_past {
+            self.look_at(None);
+        }
+        was_past
+    }
+
+    /// Shows a frame of the film, or the present.
+    fn look_at(&mut self, frame: Option<Arc<FilmFrame>>) {
+        let returns = frame.is_none();
+        self.screen.past.clone_from(&frame);
+        self.viewer.request(Request::Past(frame));
+        if returns && self.screen.frozen {
+            // The view that was frozen is gone.
+            self.freeze(false);
+        }
+    }
+
+    /// Returns why there is no past to look at, if so.
+    fn cannot_look_back(&self) -> Option<String> {
+        if self.screen.tour.is_some() {
+            return Some("the tour shows the present: go back in time after it".to_owned());
+        }
+        let why = if self.screen.snapshot.learns {
+            "the film begins with the next picture"
+        } else {
+            "this method does not learn"
+        };
+        self.screen.snapshot.film.is_empty().then(|| format!("no film yet: {why}"))
+    }
+}

@@ -1,0 +1,251 @@
+//! Tests of looking back in time.
+
+use ratatui::layout::Rect;
+
+use super::screens::{check, staged_app};
+use super::*;
+use crate::env::FetchReach;
+use crate::train::{Film, FilmFrame};
+use crate::tui::export::contents;
+use crate::tui::output::ExportKind;
+use crate::tui::panes::Pane;
+use crate::view::maze::FilmedMap;
+use crate::view::{MazeView, View};
+
+/// Returns a film on the rooms map: distances grow with the updates.
+fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {
+    let (mut world, mut film) = (PointMaze::new(app.screen.maze.map.clone(), 2), Film::default());
+    world.set_full_state(0, &[3.5, 3.5]);
+    world.set_full_state(1, &[14.5, 1.5]);
+    let points = film.points(&world).expect("points");
+    let (states, _) = points.states.as_chunks::<2>();
+    for updates in updates {
+        let share = *updates as f32 / 10_000.0;
+        let distance =
+            |at: &[f32; 2]| 30.0 * (1.0 - share) + 3.0 * share * (at[0] - 19.5).abs().max((at[1] - 4.5).abs());
+        let distances: Vec<f32> = states.iter().map(distance).collect();
+        film.add((*updates, 32 * updates), &world, &points, &distances);
+    }
+    film.frames().clone()
+}
+
+/// Returns an app in the middle of a run with a film of these updates.
+fn filmed_app(updates: &[u64], width: u16, height: u16) -> App {
+    let mut app = staged_app(width, height);
+    let film = film(&app, updates);
+    app.on_snapshot(Arc::new(Snapshot { film, ..(*app.screen.snapshot).clone() }));
+    app
+}
+
+/// Shows what the viewer will compute for the moment that is looked at.
+fn stage_past(app: &mut App) {
+    let frame = app.screen.past.clone().expect("the past is looked at");
+    let raster = app.screen.layout.map.clone().expect("the map is drawn").raster;
+    let field = FilmedMap::new(app.screen.maze.map.clone()).field(&frame, raster);
+    let view = MazeView {
+        farthest: frame.farthest(),
+        field: Arc::new(field),
+        raster: Some(raster),
+        past: Some(frame),
+        ..(*app.screen.maze.view).clone()
+    };
+    app.on_view(View::Maze(Arc::new(view)));
+}
+
+fn shown_update(app: &App) -> Option<u64> {
+    app.screen.past.as_ref().map(|frame| frame.updates)
+}
+
+#[test]
+fn keys_go_back_and_forth_and_escape_returns() {
+    let mut app = filmed_app(&[1, 2_500, 5_000], 80, 24);
+    let after = |app: &mut App, key: char| {
+        press(app, KeyCode::Char(key));
+        shown_update(app)
+    };
+    assert_eq!(after(&mut app, ']'), None);
+    assert!(app.screen.log.notice().expect("a notice").text.contains("present"));
+    assert_eq!(["[", "[", "[", "["].map(|_| after(&mut app, '[')), [5_000, 2_500, 1, 1].map(Some));
+    assert_eq!(["]", "]", "]"].map(|_| after(&mut app, ']')), [Some(2_500), Some(5_000), None]);
+    after(&mut app, '[');
+    press(&mut app, KeyCode::Esc);
+    assert_eq!(shown_update(&app), None);
+    assert!(!app.is_done());
+}
+
+#[test]
+fn a_frame_that_has_been_dropped_meanwhile_is_left_in_both_directions() {
+    let mut app = filmed_app(&[1, 2_500, 5_000, 7_500], 80, 24);
+    press(&mut app, KeyCode::Char('['));
+    press(&mut app, KeyCode::Char('['));
+    assert_eq!(shown_update(&app), Some(5_000));
+    let film = film(&app, &[1, 2_500, 7_500]);
+    app.on_snapshot(Arc::new(Snapshot { film, ..(*app.screen.snapshot).clone() }));
+    assert_eq!(shown_update(&app), Some(5_000), "it stays while it is looked at");
+    press(&mut app, KeyCode::Char('['));
+    assert_eq!(shown_update(&app), Some(2_500));
+    press(&mut app, KeyCode::Char(']'));
+    assert_eq!(shown_update(&app), Some(7_500));
+}
+
+#[test]
+fn the_past_matches_its_snapshots() {
+    for (name, width, height) in [("past-80x24", 80, 24), ("past-120x40", 120, 40)] {
+        let mut app = filmed_app(&[1, 2_500, 5_000], width, height);
+        app.screen.pane = Pane::Curves;
+        press(&mut app, KeyCode::Char('['));
+        stage_past(&mut app);
+        check(name, &mut app, width, height);
+    }
+}
+
+#[test]
+fn the_past_shows_its_agents_and_its_goal_and_nothing_of_the_present() {
+    let mut app = filmed_app(&[1, 2_500, 5_000], 80, 24);
+    app.screen.field = Field::Visits;
+    app.set_goal(Cell::new(3, 1));
+    let present = text(&draw(&mut app, 80, 24));
+    assert!(present.contains('@') && present.contains('S'));
+    press(&mut app, KeyCode::Char('['));
+    stage_past(&mut app);
+    let terminal = draw(&mut app, 80, 24);
+    let past = text(&terminal);
+    assert!(past.contains("update 5,000 of 10,000"), "{past}");
+    assert!(past.contains("D to G"), "of the past, there is only D: {past}");
+    let goal = character_of(&app, Cell::new(19, 4));
+    let buffer = terminal.backend().buffer();
+    assert_eq!(buffer[goal].symbol(), "G", "the goal of the film");
+    assert_ne!(buffer[character_of(&app, Cell::new(3, 1))].symbol(), "G");
+    assert!(!app.screen.layout.map.is_none_or(|frame| frame.area.positions().any(|at| buffer[at].symbol() == "@")));
+}
+
+#[test]
+fn whatever_is_about_the_present_returns_to_it() {
+    let mut app = filmed_app(&[1, 2_500], 80, 24);
+    for action in [Action::NewGoal, Action::Field(true), Action::ToggleEdit, Action::NewStart, Action::Follow] {
+        app.act(Action::Back);
+        assert!(shown_update(&app).is_some(), "{action:?}");
+        app.act(action);
+        assert_eq!(shown_update(&app), None, "{action:?}");
+        press(&mut app, KeyCode::Esc);
+    }
+    app.act(Action::Back);
+    let at = character_of(&app, Cell::new(3, 1));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+    assert_eq!((shown_update(&app), app.screen.maze.goal), (None, Cell::new(3, 1)));
+    app.act(Action::Back);
+    app.act(Action::ZoomIn);
+    assert!(shown_update(&app).is_some(), "zooming in does not");
+}
+
+#[test]
+fn a_click_on_the_curves_goes_to_that_update() {
+    let mut app = filmed_app(&[1, 2_500, 5_000, 7_500], 120, 40);
+    app.screen.pane = Pane::Curves;
+    draw(&mut app, 120, 40);
+    let charts = app.screen.layout.charts.clone();
+    assert!(!charts.is_empty());
+    for chart in charts {
+        let Rect { x, y, width, .. } = chart.area;
+        for (share, expected) in [(0, 1), (1, 2_500), (2, 5_000), (3, 7_500), (4, 7_500)] {
+            let at = Position::new(x + (width - 1) * share / 4, y + 1);
+            mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+            assert_eq!(shown_update(&app), Some(expected), "{share} quarters of {chart:?}");
+        }
+    }
+}
+
+#[test]
+fn the_marker_on_the_curves_is_where_a_click_leads_there() {
+    let mut app = filmed_app(&[1, 2_500, 5_000, 7_500], 120, 40);
+    app.screen.pane = Pane::Curves;
+    press(&mut app, KeyCode::Char('['));
+    let terminal = draw(&mut app, 120, 40);
+    let style = app.screen.theme.colour(app.screen.theme.cursor);
+    for chart in app.screen.layout.charts.clone() {
+        let marked: Vec<u16> = chart
+            .area
+            .positions()
+            .filter(|at| {
+                terminal.backend().buffer()[*at].fg == style && terminal.backend().buffer()[*at].symbol() != " "
+            })
+            .map(|at| at.x)
+            .collect();
+        assert!(!marked.is_empty() && marked.iter().all(|x| *x == marked[0]), "one column: {marked:?}");
+        mouse(&mut app, MouseEventKind::Down(MouseButton::Left), Position::new(marked[0], chart.area.y));
+        assert_eq!(shown_update(&app), Some(7_500));
+    }
+}
+
+#[test]
+fn runs_without_a_film_and_the_tour_say_so() {
+    let mut app = filmed_app(&[], 80, 24);
+    press(&mut app, KeyCode::Char('['));
+    assert!(app.screen.log.notice().expect("a notice").text.contains("no film yet"));
+    let mut app = filmed_app(&[1], 80, 24);
+    app.begin_tour();
+    press(&mut app, KeyCode::Char('['));
+    assert_eq!(shown_update(&app), None);
+    assert!(app.screen.log.notice().expect("a notice").text.contains("tour"));
+}
+
+#[test]
+fn the_film_is_exported_from_any_moment() {
+    let mut app = filmed_app(&[1, 2_500], 80, 24);
+    press(&mut app, KeyCode::Char('['));
+    let bytes = contents(ExportKind::Film, &app.screen).expect("a film");
+    let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().expect("a PNG");
+    assert_eq!(reader.info().animation_control().expect("an animation").num_frames, 2);
+}
+
+#[test]
+fn the_viewer_shows_the_past_while_training_goes_on() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.screen.snapshot.film.len() > 1 && app.screen.maze.view.raster.is_some());
+    type_text(&mut app, "[[");
+    assert_eq!(shown_update(&app), Some(1));
+    wait_until(&mut app, |app| app.screen.shown_past().is_some());
+    let field = app.screen.maze.view.field.clone();
+    assert!(field.iter().any(|value| value.is_finite()));
+    let updates = app.screen.snapshot.counters.updates;
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 20);
+    assert!(Arc::ptr_eq(&field, &app.screen.maze.view.field), "the past does not change");
+    // On a frozen screen, time stands still, but one can look back.
+    press(&mut app, KeyCode::Char('F'));
+    let updates = app.screen.snapshot.counters.updates;
+    press(&mut app, KeyCode::Char(']'));
+    wait_until(&mut app, |app| app.screen.shown_past().is_some_and(|frame| frame.updates > 1));
+    assert_eq!(app.screen.snapshot.counters.updates, updates);
+    press(&mut app, KeyCode::Esc);
+    wait_until(&mut app, |app| app.screen.shown_past().is_none() && app.screen.snapshot.counters.updates > updates);
+}
+
+#[test]
+fn the_past_of_an_arm_is_a_field_through_its_goal() {
+    let world = FetchReach::new(None, 0);
+    let mut app = app_in(&world, gdg(), Limits { updates: Some(0), ..Limits::default() }, None);
+    draw(&mut app, 120, 40);
+    let (world, mut film) = (FetchReach::new(None, 3), Film::default());
+    let points = film.points(&world).expect("points");
+    film.add((1, 8), &world, &points, &vec![5.0; points.place_of.len()]);
+    let film = film.frames().clone();
+    app.on_snapshot(Arc::new(Snapshot { film, ..(*app.screen.snapshot).clone() }));
+    app.act(Action::Back);
+    let views = app.views();
+    let began = Instant::now();
+    while app.screen.shown_past().is_none() {
+        assert!(began.elapsed() < Duration::from_mins(1), "timed out");
+        std::thread::sleep(Duration::from_millis(5));
+        let view = views.borrow().clone();
+        app.on_view(view);
+    }
+    let fields = app.screen.arm.view.fields.clone();
+    assert_eq!(fields.len(), app.screen.layout.projections.len());
+    for field in fields.iter() {
+        let known: Vec<f32> = field.iter().copied().filter(|value| value.is_finite()).collect();
+        assert!(!known.is_empty() && known.iter().all(|value| (value - 5.0).abs() < 0.01));
+    }
+    let shown = text(&draw(&mut app, 120, 40));
+    assert!(shown.contains("update 1") && !shown.contains('@'), "{shown}");
+}
