@@ -38,7 +38,7 @@
 //! # Add a world
 //!
 //! One folder, `src/env/NAME/`: a type that implements [`env::Environment`] (sizes and scales, how agents move, restart
-//! and are saved; where available, tasks, true distances, coverage and a scene) and its [`env::WorldKind`]. Then one line in
+//! and are saved; where available, tasks, true distances, coverage, places to film and a scene) and its [`env::WorldKind`]. Then one line in
 //! [`env::WORLDS`]. A world that needs no file is opened by its name: `gdg-tui NAME`, or `gdg-tui NAME --no-ui` if nothing
 //! draws it. Settings that suit it better than the preset's are its [`env::WorldKind::defaults`]. For the interface to draw
 //! it, add a variant to [`env::Scene`], what is computed of it (`src/view/NAME/`, a line in `worker_for` of `src/view.rs`)

@@ -17,6 +17,9 @@ const MAX_FRAMES: usize = 64;
 /// Maximum number of agents in a frame; the others are left out.
 const MAX_FILM_AGENTS: usize = 64;
 
+/// Positions in a file may lie this many times the range of states from its middle.
+const MAX_RANGES: f32 = 100.0;
+
 /// Stands for a place without a value.
 const UNKNOWN: u16 = u16::MAX;
 
@@ -165,7 +168,7 @@ impl Film {
             let sound = (0.0..f32::INFINITY).contains(&scale)
                 && goal.len() == spec.goal_dim()
                 && count <= MAX_FILM_AGENTS
-                && goal.iter().chain(own_agents).all(|number| number.is_finite());
+                && std::iter::once(&*goal).chain(own_agents.chunks_exact(goal.len())).all(|at| is_near(spec, at));
             if !sound {
                 return Err(out_of_range());
             }
@@ -195,6 +198,12 @@ fn frame((updates, env_steps): (u64, u64), points: &FilmPoints, distances: &[f32
         values[*place as usize] = (value as u16).min(UNKNOWN - 1);
     }
     FilmFrame { updates, env_steps, goal: points.goal.clone(), agents, scale, values }
+}
+
+/// Returns whether a position read from a file is about where states are, so that it can be drawn.
+fn is_near(spec: &Spec, at: &[f32]) -> bool {
+    let off = |(number, i): (&f32, &usize)| (number - spec.state_centre[*i]).abs();
+    at.iter().zip(&spec.achieved).all(|pair| off(pair) <= MAX_RANGES * spec.state_half_range[*pair.1].max(1.0))
 }
 
 /// Takes the first `count` numbers.
@@ -243,7 +252,7 @@ mod tests {
         for updates in (1..=last).filter(|updates| *updates == 1 || updates.is_multiple_of(SPACING)) {
             if film.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
-                film.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, updates as f32]));
+                film.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, 1.5]));
             }
         }
         film
@@ -296,7 +305,7 @@ mod tests {
             }
             if resumed.is_due(updates) {
                 let distances = [0.0, 1.0, updates as f32];
-                resumed.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, updates as f32]));
+                resumed.push(frame((updates, 7 * updates), &points(), &distances, vec![0.5, 1.5]));
             }
         }
         assert_eq!(resumed, film_after(200 * SPACING));
@@ -352,8 +361,13 @@ mod tests {
         for store in damaged {
             assert!(Film::read(&store, &spec()).is_err(), "{:?}", store.text(FILM));
         }
-        let mut infinite = good.clone();
-        infinite.put(AGENTS, vec![f32::INFINITY; 12]);
+        let with_agents = |at: f32| {
+            let mut store = good.clone();
+            store.put(AGENTS, vec![at; 12]);
+            store
+        };
+        assert!(Film::read(&with_agents(1.0), &spec()).is_ok() && Film::read(&with_agents(1e30), &spec()).is_err());
+        let infinite = with_agents(f32::NAN);
         let mut missing = Store::default();
         missing.put_text(FILM, text.as_str());
         assert!(Film::read(&infinite, &spec()).is_err() && Film::read(&missing, &spec()).is_err());

@@ -44,7 +44,7 @@ pub fn draw<'a>(
     y_labels: [String; 2],
     lines: impl Iterator<Item = Line<'a>>,
 ) -> Rect {
-    let inner = lines_area(area, x.map(short), &y_labels);
+    let inner = lines_area(area, &x.map(short), &y_labels);
     let set = |line: Line<'a>| {
         let set = Dataset::default().marker(line.marker).graph_type(GraphType::Line);
         set.style(line.style).data(line.points)
@@ -58,7 +58,7 @@ pub fn draw<'a>(
 
 /// Returns the area within a chart that ratatui leaves for lines: to the right of the labels, of which the first one below
 /// may begin under the axis, and of the axis; above the other axis and its labels.
-fn lines_area(area: Rect, x_labels: [String; 2], y_labels: &[String; 2]) -> Rect {
+fn lines_area(area: Rect, x_labels: &[String; 2], y_labels: &[String; 2]) -> Rect {
     let width = |label: &String| TextLine::raw(label.as_str()).width();
     let left = y_labels.iter().map(width).chain([width(&x_labels[0]).saturating_sub(1)]).max().unwrap_or(0);
     let left = (left as u16).min(area.width / 3) + 1;

@@ -211,6 +211,11 @@ fn the_viewer_shows_the_past_while_training_goes_on() {
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates + 20);
     assert!(Arc::ptr_eq(&field, &app.screen.maze.view.field), "the past does not change");
+    press(&mut app, KeyCode::Char('i'));
+    let of_then = |app: &App| app.screen.maze.view.inspected.is_some_and(|cell| cell.visits.is_none());
+    wait_until(&mut app, of_then);
+    assert!(app.screen.maze.view.inspected.is_some_and(|cell| cell.learned.is_finite()));
+    press(&mut app, KeyCode::Char('i'));
     // On a frozen screen, time stands still, but one can look back.
     press(&mut app, KeyCode::Char('F'));
     let updates = app.screen.snapshot.counters.updates;
