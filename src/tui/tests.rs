@@ -322,14 +322,11 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
     assert!(!app.screen.maze.map.is_free(door), "the door is closed");
     wait_until(&mut app, |app| !app.screen.snapshot.scene.maze().map.is_free(door));
-    assert!(
-        app.screen
-            .log
-            .notice()
-            .is_some_and(|n| n.text.contains("walled") && n.text.contains("2 disconnected components")),
-        "{:?}",
-        app.screen.log
-    );
+    // The trainer's answer and its snapshot arrive separately.
+    wait_until(&mut app, |app| {
+        let notice = app.screen.log.notice();
+        notice.is_some_and(|n| n.text.contains("walled") && n.text.contains("2 disconnected components"))
+    });
     let updates = app.screen.snapshot.counters.updates;
     wait_until(&mut app, |app| app.screen.snapshot.counters.updates > updates);
     press(&mut app, KeyCode::Char('u'));
