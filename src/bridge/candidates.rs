@@ -21,6 +21,18 @@ pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 /// Distance that candidates keep from each other even where walls separate them, in goal radii.
 pub(crate) const MIN_SPACING_RADII: f32 = 1.0;
 
+/// Factor by which the spacing grows and shrinks.
+const SPACING_GROWTH: f32 = 1.1;
+
+/// Failures per arrival of hops, all lengths alike, above which candidates move closer together.
+pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
+
+/// Maximum number of candidates where hops arrive, in target numbers ...
+pub(crate) const MAX_OPEN_FACTOR: usize = 3;
+
+/// ... and where many fail.
+pub(crate) const MAX_FACTOR: usize = 8;
+
 /// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
 pub(crate) const WELL_KNOWN_PATHS: usize = 8;
 
@@ -35,7 +47,8 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 ///
 /// Candidates persist. A state farther than the spacing from all of them becomes a new one; when there would be more
 /// than the target (on large maps, more than the hard limit), the spacing grows and candidates that are now too close
-/// retire (streaming farthest-point sampling). *Near* a candidate means within a quarter of the spacing, but at most
+/// retire (streaming farthest-point sampling). Where many walks between candidates fail, it shrinks again, and there may
+/// be more candidates than the target. *Near* a candidate means within a quarter of the spacing, but at most
 /// the goal radius (the environment's own criterion for having arrived) and at least half of it. The radius is this
 /// small because straight-line distance ignores thin walls and touching corners.
 ///
@@ -43,13 +56,20 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 #[derive(Clone, Debug)]
 pub struct Candidates {
     spec: Spec,
-    /// Target number of candidates, and the hard limit.
+    /// Target number of candidates, and the hard limits where hops arrive and where many fail.
     target_count: usize,
+    max_open_count: usize,
     max_count: usize,
     /// Once the spacing exceeds this, the number of candidates may exceed the target.
     max_target_spacing: f32,
+    /// The same as long as hops arrive.
+    max_spacing: f32,
+    /// D below which there are edges, in steps.
+    edge_cutoff_steps: f32,
     window: usize,
     spacing: f32,
+    /// The spacing at first.
+    least_spacing: f32,
     /// Distance that candidates keep from each other even where walls separate them.
     min_spacing: f32,
     /// `(candidates, state_dim)`.
@@ -102,13 +122,18 @@ pub struct WalkRecord {
 impl Candidates {
     /// Creates an empty set of candidates for `agents` agents.
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
+        let max_spacing = MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius;
         Self {
             spec: spec.clone(),
             target_count: settings.candidates,
+            max_open_count: settings.max_open_candidates(),
             max_count: settings.max_candidates(),
-            max_target_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
+            max_target_spacing: max_spacing,
+            max_spacing,
+            edge_cutoff_steps: settings.edge_cutoff_steps,
             window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
+            least_spacing: settings.candidate_spacing * spec.goal_radius,
             min_spacing: MIN_SPACING_RADII.min(settings.candidate_spacing) * spec.goal_radius,
             states: Vec::new(),
             goal_index: Arc::new(GoalIndex::new(spec)),
@@ -295,10 +320,8 @@ impl Candidates {
     /// Makes `state` a candidate, thinning the others if there is no room, and returns its index; `None` if it is too
     /// close to another at the new spacing. Where it is `behind_a_wall`, only the minimum spacing counts.
     fn add(&mut self, state: &[f32], behind_a_wall: bool) -> Option<usize> {
-        while self.len() >= self.target_count
-            && (self.spacing < self.max_target_spacing || self.len() >= self.max_count)
-        {
-            self.spacing *= 1.1;
+        while self.is_full() {
+            self.spacing *= SPACING_GROWTH;
             self.thin();
             let spacing = if behind_a_wall { self.min_spacing } else { self.spacing };
             if self.nearest(state).1 <= spacing {
@@ -314,11 +337,31 @@ impl Candidates {
         Some(self.len() - 1)
     }
 
+    /// Returns the maximum number of candidates at this spacing.
+    fn limit(&self) -> usize {
+        if self.max_target_spacing < self.max_spacing { self.max_count } else { self.max_open_count }
+    }
+
+    /// Whether the spacing has to grow before there can be another candidate.
+    fn is_full(&self) -> bool {
+        self.len() >= self.limit() || (self.len() >= self.target_count && self.spacing < self.max_target_spacing)
+    }
+
+    /// Brings candidates closer together, from now on, if many hops fail, as in narrow corridors: places between them
+    /// become candidates when agents come by.
+    pub fn adapt_spacing(&mut self) {
+        let failures = self.hops.failures_within(self.edge_cutoff_steps);
+        if failures > MANY_HOP_FAILURES && self.len() < self.max_count {
+            self.spacing = (self.spacing / SPACING_GROWTH).max(self.least_spacing);
+            self.max_target_spacing = self.spacing;
+        }
+    }
+
     /// Retires candidates closer than the spacing to an older one, unless trajectories show that a wall separates them
     /// and there is room.
     fn thin(&mut self) {
         let s = self.spec.state_dim();
-        let full = self.len() >= self.max_count;
+        let full = self.len() >= self.limit();
         let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
         for i in 0..self.len() {
             let place = self.goal_index.goal(i);
@@ -420,6 +463,34 @@ pub(super) mod tests {
         }
         // At the least spacing there would be room for more than a hundred.
         assert!((20..40).contains(&candidates.len()), "{} candidates", candidates.len());
+    }
+
+    #[test]
+    fn candidates_move_closer_together_where_many_walks_fail() {
+        let (spec, settings) = line(10);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..5).for_each(|_| walk(&mut candidates, 99.0));
+        let (open, spacing) = (candidates.len(), candidates.spacing());
+        assert!(open <= 3 * 10 && spacing > 2.0, "{open} candidates, {spacing} apart");
+        (0..10).for_each(|_| candidates.adapt_spacing());
+        assert_eq!(candidates.spacing(), spacing, "no walk has failed");
+        for _ in 0..100 {
+            candidates.record_walk((0, 1), 4.0, false);
+            candidates.adapt_spacing();
+        }
+        assert_eq!(candidates.spacing(), settings.candidate_spacing * spec.goal_radius);
+        let mut restored = Candidates::new(&spec, 1, &settings);
+        restored.restore(&candidates.state()).expect("its own state");
+        for mut candidates in [candidates, restored] {
+            (0..5).for_each(|_| walk(&mut candidates, 99.0));
+            assert!((2 * open..=8 * 10).contains(&candidates.len()), "{} candidates", candidates.len());
+            // Walks that arrive again do not drive them apart.
+            let count = candidates.len();
+            (0..500).for_each(|_| candidates.record_walk((0, 1), 4.0, true));
+            candidates.adapt_spacing();
+            walk(&mut candidates, 99.0);
+            assert_eq!(candidates.len(), count);
+        }
     }
 
     #[test]

@@ -34,6 +34,13 @@ impl HopOutcomes {
         failed / (arrived + 1.0)
     }
 
+    /// Returns the failures per arrival of hops of up to `distance` steps, all lengths alike.
+    pub fn failures_within(&self, distance: f32) -> f32 {
+        let [arrived, failed] =
+            self.counts[..=bin(distance)].iter().fold([0.0; 2], |[a, f], [arrived, failed]| [a + arrived, f + failed]);
+        failed / (arrived + 1.0)
+    }
+
     /// Returns the counts as plain numbers, for a checkpoint.
     pub fn state(&self) -> Vec<f32> {
         self.counts.as_flattened().to_vec()
@@ -69,6 +76,8 @@ mod tests {
         assert_eq!(hops.failures(2.0), 0.0);
         assert!((hops.failures(7.5) - 1.0).abs() < 0.05, "{}", hops.failures(7.5));
         assert_eq!(hops.failures(8.5), 0.0, "another length");
+        assert!((hops.failures_within(7.0) - 0.33).abs() < 0.05, "{}", hops.failures_within(7.0));
+        assert_eq!(hops.failures_within(6.9), 0.0);
         assert!(hops.failures(500.0) > 50.0);
         (0..500).for_each(|_| hops.record(7.0, true));
         assert!(hops.failures(7.0) < 0.01, "the actor has learned: {}", hops.failures(7.0));

@@ -36,7 +36,8 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
     let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
     // One live copy, and two more while saving.
     let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
-    let candidates = bridge.max_candidates() as u64 * BYTES_PER_CANDIDATE;
+    // In narrow corridors there may be more, each with far fewer paths.
+    let candidates = bridge.max_open_candidates() as u64 * BYTES_PER_CANDIDATE;
     BASE_BYTES + f32s(parameters * PARAMETER_COPIES) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
 

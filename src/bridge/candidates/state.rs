@@ -13,8 +13,9 @@ const MAX_ID: u32 = 1 << 31;
 /// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CandidatesState {
-    /// Minimum distance between candidates.
-    pub spacing: f32,
+    /// Minimum distance between candidates, and the one beyond which there may be more than the target number; older
+    /// formats lack the second.
+    pub spacing: Vec<f32>,
     /// `(candidates, state_dim)`.
     pub states: Vec<f32>,
     /// The candidates' ids, followed by the next id to assign.
@@ -36,7 +37,7 @@ pub struct CandidatesState {
 impl CandidatesState {
     /// Writes the state to `store` under names that start with `prefix`.
     pub fn write(self, store: &mut Store, prefix: &str) {
-        store.put(format!("{prefix}.spacing"), vec![self.spacing]);
+        store.put(format!("{prefix}.spacing"), self.spacing);
         store.put(format!("{prefix}.states"), self.states);
         store.put(format!("{prefix}.names"), self.ids);
         store.put(format!("{prefix}.observed.ends"), self.ends);
@@ -65,7 +66,7 @@ impl CandidatesState {
             )
         };
         Ok(Self {
-            spacing: store.f32(&format!("{prefix}.spacing"))?.first().copied().unwrap_or_default(),
+            spacing: store.f32(&format!("{prefix}.spacing"))?.to_vec(),
             states: store.f32(&format!("{prefix}.states"))?.to_vec(),
             ids,
             ends,
@@ -95,8 +96,11 @@ fn to_sparse(table: &[u16], n: usize) -> (Vec<u32>, Vec<u32>, Vec<u16>) {
 impl Candidates {
     /// Returns the full state, for a checkpoint.
     pub fn state(&self) -> CandidatesState {
-        let mut state =
-            CandidatesState { spacing: self.spacing, hops: self.hops.state(), ..CandidatesState::default() };
+        let mut state = CandidatesState {
+            spacing: vec![self.spacing, self.max_target_spacing],
+            hops: self.hops.state(),
+            ..CandidatesState::default()
+        };
         state.states.clone_from(&self.states);
         state.ids.clone_from(&self.ids);
         state.ids.push(self.next_id);
@@ -124,7 +128,14 @@ impl Candidates {
         if n > self.max_count || !state.states.len().is_multiple_of(self.spec.state_dim()) {
             return Err(inconsistent());
         }
-        let sound = state.spacing > 0.0 && state.spacing.is_finite() && state.states.iter().all(|v| v.is_finite());
+        let (spacing, max_target_spacing) = match state.spacing[..] {
+            [spacing] => (spacing, self.max_spacing),
+            [spacing, max_target_spacing] => (spacing, max_target_spacing),
+            _ => return Err(inconsistent()),
+        };
+        let lengths = [spacing, max_target_spacing];
+        let sound =
+            lengths.iter().all(|length| *length > 0.0) && lengths.iter().chain(&state.states).all(|v| v.is_finite());
         if !sound {
             return Err(StoreError::inconsistent("the stored bridge candidates contain values out of range"));
         }
@@ -144,7 +155,7 @@ impl Candidates {
             self.hops = HopOutcomes::from_state(&state.hops).ok_or_else(inconsistent)?;
         }
         self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
-        self.spacing = state.spacing;
+        (self.spacing, self.max_target_spacing) = (spacing, max_target_spacing);
         self.states.clone_from(&state.states);
         let mut places = GoalIndex::new(&self.spec);
         state.states.chunks_exact(self.spec.state_dim()).for_each(|state| places.push(&self.achieved(state)));

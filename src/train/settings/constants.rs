@@ -130,6 +130,19 @@ fn candidates() -> Vec<Constant> {
             "candidate spacing beyond which there may be more candidates",
         ),
         constant(
+            "MANY_HOP_FAILURES",
+            bridge::MANY_HOP_FAILURES,
+            "failures per arrival",
+            "failed walks between candidates above which these move closer together",
+        ),
+        constant(
+            "MAX_OPEN_FACTOR",
+            bridge::MAX_OPEN_FACTOR as f64,
+            "candidates",
+            "maximum number of candidates, as a multiple of the setting",
+        ),
+        constant("MAX_FACTOR", bridge::MAX_FACTOR as f64, "candidates", "the same where many walks between them fail"),
+        constant(
             "MIN_SPACING_RADII",
             bridge::MIN_SPACING_RADII,
             "goal radii",

@@ -387,14 +387,14 @@ pub const SETTINGS: [Setting; 61] = [
         "candidates",
         "",
         "an integer from 2 to 10000",
-        "target number of bridge candidates; up to three times as many if they would be too far apart",
+        "target number of bridge candidates; up to three times as many if they would be too far apart, eight times if many walks between them fail",
     ),
     Setting::new(
         Bridges,
         "candidate_spacing",
         "goal radii",
         "a number from 0.01 to 1000000",
-        "minimum distance between candidates; grows if there would be too many",
+        "minimum distance between candidates; grows if there would be too many, and shrinks if many walks between them fail",
     ),
     Setting::new(Bridges, "edge_cutoff_steps", "steps", "a number of steps from 1 to 100", "maximum D of an edge"),
     Setting::new(
