@@ -79,7 +79,8 @@ pub enum Command {
         /// Print a random map of this kind as plain ASCII
         #[arg(long, value_name = "KIND", value_enum)]
         random: Option<MapKindArg>,
-        /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for perfect]
+        /// Cells along each side of the random map [default: 44 for maze, 101 for city, 33 for perfect]. Perfect mazes
+        /// of an even size end at the edge of the map instead of a wall
         #[arg(long, value_name = "N", requires = "random", value_parser = sides())]
         size: Option<u16>,
         /// Seed of the random map: same seed, same map

@@ -61,7 +61,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     session.press("e");
     session.wait_for("EDIT");
     session.press("kx");
-    session.wait_for("1 cells walled");
+    session.wait_for("1 cell walled");
     session.press("u");
     session.wait_for("1 opened");
     session.press("\x1b");

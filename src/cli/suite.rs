@@ -36,7 +36,7 @@ pub struct SuiteArgs {
     #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=10_000))]
     pub eval_tasks: u32,
 
-    /// Folder for results, checkpoints, pictures and the report
+    /// Folder for results, pictures and the report, and for checkpoints until a job is done
     #[arg(long, value_name = "FOLDER", default_value = "saves/suite")]
     pub out: PathBuf,
 

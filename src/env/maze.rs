@@ -377,7 +377,11 @@ impl Environment for PointMaze {
         let (walled, opened, pieces) = (changed(false), changed(true), self.components.len());
         Ok(Change {
             may_lengthen: walled > 0,
-            summary: format!("{walled} cells walled, {opened} opened"),
+            summary: match (walled, opened) {
+                (0, 0) => "starts and goals changed".to_owned(),
+                (1, _) => format!("1 cell walled, {opened} opened"),
+                _ => format!("{walled} cells walled, {opened} opened"),
+            },
             warning: (pieces > 1).then(|| format!("{pieces} disconnected components")),
             facts: Map::from_iter([
                 ("map".to_owned(), json!(self.map.name())),

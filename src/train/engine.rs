@@ -323,14 +323,17 @@ impl Worker {
         Ok(true)
     }
 
-    /// Returns when the next evaluation comes, at the current speed.
+    /// Returns when the next evaluation comes.
     fn next_evaluation(&self) -> NextEvaluation {
         if self.evaluation.is_some() {
             return NextEvaluation::Running;
         }
         let rest = self.next_evaluation_at.map_or(Duration::ZERO, |at| at.saturating_duration_since(Instant::now()));
-        let until = (rest.as_secs_f64() * self.current.rates.0) as u64;
-        NextEvaluation::AtUpdate(next_multiple(self.trainer.counters().updates + until, EVALUATE_EVERY_UPDATES))
+        if rest.is_zero() {
+            NextEvaluation::AtUpdate(next_multiple(self.trainer.counters().updates, EVALUATE_EVERY_UPDATES))
+        } else {
+            NextEvaluation::InSeconds(rest.as_secs_f64().ceil() as u64)
+        }
     }
 
     /// Collects the evaluation if it has finished.

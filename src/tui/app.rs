@@ -359,7 +359,7 @@ impl Interface for App {
             // A second at most; otherwise its temporary file would stay behind.
             drop(film.join());
         }
-        App::close(self)
+        App::close(self, true)
     }
 }
 

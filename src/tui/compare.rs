@@ -262,7 +262,7 @@ impl Interface for Comparison {
     fn close(self) -> ClosedRun {
         let mut closed = ClosedRun { summary: String::new(), saved: Ok(()), failed: self.failed };
         for (side, letter) in self.sides.into_iter().zip(LETTERS) {
-            let own = side.app.close();
+            let own = side.app.close(false);
             let gap = if closed.summary.is_empty() { "" } else { "\n" };
             closed.summary += &format!("{gap}{letter}: {}", own.summary);
             closed.saved = closed.saved.and(own.saved);

@@ -30,6 +30,7 @@ use super::dialog::Dialog;
 use super::event_loop::Interface;
 use super::keymap::Keymap;
 use super::render;
+use super::scene::Tool;
 use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use crate::env::{Environment, PointMaze};
@@ -346,6 +347,42 @@ fn a_door_can_be_closed_and_reopened_during_training() {
     press(&mut app, KeyCode::Esc);
     assert!(!app.screen.maze.editor.is_open());
     assert_eq!(app.screen.maze.goal, Cell::new(19, 4), "the goal stayed where it was");
+}
+
+#[test]
+fn tools_that_change_nothing_say_why() {
+    let map = parse_map("room", b"S...#\n....#\n...G#\n").expect("a map");
+    let mut app = app_on(map, gdg());
+    draw(&mut app, 80, 24);
+    press(&mut app, KeyCode::Char('e'));
+    let (wall, floor) = (Cell::new(4, 1), Cell::new(1, 1));
+    for (tool, cell, reason) in [
+        (Tool::Goal, wall, "a goal needs floor"),
+        (Tool::Start, wall, "a start needs floor"),
+        (Tool::Fill, floor, "not filled"),
+    ] {
+        app.act(Action::Tool(tool));
+        let at = character_of(&app, cell);
+        mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+        mouse(&mut app, MouseEventKind::Up(MouseButton::Left), at);
+        let notice = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
+        assert!(notice.contains(reason), "{tool:?}: {notice}");
+    }
+}
+
+#[test]
+fn a_box_drawn_beyond_the_map_ends_at_its_edge() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    press(&mut app, KeyCode::Char('e'));
+    app.act(Action::Tool(Tool::Rectangle));
+    let from = character_of(&app, Cell::new(12, 1));
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), from);
+    mouse(&mut app, MouseEventKind::Drag(MouseButton::Left), Position::new(79, 23));
+    mouse(&mut app, MouseEventKind::Up(MouseButton::Left), Position::new(79, 23));
+    let map = &app.screen.maze.map;
+    assert!([(12, 4), (19, 1), (19, 4)].iter().all(|(x, y)| !map.is_free(Cell::new(*x, *y))), "{map:?}");
+    assert!(map.is_free(Cell::new(15, 3)), "inside the box");
 }
 
 #[test]

@@ -51,8 +51,10 @@ impl Phase {
 pub enum NextEvaluation {
     /// It is running.
     Running,
-    /// At about this update.
+    /// At this update, within seconds.
     AtUpdate(u64),
+    /// In this many seconds: the longer evaluations take, the rarer they are.
+    InSeconds(u64),
 }
 
 /// A message for the user.

@@ -19,9 +19,12 @@ impl App {
         {
             return self.act(action);
         }
+        let drawing = self.screen.maze.editor.is_drawing();
         let pressed =
             matches!(mouse.kind, MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left));
-        if let Some(at) = self.screen.layout.charts.iter().find_map(|chart| chart.value_at(at)).filter(|_| pressed) {
+        if let Some(at) =
+            self.screen.layout.charts.iter().find_map(|chart| chart.value_at(at)).filter(|_| pressed && !drawing)
+        {
             return self.look_at_curves(at);
         }
         if self.moves_tour_on(mouse.kind) {

@@ -215,8 +215,9 @@ impl App {
         self.saving.named.clone()
     }
 
-    /// Ends training, and saves if that is requested and not yet done.
-    pub fn close(self) -> ClosedRun {
+    /// Ends training, and saves if that is requested and not yet done. The summary says how much is not saved if the
+    /// run `is_kept` at all.
+    pub fn close(self, is_kept: bool) -> ClosedRun {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
         let log = self.screen.log.entries().to_vec();
@@ -240,7 +241,7 @@ impl App {
                 let problem = "the trainer hung or crashed: progress since the last checkpoint is lost";
                 saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
             }
-            Some(_) if worth_saving => {
+            Some(_) if worth_saving && is_kept => {
                 let saved = snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
                 summary += &format!("\nnot saved: {} updates", snapshot.counters.updates.saturating_sub(saved));
             }

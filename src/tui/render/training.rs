@@ -154,7 +154,8 @@ fn next(screen: &Screen) -> Line<'static> {
     }
     let when = match screen.snapshot.next_evaluation {
         NextEvaluation::Running => return fact("next", "running now"),
-        NextEvaluation::AtUpdate(_) if !screen.snapshot.phase.is_training() => "paused".to_owned(),
+        _ if !screen.snapshot.phase.is_training() => "paused".to_owned(),
+        NextEvaluation::InSeconds(seconds) => format!("in {seconds} s"),
         NextEvaluation::AtUpdate(updates) => format!("at {}", short(updates as f64)),
     };
     fact("next", format!("{when}, {}: now", screen.keymap.key_of(Action::Evaluate)))

@@ -254,6 +254,7 @@ fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
     let closed = comparison.close();
     assert!(closed.saved.is_ok() && !closed.failed);
     assert!(closed.summary.contains("A: gdg-bridge on rooms") && closed.summary.contains("B: gdg on rooms"));
+    assert!(!closed.summary.contains("not saved"), "nothing ever is: {}", closed.summary);
 }
 
 #[test]

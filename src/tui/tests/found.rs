@@ -85,6 +85,7 @@ fn a_goal_without_a_path_is_said_and_drawn() {
     let said = |app: &App| app.screen.log.entries().iter().filter(|e| e.text.starts_with("no path leads")).count();
     wait_until(&mut app, |app| app.screen.maze.view.cut_off.contains(&true) && app.screen.maze.view.walk.steps > 0);
     assert_eq!(said(&app), 0, "@ and G are on the same side");
+    wait_until(&mut app, |app| !app.screen.maze.view.path.is_empty());
     // Agents hide some of the marks.
     let marked = |app: &mut App, columns: std::ops::Range<usize>| {
         let cells: Vec<Cell> = columns.flat_map(|x| (0..4).map(move |y| Cell::new(x, y))).collect();
@@ -98,6 +99,7 @@ fn a_goal_without_a_path_is_said_and_drawn() {
     wait_until(&mut app, |app| app.screen.maze.view.goal.0 == Some(Cell::new(12, 0)));
     wait_until(&mut app, |app| app.screen.maze.view.walk.steps > 3);
     assert_eq!(said(&app), 1, "once");
+    assert!(app.screen.maze.view.path.is_empty(), "a line through the wall is no plan");
     wait_until(&mut app, |app| app.screen.maze.view.raster.is_some());
     assert!(marked(&mut app, 0..10) > 0 && marked(&mut app, 11..14) == 0);
 }

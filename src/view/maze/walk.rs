@@ -112,8 +112,10 @@ impl MazeWorker {
             }
             return;
         }
-        self.view.path = self.pilot.waypoints(&at, &goal);
-        let target = self.view.path[0];
+        let waypoints = self.pilot.waypoints(&at, &goal);
+        let target = waypoints[0];
+        // The straight line to a goal that no path leads to is no plan.
+        self.view.path = if self.view.walk.shortest.is_some() { waypoints } else { Vec::new() };
         self.view.walk.distances.1 = self.pilot.distance(&at, &target);
         self.view.walk.waypoint = (target != goal).then_some(target);
         let mut action = [0.0; 2];

@@ -65,15 +65,16 @@ impl App {
             }
             Action::Apply => {
                 let new = maze.editor.apply(&map);
-                self.change_map(new);
+                let refusal = maze.editor.tool.refusal();
+                self.change_map_or_say(new, refusal);
             }
             Action::Undo => {
                 let new = maze.editor.undo(&map);
-                self.change_map_or_say(new, "nothing to undo");
+                self.change_map_or_say(new, Some("nothing to undo"));
             }
             Action::Redo => {
                 let new = maze.editor.redo(&map);
-                self.change_map_or_say(new, "nothing to redo");
+                self.change_map_or_say(new, Some("nothing to redo"));
             }
             Action::SaveMap => self.ask_map_file(),
             Action::NewMap => self.ask_size(Question::NewMap),
@@ -121,9 +122,9 @@ impl App {
         }
     }
 
-    fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: &str) {
-        if map.is_none() {
-            self.notify(otherwise);
+    pub(super) fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: Option<&str>) {
+        if let Some(reason) = otherwise.filter(|_| map.is_none()) {
+            self.notify(reason);
         }
         self.change_map(map);
     }

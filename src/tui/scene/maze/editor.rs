@@ -45,6 +45,16 @@ impl Tool {
         }
     }
 
+    /// Returns why using the tool has changed nothing; `None` if that is plain to see.
+    pub fn refusal(self) -> Option<&'static str> {
+        match self {
+            Self::Fill => Some("not filled: a map needs floor"),
+            Self::Start => Some("a start needs floor"),
+            Self::Goal => Some("a goal needs floor"),
+            Self::Pencil | Self::Eraser | Self::Line | Self::Rectangle => None,
+        }
+    }
+
     /// Returns the tool's name.
     pub fn name(self) -> &'static str {
         match self {
@@ -106,6 +116,11 @@ impl Editor {
     /// Returns the cells that the unfinished stroke would change, and whether they become free.
     pub fn preview(&self) -> Option<(Vec<Cell>, bool)> {
         self.stroke.as_ref().map(|stroke| (self.cells_of(stroke), stroke.free))
+    }
+
+    /// Returns whether a stroke has begun.
+    pub fn is_drawing(&self) -> bool {
+        self.stroke.is_some()
     }
 
     fn cells_of(&self, stroke: &Stroke) -> Vec<Cell> {

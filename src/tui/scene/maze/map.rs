@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use ratatui::Frame;
 use ratatui::buffer::Buffer;
-use ratatui::layout::Rect;
+use ratatui::layout::{Position, Rect};
 
 use super::edges;
 use super::picture::{self, PictureCache};
@@ -327,7 +327,14 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
     let is_past = screen.shown_past().is_some();
     let shows = |overlay| screen.overlays.has(overlay) && !is_past;
     if shows(Overlay::Candidates) && scale >= MIN_SIZED_CANDIDATE_SCALE {
-        for candidate in screen.maze.view.candidates.iter() {
+        // A sign would tear a hole into a wall that shares its character.
+        let is_open = |at: Position| {
+            let cells = glyphs.map_frame.cells_at(at, &screen.maze.map);
+            cells.into_iter().all(|cell| screen.maze.map.is_free(cell))
+        };
+        let open = |at| glyphs.map_frame.character_of(at).is_some_and(is_open);
+        let candidates: Vec<_> = screen.maze.view.candidates.iter().filter(|candidate| open(candidate.at)).collect();
+        for candidate in candidates {
             let symbol = match candidate.degree {
                 d if d < 0.34 => '\u{b7}',
                 d if d < 0.67 => '\u{2022}',

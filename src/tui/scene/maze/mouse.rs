@@ -1,7 +1,7 @@
 //! The mouse in a maze: hovering, buttons and wheel; zooming and panning.
 
 use crossterm::event::{MouseButton, MouseEventKind};
-use ratatui::layout::Position;
+use ratatui::layout::{Position, Rect};
 
 use crate::map::Cell;
 use crate::tui::app::App;
@@ -21,6 +21,9 @@ impl App {
     /// Handles the mouse on the map; returns whether it did anything.
     pub(in crate::tui) fn on_mouse_in_maze(&mut self, kind: MouseEventKind, at: Position) -> bool {
         let Some(frame) = &self.screen.layout.map.clone() else { return false };
+        let drawing = self.screen.maze.editor.is_drawing();
+        // A stroke that leaves the map goes on along its edge.
+        let at = if drawing && matches!(kind, MouseEventKind::Drag(_)) { nearest_within(frame.area, at) } else { at };
         let cell = frame.cell_at(at, &self.screen.maze.map);
         let dragged_from = self.dragged_from.take();
         if self.is_on_minimap(kind, at) {
@@ -44,7 +47,8 @@ impl App {
             }
             MouseEventKind::Up(_) if self.screen.maze.editor.is_open() => {
                 let new = self.screen.maze.editor.finish(&self.screen.maze.map.clone());
-                self.change_map(new);
+                let refusal = self.screen.maze.editor.tool.refusal().filter(|_| drawing);
+                self.change_map_or_say(new, refusal);
             }
             MouseEventKind::Down(MouseButton::Left) | MouseEventKind::Drag(MouseButton::Left) => {
                 if let Some(cell) = cell {
@@ -151,4 +155,10 @@ impl App {
             self.screen.maze.viewport.centre = at;
         }
     }
+}
+
+/// Returns the position in `area` nearest to `at`.
+fn nearest_within(area: Rect, at: Position) -> Position {
+    let within = |at: u16, from: u16, size: u16| at.clamp(from, from + size.saturating_sub(1));
+    Position::new(within(at.x, area.x, area.width), within(at.y, area.y, area.height))
 }
