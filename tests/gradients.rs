@@ -140,6 +140,13 @@ fn gradients_with_behaviour_targets_match_autograd() {
 }
 
 #[test]
+fn gradients_match_autograd_however_two_critics_are_combined() {
+    for pessimism in [0.0, 0.3, 1.0] {
+        check(&spec(2, 2, true), &LearnSettings { pessimism, ..LearnSettings::default() });
+    }
+}
+
+#[test]
 fn gradients_of_the_paper_preset_match_autograd() {
     check(&spec(2, 2, true), &LearnSettings::paper());
 }

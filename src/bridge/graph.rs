@@ -20,7 +20,7 @@ pub struct Edge {
     pub from: usize,
     /// Target candidate.
     pub to: usize,
-    /// D(from, to) by the most pessimistic critic when the graph was built, in steps.
+    /// D(from, to) when the graph was built, in steps.
     pub distance: f32,
     /// Expected length in steps, with the overhead of passing a waypoint: D, or what trajectories show where D is not
     /// to be trusted.

@@ -76,8 +76,13 @@ pub struct LearnSettings {
     /// Pairs (and transitions) in a batch.
     #[serde(alias = "batch")]
     pub batch_size: usize,
-    /// Number of critics; their maximum is used (pessimism about shortcuts).
+    /// Number of critics, which are combined as `pessimism` says.
     pub critics: usize,
+    /// Weight of the largest of the critics' distances in D, from 0 to 1; the rest is their mean. The maximum (Fujimoto et
+    /// al. 2018, clipped double Q) guards against shortcuts that are not there, but errors add up to far distances that are
+    /// too long; those of the mean are too short.
+    #[serde(default = "maximum")]
+    pub pessimism: f32,
     /// Steps after which a target bootstraps from the target critic; 1 as in Algorithm 1.
     pub n_step: usize,
     /// Weight of a critic's squared error where the target is below D, and 1 minus the weight where it is above. 0.5 is
@@ -153,6 +158,11 @@ fn default_discount() -> f32 {
     LearnSettings::default().discount
 }
 
+/// The pessimism in checkpoints from before it was a setting.
+fn maximum() -> f32 {
+    1.0
+}
+
 impl Default for LearnSettings {
     fn default() -> Self {
         Self {
@@ -162,6 +172,7 @@ impl Default for LearnSettings {
             tau: 0.005,
             batch_size: 64,
             critics: 2,
+            pessimism: 1.0,
             n_step: 3,
             expectile: 0.55,
             greedy_targets: true,
@@ -250,6 +261,7 @@ impl LearnSettings {
             ("tau", self.tau > 0.0 && self.tau <= 1.0),
             ("batch_size", (1..=65_536).contains(&self.batch_size)),
             ("critics", (1..=2).contains(&self.critics)),
+            ("pessimism", share(self.pessimism)),
             ("n_step", (1..=1000).contains(&self.n_step)),
             ("expectile", self.expectile > 0.0 && self.expectile < 1.0),
             ("max_distance_steps", (0.0..=1e6).contains(&self.max_distance_steps)),

@@ -31,10 +31,13 @@ const SNAPSHOT_INTERVAL: Duration = Duration::from_millis(66);
 const MIN_NETWORKS_INTERVAL: Duration = Duration::from_millis(300);
 
 /// Minimum updates between evaluations, tasks at each distance, and the pause after an evaluation as a multiple of its
-/// duration: evaluations run concurrently with training, but on the same cores.
+/// duration: evaluations run concurrently with training, but on the same cores. While most walks fail, an evaluation takes
+/// long, and so would the pause; beyond [`LONG_EVALUATION_PAUSE`], it is as short as [`LEAST_PAUSE_FACTOR`] allows.
 const EVALUATE_EVERY_UPDATES: u64 = 1_000;
 const EVALUATION_TASKS: usize = 10;
 const EVALUATION_PAUSE_FACTOR: u32 = 15;
+const LONG_EVALUATION_PAUSE: Duration = Duration::from_secs(20);
+const LEAST_PAUSE_FACTOR: u32 = 3;
 
 /// Maximum pace of a learner that does not learn, in updates counted per second, unless the user chooses another: at full
 /// speed, random steps would fill the replay buffer and be too fast to watch.
@@ -343,7 +346,7 @@ impl Worker {
             return;
         };
         let now = Instant::now();
-        self.next_evaluation_at = Some(now + self.evaluation_pause * (now - began));
+        self.next_evaluation_at = Some(now + pause_after(now - began, self.evaluation_pause));
         match result.join() {
             Ok(evaluation) if evaluation.is_finite() => {
                 self.trainer.record_evaluation(updates, evaluation);
@@ -420,10 +423,27 @@ impl Worker {
     }
 }
 
+/// Returns the pause after an evaluation that took `duration`, `factor` times as long unless that is very long.
+fn pause_after(duration: Duration, factor: u32) -> Duration {
+    (factor * duration).min(LONG_EVALUATION_PAUSE.max(factor.min(LEAST_PAUSE_FACTOR) * duration))
+}
+
 /// Converts the result of a receive with a timeout to that of a non-blocking one.
 fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, TryRecvError> {
     command.map_err(|e| match e {
         RecvTimeoutError::Timeout => TryRecvError::Empty,
         RecvTimeoutError::Disconnected => TryRecvError::Disconnected,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn long_evaluations_are_followed_by_shorter_pauses() {
+        let pause = |seconds, factor| pause_after(Duration::from_secs(seconds), factor).as_secs();
+        assert_eq!([1, 4, 10].map(|seconds| pause(seconds, 15)), [15, 20, 30]);
+        assert_eq!([1, 10, 60].map(|seconds| pause(seconds, 2)), [2, 20, 120]);
+    }
 }

@@ -34,7 +34,7 @@ impl Part {
         shapes.encoder.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
         self.targets.resize(rows.steps.len(), 0.0);
         let ahead = Pairs { plain: &self.plain_ahead, states: rows.bootstrap_states, goals: rows.goals };
-        shapes.max_distances(critics, ahead, &mut self.targets, &mut self.buffers.critic);
+        shapes.joint_distances(critics, ahead, &mut self.targets, &mut self.buffers.critic);
         self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
         if rows.greedy_targets {
             self.after_actor.resize(rows.steps.len(), 0.0);

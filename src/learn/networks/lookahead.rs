@@ -46,7 +46,7 @@ pub fn axis_actions(dim: usize) -> Vec<f32> {
 
 impl Shapes {
     /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those of [`tried_actions`]
-    /// with a smaller D(f(s, a), g), the maximum over `critics`, where there is one.
+    /// with a smaller D(f(s, a), g) by all `critics`, where there is one.
     ///
     /// The actor descends the same objective along its gradient (Algorithm 1), which is no help where a wall stops all
     /// actions that differ little from its own.
@@ -77,7 +77,7 @@ impl Shapes {
             self.next_states(model, (from, tried), next, &mut passes.model);
             self.encoder.plain_pairs(next, to, plain);
             distances.resize(rows, 0.0);
-            self.max_distances(critics, Pairs { plain, states: next, goals: to }, distances, &mut passes.critic);
+            self.joint_distances(critics, Pairs { plain, states: next, goals: to }, distances, &mut passes.critic);
             let count = rows / (actions.len() / a);
             let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
             for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {

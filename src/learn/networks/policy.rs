@@ -100,10 +100,10 @@ pub struct Nets<'a> {
 }
 
 impl Policy for Nets<'_> {
-    /// Computes D by the most pessimistic critic.
+    /// Computes D by all critics.
     fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], scratch: &mut Scratch) {
         scratch.for_pairs(&self.shapes.encoder, (states, goals), (out, 1), |pairs, out, [ws, _]| {
-            self.shapes.max_distances(&self.critics, pairs, out, ws);
+            self.shapes.joint_distances(&self.critics, pairs, out, ws);
         });
     }
 

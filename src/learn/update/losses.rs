@@ -53,6 +53,8 @@ pub struct Shapes {
     /// D = scale * softplus(z).
     pub distance_scale: f32,
     pub loss: LossScale,
+    /// Weight of the largest distance of several critics; the rest is their mean.
+    pub pessimism: f32,
     /// Weight of squared errors where the target is below D; others are weighted by 1 minus this.
     pub expectile: f32,
     /// Bound of the actor's outputs before tanh; infinite for none.
@@ -75,6 +77,7 @@ impl Shapes {
             model: mlp(encoder.state_width() + spec.action_dim, spec.state_dim()),
             distance_scale: settings.distance_scale_steps,
             loss: settings.loss,
+            pessimism: settings.pessimism,
             expectile: settings.expectile,
             actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
             tried_actions: tried_actions(spec.action_dim),
@@ -161,7 +164,7 @@ impl Shapes {
         }
     }
 
-    /// Computes D(f(s, mu(s, g)), g) of each pair, the maximum over `critics`: the distance that remains after a step
+    /// Computes D(f(s, mu(s, g)), g) of each pair by all `critics`: the distance that remains after a step
     /// of the actor.
     pub fn distances_after_actor(
         &self,
@@ -174,20 +177,25 @@ impl Shapes {
         let states = self.step_with_actor((actor, model), pairs, &mut next, buffers);
         let mut plain = std::mem::take(&mut buffers.critic.plain);
         self.encoder.plain_pairs(states, pairs.goals, &mut plain);
-        self.max_distances(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
+        self.joint_distances(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
         buffers.critic.plain = plain;
         buffers.model.y = next;
     }
 
-    /// Computes the maximum of D(s, g) over `critics` for each pair, `(rows)`.
-    pub fn max_distances(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+    /// Computes D(s, g) of each pair by one or two critics, `(rows)`: between their mean and their maximum.
+    pub fn joint_distances(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
         let mut own = std::mem::take(&mut ws.y);
         for (k, critic) in critics.iter().enumerate() {
             let own = resized(&mut own, out.len());
             self.distances(*critic, pairs, own, ws);
-            out.iter_mut().zip(own).for_each(|(farthest, d)| *farthest = if k == 0 { *d } else { farthest.max(*d) });
+            out.iter_mut().zip(own).for_each(|(d, own)| *d = if k == 0 { *own } else { self.joint(*d, *own) });
         }
         ws.y = own;
+    }
+
+    /// Returns D by two critics: below the larger by a share of half their difference.
+    fn joint(&self, a: f32, b: f32) -> f32 {
+        a.max(b) - 0.5 * (1.0 - self.pessimism) * (a - b).abs()
     }
 
     /// Computes s' = f(s, mu(s, g)) of each pair into `next`, `(rows, state_dim)`; keeps the activations for the

@@ -145,20 +145,24 @@ impl<'a> Reference<'a> {
             (tensor(&batch.states, spec.state_dim())?, tensor(&batch.bootstrap_states, spec.state_dim())?);
         let goals = tensor(&batch.goals, spec.goal_dim())?;
         let steps = column(&batch.steps)?;
-        let mut far = (&steps + self.max_distances(&ahead, &goals)?)?;
+        let mut far = (&steps + self.joint_distances(&ahead, &goals)?)?;
         if batch.greedy_targets {
             let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
-            far = far.minimum(&(self.max_distances(&next, &goals)? + 1.0)?)?;
+            far = far.minimum(&(self.joint_distances(&next, &goals)? + 1.0)?)?;
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
         let targets = known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?;
         Ok(targets.maximum(&column(&batch.lower)?)?.detach())
     }
 
-    /// Returns the maximum of D(s, g) over the critics, `(rows)`.
-    fn max_distances(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
+    /// Returns D(s, g) by one or two critics, `(rows)`: between their mean and their maximum.
+    fn joint_distances(&self, states: &Tensor, goals: &Tensor) -> Result<Tensor> {
         let first = self.distances(0, states, goals)?;
-        (1..self.critics.len()).try_fold(first, |far, k| far.maximum(&self.distances(k, states, goals)?))
+        let below = 0.5 * (1.0 - f64::from(self.shapes().pessimism));
+        (1..self.critics.len()).try_fold(first, |d, k| {
+            let own = self.distances(k, states, goals)?;
+            d.maximum(&own)? - ((d - own)?.abs()? * below)?
+        })
     }
 
     /// Returns the loss of critic `k` against `targets` `(rows)`.

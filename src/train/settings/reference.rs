@@ -111,10 +111,10 @@ const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
-pub const SETTINGS: [Setting; 61] = [
+pub const SETTINGS: [Setting; 62] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
-    Setting::new(Networks, "critics", "", "1 or 2", "number of critics; D is their maximum").for_networks(),
+    Setting::new(Networks, "critics", "", "1 or 2", "number of critics; pessimism combines them").for_networks(),
     Setting::new(Networks, "distance_scale_steps", "steps", "a number above 0", "D = scale * softplus(output)")
         .for_networks(),
     Setting::new(
@@ -164,6 +164,13 @@ pub const SETTINGS: [Setting; 61] = [
         "weight of the mean of z squared in the actor's loss of ddpg, her and ddpg-distance",
     ),
     Setting::new(Targets, "n_step", "steps", "an integer from 1 to 1000", "n of the n-step return"),
+    Setting::new(
+        Targets,
+        "pessimism",
+        "",
+        SHARE_RANGE,
+        "weight of the larger distance of two critics in D; the rest is their mean",
+    ),
     Setting::new(
         Targets,
         "expectile",

@@ -197,6 +197,10 @@ impl Picker {
         let mut ranking = Ranking::new(self.typed.value());
         let scored = self.items.iter().enumerate().filter_map(|(i, item)| Some((i, ranking.score(item)?)));
         let mut scored: Vec<(usize, u32)> = scored.collect();
+        // Letters in the right order are a guess, for when no word matches.
+        if scored.iter().any(|(_, score)| *score > Ranking::GUESS) {
+            scored.retain(|(_, score)| *score > Ranking::GUESS);
+        }
         scored.sort_by_key(|(i, score)| (std::cmp::Reverse(*score), *i));
         self.shown = scored.into_iter().map(|(i, _)| i).collect();
         self.selected = 0;
@@ -241,6 +245,17 @@ mod tests {
         assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "the exact name comes first");
         press(&mut picker, "zzz");
         assert_eq!(picker.choice(), None);
+    }
+
+    #[test]
+    fn names_with_the_same_letters_are_shown_only_if_no_word_matches() {
+        let item = |label: &str| Item::new(label, "", Choice::Nothing);
+        let mut picker = Picker::new("actions", vec![item("do it at once"), item("dark theme")]);
+        press(&mut picker, "da");
+        assert_eq!(picker.item().map(|item| item.label.as_str()), Some("dark theme"));
+        assert_eq!(picker.rows().len(), 1, "a word begins with the letters");
+        press(&mut picker, "o");
+        assert_eq!(picker.item().map(|item| item.label.as_str()), Some("do it at once"));
     }
 
     #[test]

@@ -26,6 +26,9 @@ pub struct Ranking {
 }
 
 impl Ranking {
+    /// The score of a name that contains the typed letters in their order, but not the words.
+    pub const GUESS: u32 = 1;
+
     /// Creates a ranking for a search text.
     pub fn new(typed: &str) -> Self {
         let typed = typed.trim().to_lowercase();
@@ -65,7 +68,7 @@ impl Ranking {
             return all;
         }
         let letters = self.letters.score(Utf32Str::new(&item.label, &mut self.buffer), &mut self.matcher);
-        letters.map(|_| 1)
+        letters.map(|_| Self::GUESS)
     }
 }
 

@@ -62,7 +62,7 @@ fn every_tool_says_what_the_mouse_does() {
     let mut app = app();
     type_text(&mut app, "e7");
     let shown = text(&draw(&mut app, 140, 30));
-    assert!(shown.contains("click: add or remove G") && !shown.contains("walls"), "{shown}");
+    assert!(shown.contains("click: add or remove g") && !shown.contains("walls"), "{shown}");
     for width in [40, 60, 80] {
         let shown = text(&draw(&mut app, width, 20));
         assert!(shown.contains("done"), "{width} columns: {shown}");

@@ -134,11 +134,14 @@ fn wandering(screen: &Screen, _: &mut Tour) -> Caption {
     Caption { text: text.to_owned(), subject: vec![screen.maze.goal.centre()], seen: true, ..Caption::default() }
 }
 
-fn bending(screen: &Screen, _: &mut Tour) -> Caption {
+fn bending(screen: &Screen, tour: &mut Tour) -> Caption {
     let (behind, goal) = (BEHIND_WALL.centre(), screen.maze.goal.centre());
     let (straight, learned) = (straight(behind, goal), distance_to_goal(screen, behind));
     let open = distance_to_goal(screen, SAME_ROOM.centre());
     let seen = open >= PLAUSIBLE * straight && learned >= BENT * open.max(straight);
+    if seen {
+        keep_clearest_bridge(screen, tour);
+    }
     let then = if seen { "D has learned to go round the wall." } else { "Watch it learn of the wall." };
     let text = format!(
         "From P, G would be {straight:.0} steps away, were there no wall. Learned so far: D = {learned:.0}. {then}"
@@ -171,11 +174,7 @@ fn contour_near(screen: &Screen, near: [f32; 2]) -> Option<(Vec<[f32; 2]>, f32)>
 }
 
 fn contour(screen: &Screen, tour: &mut Tour) -> Caption {
-    // The clearest find is kept, so that the next step need not wait for one.
-    let kept = tour.bridge.as_ref().map_or(CLEAR_GAIN, |bridge| bridge.gain() + 1.0);
-    if let Some(clearer) = found_bridge(screen, kept) {
-        tour.bridge = Some(clearer);
-    }
+    keep_clearest_bridge(screen, tour);
     let Some((line, level)) = contour_near(screen, Cell::new(24, 24).centre()) else {
         return Caption { text: "Contour lines connect places with the same D.".to_owned(), ..Caption::default() };
     };
@@ -212,6 +211,14 @@ fn found_bridge(screen: &Screen, least_gain: f32) -> Option<FoundBridge> {
     let distances = [(0, 1), (1, 2), (0, 2)].map(|(from, to)| distance(screen, &stops[from], &stops[to]).round());
     let bridge = FoundBridge { search: search.clone(), stops, distances };
     (bridge.gain() >= least_gain).then_some(bridge)
+}
+
+/// Keeps the clearest find, so that the step about bridges need not wait for one.
+fn keep_clearest_bridge(screen: &Screen, tour: &mut Tour) {
+    let kept = tour.bridge.as_ref().map_or(CLEAR_GAIN, |bridge| bridge.gain() + 1.0);
+    if let Some(clearer) = found_bridge(screen, kept) {
+        tour.bridge = Some(clearer);
+    }
 }
 
 impl FoundBridge {
@@ -288,9 +295,13 @@ fn around_door(screen: &Screen, tour: &Tour) -> Vec<[f32; 2]> {
 fn closed(screen: &Screen, tour: &mut Tour) -> Caption {
     let (place, before) = tour.watched;
     let now = distance_to_goal(screen, place);
+    let followed = if now.round() > before.round() {
+        format!("D follows: from P it was {before:.0}, now {now:.0}.")
+    } else {
+        format!("D will follow: from P it is still {now:.0}.")
+    };
     let text = format!(
-        "A wall now closes this door: you can draw one with {}. The plan changes at once. D follows: from P it was \
-         {before:.0}, now {now:.0}.",
+        "A wall now closes this door: you can draw one with {}. The plan changes at once. {followed}",
         screen.keymap.key_of(Action::ToggleEdit)
     );
     let subject = around_door(screen, tour);

@@ -38,10 +38,10 @@ impl Tool {
             Self::Pencil => "drag: walls, right drag: floor",
             Self::Eraser => "drag: floor",
             Self::Line => "drag: a wall, right drag: floor",
-            Self::Rectangle => "drag: a box, right drag: floor",
+            Self::Rectangle => "drag: an outline, right drag: floor",
             Self::Fill => "click: fill, or clear a wall",
-            Self::Start => "click: add or remove S, drag: move",
-            Self::Goal => "click: add or remove G, drag: move",
+            Self::Start => "click: add or remove s, drag: move",
+            Self::Goal => "click: add or remove g, drag: move",
         }
     }
 
