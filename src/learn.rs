@@ -33,9 +33,11 @@ pub use data::goal_index::GoalIndex;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub(crate) use ddpg::{MAX_NOISE_DEVIATIONS, MIN_REMAINING};
 pub use gdg::Gdg;
+pub(crate) use gdg::graph_bounds::LEAST_STEPS as GRAPH_BOUND_LEAST_STEPS;
 pub use kernels::{kernel, product};
 pub use learner::{
-    Acting, ChangedDistances, CreateLearner, KnownDistances, LearnError, Learner, LearnerKind, Relearning, TrainingData,
+    Acting, ChangedDistances, CreateLearner, DistancesByGoal, KnownDistances, LearnError, Learner, LearnerKind,
+    Relearning, TrainingData,
 };
 pub use networks::encoder::Encoder;
 pub use networks::export::{ActorExport, ActorInputs, NamedTensor};

@@ -119,6 +119,23 @@ fn evaluation_does_not_change_the_run() {
 
 #[test]
 fn a_resumed_run_continues_bitwise() {
+    continues_bitwise(settings);
+}
+
+#[test]
+fn a_resumed_run_with_bounds_from_the_graph_continues_bitwise() {
+    let bounded = || {
+        let mut settings = settings();
+        settings.learn.graph_bounds = true;
+        settings
+    };
+    continues_bitwise(bounded);
+    let mut runs = [trainer(settings(), 5, 1), trainer(bounded(), 5, 1)];
+    runs.iter_mut().for_each(|run| train_to(run, 700));
+    assert!(full_state(&runs[0]) != full_state(&runs[1]), "there are far pairs");
+}
+
+fn continues_bitwise(settings: impl Fn() -> Settings) {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("new folder/half.safetensors");
     let mut straight = trainer(settings(), 5, 1);

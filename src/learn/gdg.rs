@@ -1,6 +1,7 @@
 //! Goal-distance gradient: distance critics, dynamics model and actor (Algorithm 1), updated by hand-written kernels on
 //! several threads.
 
+pub mod graph_bounds;
 mod part;
 
 use std::sync::Arc;
@@ -30,6 +31,7 @@ use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_tr
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
 use crate::store::Store;
+use graph_bounds::GraphBounds;
 use part::Part;
 
 /// Registry entry of the learner.
@@ -52,6 +54,8 @@ pub struct Gdg {
     backend: Backend,
     /// The networks on a tape backend, if one is selected; each update is written back to `shared`.
     tape: Option<Tape>,
+    /// Bounds from the bridge graph, if they are wanted.
+    graph_bounds: Option<GraphBounds>,
 }
 
 /// Data shared by the threads of an update.
@@ -95,6 +99,7 @@ impl Gdg {
             pool: ThreadPool::new(threads)?,
             backend: settings.backend,
             tape,
+            graph_bounds: settings.graph_bounds.then(GraphBounds::default),
         })
     }
 
@@ -246,7 +251,14 @@ impl Learner for Gdg {
         let began = Instant::now();
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
         if let Some(known) = &data.known {
-            self.sampler.add_known(known, data.rng, &mut self.batch);
+            let count = self.sampler.add_known(known, data.rng, &mut self.batch);
+            if let Some(mut bounds) = self.graph_bounds.take() {
+                bounds.collect(self.shared.shapes.encoder.spec(), known, &self.batch, count);
+                let mut batch = std::mem::take(&mut self.batch);
+                let applied = self.with_nets(true, |nets| bounds.apply(&nets, &mut batch));
+                (self.batch, self.graph_bounds) = (batch, Some(bounds));
+                applied?;
+            }
         }
         profile.lap(Stage::Sample, began);
         let batch = std::mem::take(&mut self.batch);

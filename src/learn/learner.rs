@@ -64,8 +64,19 @@ pub struct KnownDistances<'a> {
     pub goals: &'a GoalIndex,
     /// Start, goal, and the steps between them.
     pub pairs: &'a [(u32, u32, f32)],
+    /// The same by goal, for looking up.
+    pub by_goal: Option<&'a DistancesByGoal>,
     /// Distances that have changed, while they are relearned.
     pub changed: Option<&'a ChangedDistances>,
+}
+
+/// Steps from all places to some of them.
+#[derive(Clone, Debug)]
+pub struct DistancesByGoal {
+    /// The places that are goals, and the same as goals.
+    pub goals: (Vec<u32>, GoalIndex),
+    /// Steps from each place to each goal, `(goals, places)`; infinite if unknown.
+    pub steps: Vec<f32>,
 }
 
 /// Bounds on distances of which D is far too short or too long.

@@ -134,6 +134,9 @@ pub struct LearnSettings {
     /// Share of a batch that consists of pairs of bridge candidates whose targets are bounded by their graph distance,
     /// once there is a graph.
     pub distillation: f32,
+    /// Whether the targets of all far pairs are bounded by paths through the bridge graph, once there is one.
+    #[serde(default)]
+    pub graph_bounds: bool,
     /// Number of transitions kept for replay.
     #[serde(alias = "replay_capacity")]
     pub buffer_size: usize,
@@ -192,6 +195,7 @@ impl Default for LearnSettings {
             grid_channels: 4,
             grid_learning_rate: 5e-3,
             distillation: 0.3,
+            graph_bounds: false,
             buffer_size: 1_000_000,
             discount: 0.99,
             actor_l2: 0.0,

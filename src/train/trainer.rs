@@ -328,6 +328,7 @@ impl Trainer {
             states: graph.candidates().states(),
             goals: graph.candidates().goal_index(),
             pairs: &distilled.pairs,
+            by_goal: distilled.by_goal.as_ref(),
             changed: changed.as_deref().filter(|_| relearns),
         });
         let agents = self.run.settings.train.agents as u64;

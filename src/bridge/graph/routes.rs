@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{BridgeGraph, Edge, Link};
-use crate::learn::{ChangedDistances, Policy, Scratch};
+use crate::learn::{ChangedDistances, DistancesByGoal, GoalIndex, Policy, Scratch};
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
 /// every machine.
@@ -35,10 +35,12 @@ pub(crate) const GROWN_SLACK_STEPS: f32 = 2.0;
 pub(crate) const SHRUNK_SLACK_STEPS: f32 = 1.0;
 
 /// Graph distances as training targets.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default)]
 pub struct DistilledDistances {
     /// Candidate, goal candidate and graph distance in steps.
     pub pairs: Vec<(u32, u32, f32)>,
+    /// The same by goal, if there are any.
+    pub by_goal: Option<DistancesByGoal>,
 }
 
 impl DistilledDistances {
@@ -235,14 +237,18 @@ impl BridgeGraph {
     /// Draws `goals` candidates and collects the graph distances to each from all candidates that reach it.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
         let mut pairs = Vec::new();
+        let mut by_goal = DistancesByGoal { goals: (Vec::new(), GoalIndex::new(&self.spec)), steps: Vec::new() };
         for _ in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
             let lengths = self.lengths(&self.route_to_candidate(goal), |_| 0.0);
             let reachable = lengths.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
             // These paths start exactly at a candidate, so their first hop has no overhead.
             pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
+            by_goal.goals.0.push(goal as u32);
+            by_goal.goals.1.push(self.point(goal));
+            by_goal.steps.extend(lengths);
         }
-        DistilledDistances { pairs }
+        DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs }
     }
 
     /// Finds the distances that have changed since the networks learned them: those to a few random goals that are far

@@ -139,11 +139,11 @@ impl BatchSampler {
         }
     }
 
-    /// Replaces a share of the pairs with pairs of places whose distance is known (distillation), and bounds the
-    /// targets of distances that have changed.
-    pub fn add_known(&self, known: &KnownDistances, rng: &mut ChaCha8Rng, batch: &mut Batch) {
+    /// Replaces a share of the pairs, the first ones, with pairs of places whose distance is known (distillation), and
+    /// bounds the targets of distances that have changed. Returns the number of pairs replaced.
+    pub fn add_known(&self, known: &KnownDistances, rng: &mut ChaCha8Rng, batch: &mut Batch) -> usize {
         if known.pairs.is_empty() {
-            return;
+            return 0;
         }
         let (s, g) = (self.spec.state_dim(), self.spec.goal_dim());
         let state_of = |place: usize| &known.states[place * s..(place + 1) * s];
@@ -152,7 +152,7 @@ impl BatchSampler {
             let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
             batch.set_graph_distance(i, state_of(from as usize), known.goals.goal(to as usize), steps);
         }
-        let Some(changed) = known.changed else { return };
+        let Some(changed) = known.changed else { return count };
         let mut changed_goals = GoalIndex::new(&self.spec);
         changed.goals.iter().for_each(|place| changed_goals.push(known.goals.goal(*place as usize)));
         for i in 0..batch.len() {
@@ -166,6 +166,7 @@ impl BatchSampler {
                 batch.lower[i] = batch.lower[i].max(changed.lower[pair] - off).min(batch.bound[i]);
             }
         }
+        count
     }
 
     /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to `goals`; returns the
@@ -259,7 +260,7 @@ mod tests {
         let mut places = GoalIndex::new(&spec);
         states.iter().for_each(|state| places.push(&[*state]));
         let changed = ChangedDistances { goals: vec![1], lower: vec![150.0, 0.0], upper: vec![f32::MAX, 7.0] };
-        let known = KnownDistances { states: &states, goals: &places, pairs: &pairs, changed: None };
+        let known = KnownDistances { states: &states, goals: &places, pairs: &pairs, by_goal: None, changed: None };
         sampler.add_known(&known, &mut rng, &mut batch);
         for i in 0..16 {
             let (upper, lower) = if batch.states[i] == 10.0 { (200.0, 114.0) } else { (80.0, 42.0) };

@@ -100,6 +100,12 @@ fn learning() -> Vec<Constant> {
         ),
         constant("GRAPH_LOWER_SLACK_STEPS", learn::GRAPH_LOWER_SLACK_STEPS, "steps", "... less this many steps"),
         constant(
+            "GRAPH_BOUND_LEAST_STEPS",
+            learn::GRAPH_BOUND_LEAST_STEPS,
+            "steps",
+            "least length of the paths that graph_bounds bounds targets by, between their candidates",
+        ),
+        constant(
             "DISTILLED_GOALS",
             graphs::DISTILLED_GOALS as f64,
             "candidates",
