@@ -91,6 +91,9 @@ trait SceneWorker: Send {
     /// Returns the time between two steps of the walking agent.
     fn step_interval(&self) -> Duration;
 
+    /// Changes to the world of the latest snapshot, to which requests refer.
+    fn enter(&mut self, _snapshot: &Snapshot) {}
+
     /// Handles a request.
     fn handle(&mut self, request: Request);
 
@@ -163,6 +166,7 @@ impl Worker {
                     self.scene.handle(request);
                     // Handles all queued requests before computing anything for them.
                     while let Ok(request) = self.inbox.try_recv() {
+                        self.enter_scene();
                         self.scene.handle(request);
                     }
                 }
@@ -180,12 +184,13 @@ impl Worker {
         }
     }
 
-    /// Returns the latest snapshot, after switching to its world's scene.
+    /// Returns the latest snapshot, after switching to its world's scene: requests refer to the world that is shown.
     fn enter_scene(&mut self) -> Arc<Snapshot> {
         let snapshot = self.snapshots.borrow().clone();
         if !self.scene.draws(&snapshot.scene) {
             self.scene = worker_for(&snapshot);
         }
+        self.scene.enter(&snapshot);
         snapshot
     }
 }

@@ -143,13 +143,16 @@ impl SceneWorker for MazeWorker {
         self.walk_on();
     }
 
-    /// Recomputes graph and field from the latest networks if they are due.
-    fn refresh(&mut self, snapshot: &Snapshot) {
+    fn enter(&mut self, snapshot: &Snapshot) {
         let MazeScene { map, visits } = snapshot.scene.maze();
         if !Arc::ptr_eq(&map, self.world.map()) {
             self.change_map(map);
         }
         self.latest_visits = visits;
+    }
+
+    /// Recomputes graph and field from the latest networks if they are due.
+    fn refresh(&mut self, snapshot: &Snapshot) {
         if let Some(followed) = &snapshot.followed {
             let at = |numbers: &[f32]| cell_of([numbers[0], numbers[1]]);
             self.view.followed_steps = self.true_steps(at(&followed.state), at(&followed.goal));
@@ -205,7 +208,11 @@ impl MazeWorker {
     }
 
     fn handle_own(&mut self, request: Request) {
+        // A map may have become smaller since the request was sent.
+        let (width, height) = (self.world.map().width(), self.world.map().height());
+        let is_outside = |cell: Cell| cell.x >= width || cell.y >= height;
         match request {
+            Request::Goal(cell, _) | Request::Start(Some(cell)) | Request::Inspect(Some(cell)) if is_outside(cell) => {}
             Request::Goal(cell, number) => {
                 self.view.goal = (Some(cell), number);
                 self.refresh_cut_off();
