@@ -318,3 +318,34 @@ pub fn film_goal(frame: &FilmFrame, map: &Grid) -> Option<Cell> {
 fn cell_of(at: [f32; 2]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::super::{SceneWorker, worker_for};
+    use super::*;
+    use crate::train::{Method, Preset, Registry, Run, Settings, Trainer};
+
+    fn snapshot(width: usize) -> Snapshot {
+        let map = Arc::new(Grid::new("hall", width, vec![true; 5 * width], Vec::new(), Vec::new()));
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        let trainer = Trainer::new(run, &PointMaze::new(map, 0), &Registry::builtin(), 1).expect("a trainer");
+        Snapshot::capture(&trainer).expect("a snapshot")
+    }
+
+    #[test]
+    fn requests_refer_to_the_map_that_is_shown() {
+        let [small, large] = [4, 40].map(snapshot);
+        let mut worker: Box<dyn SceneWorker> = worker_for(&small);
+        let mut goal_after = |snapshot: &Snapshot, cell: Cell| {
+            worker.enter(snapshot);
+            worker.handle(super::super::Request::Maze(Request::Goal(cell, 1)));
+            worker.refresh(snapshot);
+            let Some(View::Maze(view)) = worker.changed_view() else { panic!("a view") };
+            view.goal.0
+        };
+        let far = Cell::new(39, 4);
+        assert_eq!(goal_after(&large, far), Some(far));
+        let goal = goal_after(&small, far);
+        assert!(goal.is_none_or(|cell| cell.x < 4), "no cell outside of the map: {goal:?}");
+    }
+}
