@@ -347,3 +347,22 @@ pub enum EnvError {
         run: (usize, usize),
     },
 }
+
+#[cfg(test)]
+pub(crate) mod tests {
+    use super::Spec;
+
+    /// Returns the spec of a world whose states, goals and actions are positions and moves along axes of these centres
+    /// and half ranges.
+    pub fn positions(axes: &[(f32, f32)]) -> Spec {
+        Spec {
+            state_centre: axes.iter().map(|(centre, _)| *centre).collect(),
+            state_half_range: axes.iter().map(|(_, half)| *half).collect(),
+            change_scale: vec![1.0; axes.len()],
+            achieved: (0..axes.len()).collect(),
+            action_dim: axes.len(),
+            goal_radius: 1.0,
+            goals_are_positions: true,
+        }
+    }
+}

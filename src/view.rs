@@ -162,12 +162,12 @@ impl Worker {
             let wait = self.scene.step_interval().saturating_sub(stepped.elapsed());
             match self.inbox.recv_timeout(wait) {
                 Ok(request) => {
-                    self.enter_scene();
-                    self.scene.handle(request);
                     // Handles all queued requests before computing anything for them.
-                    while let Ok(request) = self.inbox.try_recv() {
+                    let mut next = Some(request);
+                    while let Some(request) = next {
                         self.enter_scene();
                         self.scene.handle(request);
+                        next = self.inbox.try_recv().ok();
                     }
                 }
                 Err(RecvTimeoutError::Timeout) => {

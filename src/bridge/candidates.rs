@@ -398,18 +398,11 @@ pub(super) mod tests {
     use rand_chacha::ChaCha8Rng;
 
     use super::*;
+    use crate::env::tests::positions;
 
     /// Returns the spec of a line of a hundred goal radii, and settings for `candidates` candidates.
     pub fn line(candidates: usize) -> (Spec, BridgeSettings) {
-        let spec = Spec {
-            state_centre: vec![50.0, 0.5],
-            state_half_range: vec![50.0; 2],
-            change_scale: vec![1.0; 2],
-            achieved: vec![0, 1],
-            action_dim: 2,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        };
+        let spec = positions(&[(50.0, 50.0), (0.5, 50.0)]);
         (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
     }
 

@@ -13,7 +13,7 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::batch::{Batch, BatchSampler};
-use crate::learn::learner::{LearnError, Learner, LearnerKind, TrainingData};
+use crate::learn::learner::{KnownDistances, LearnError, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::export::ActorExport;
 use crate::learn::networks::network::Network;
@@ -192,6 +192,16 @@ impl Gdg {
         Ok((self.losses(), gradients))
     }
 
+    /// Bounds the targets of the batch's far pairs from row `first` on by paths through the bridge graph, if wanted.
+    fn bound_by_graph(&mut self, known: &KnownDistances, first: usize) -> Result<()> {
+        let Some(mut bounds) = self.graph_bounds.take() else { return Ok(()) };
+        let mut batch = std::mem::take(&mut self.batch);
+        bounds.collect(self.shared.shapes.encoder.spec(), known, &batch, first);
+        let applied = self.with_nets(true, |nets| bounds.apply(&nets, &mut batch));
+        (self.batch, self.graph_bounds) = (batch, Some(bounds));
+        applied
+    }
+
     fn losses(&self) -> Losses {
         self.shared.parts.iter().map(|part| part.lock().losses).sum()
     }
@@ -251,14 +261,8 @@ impl Learner for Gdg {
         let began = Instant::now();
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
         if let Some(known) = &data.known {
-            let count = self.sampler.add_known(known, data.rng, &mut self.batch);
-            if let Some(mut bounds) = self.graph_bounds.take() {
-                bounds.collect(self.shared.shapes.encoder.spec(), known, &self.batch, count);
-                let mut batch = std::mem::take(&mut self.batch);
-                let applied = self.with_nets(true, |nets| bounds.apply(&nets, &mut batch));
-                (self.batch, self.graph_bounds) = (batch, Some(bounds));
-                applied?;
-            }
+            let first = self.sampler.add_known(known, data.rng, &mut self.batch);
+            self.bound_by_graph(known, first)?;
         }
         profile.lap(Stage::Sample, began);
         let batch = std::mem::take(&mut self.batch);

@@ -64,7 +64,7 @@ pub struct KnownDistances<'a> {
     pub goals: &'a GoalIndex,
     /// Start, goal, and the steps between them.
     pub pairs: &'a [(u32, u32, f32)],
-    /// The same by goal, for looking up.
+    /// Distances along the same paths by goal, for looking up.
     pub by_goal: Option<&'a DistancesByGoal>,
     /// Distances that have changed, while they are relearned.
     pub changed: Option<&'a ChangedDistances>,
@@ -73,9 +73,12 @@ pub struct KnownDistances<'a> {
 /// Steps from all places to some of them.
 #[derive(Clone, Debug)]
 pub struct DistancesByGoal {
-    /// The places that are goals, and the same as goals.
-    pub goals: (Vec<u32>, GoalIndex),
-    /// Steps from each place to each goal, `(goals, places)`; infinite if unknown.
+    /// The places that are goals.
+    pub places: Vec<u32>,
+    /// The same places as goals.
+    pub goals: GoalIndex,
+    /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the first as well; infinite
+    /// if unknown.
     pub steps: Vec<f32>,
 }
 

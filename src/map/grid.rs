@@ -90,7 +90,7 @@ impl Grid {
     pub fn with_cells(&self, changes: impl IntoIterator<Item = (Cell, bool)>) -> Option<Self> {
         let mut grid = self.clone();
         for (cell, free) in changes {
-            if cell.x < grid.width && cell.y < grid.height {
+            if grid.contains(cell) {
                 grid.free[cell.y * grid.width + cell.x] = free;
             }
         }
@@ -129,16 +129,21 @@ impl Grid {
     /// If the map would have no cells, or more than [`MAX_CELLS`].
     #[must_use]
     pub fn resized(&self, width: usize, height: usize) -> Option<Self> {
-        let beyond = |cell: Cell| cell.x >= self.width || cell.y >= self.height;
         let empty = Self::empty(&self.name, width, height);
         let cells: Vec<Cell> = empty.free_cells().collect();
-        let grid = empty.with_cells(cells.into_iter().map(|cell| (cell, beyond(cell) || self.is_free(cell))))?;
+        let grid =
+            empty.with_cells(cells.into_iter().map(|cell| (cell, !self.contains(cell) || self.is_free(cell))))?;
         Some(grid.with_marks(self.starts.clone(), self.goals.clone()))
+    }
+
+    /// Returns whether `cell` is on the map.
+    pub fn contains(&self, cell: Cell) -> bool {
+        cell.x < self.width && cell.y < self.height
     }
 
     /// Returns whether `cell` is on the map and free.
     pub fn is_free(&self, cell: Cell) -> bool {
-        cell.x < self.width && cell.y < self.height && self.free[cell.y * self.width + cell.x]
+        self.contains(cell) && self.free[cell.y * self.width + cell.x]
     }
 
     /// Returns whether the position (`x`, `y`) is on a free cell; positions outside the map are wall.

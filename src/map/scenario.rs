@@ -76,11 +76,10 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
             return Ok(cell);
         }
         let (x, y) = (cell.x, cell.y);
-        let outside = x >= grid.width() || y >= grid.height();
-        let problem = if outside {
-            format!("the {which} ({x}, {y}) is outside the map of {} x {}", grid.width(), grid.height())
-        } else {
+        let problem = if grid.contains(cell) {
             format!("the {which} ({x}, {y}) is a wall of {}", grid.name())
+        } else {
+            format!("the {which} ({x}, {y}) is outside the map of {} x {}", grid.width(), grid.height())
         };
         let help = "starts and goals must be free cells, as x, y from (0, 0) at the upper left; is this the right map?";
         Err(text.error(line, columns(field).start..columns(field + 1).end, problem, help))

@@ -239,6 +239,7 @@ struct StoredFrame {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::env::tests::positions;
 
     const SPACING: u64 = FRAME_EVERY_UPDATES;
 
@@ -263,15 +264,7 @@ mod tests {
     }
 
     fn spec() -> Spec {
-        Spec {
-            state_centre: vec![0.0; 2],
-            state_half_range: vec![1.0; 2],
-            change_scale: vec![1.0; 2],
-            achieved: vec![0, 1],
-            action_dim: 2,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        }
+        positions(&[(0.0, 1.0); 2])
     }
 
     fn stored(film: &Film) -> Store {

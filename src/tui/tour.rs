@@ -251,7 +251,7 @@ impl App {
     /// Makes cells free or walls; returns whether they are.
     fn edit_cells(&mut self, cells: &[Cell], free: bool) -> bool {
         let map = self.screen.maze.map.clone();
-        let inside = |cell: &&Cell| cell.x < map.width() && cell.y < map.height();
+        let inside = |cell: &&Cell| map.contains(**cell);
         let done = |screen: &Screen| cells.iter().filter(inside).all(|cell| screen.maze.map.is_free(*cell) == free);
         if !done(&self.screen) {
             let changed = map.with_cells(cells.iter().map(|cell| (*cell, free)));

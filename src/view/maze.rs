@@ -209,8 +209,8 @@ impl MazeWorker {
 
     fn handle_own(&mut self, request: Request) {
         // A map may have become smaller since the request was sent.
-        let (width, height) = (self.world.map().width(), self.world.map().height());
-        let is_outside = |cell: Cell| cell.x >= width || cell.y >= height;
+        let map = self.world.map().clone();
+        let is_outside = |cell| !map.contains(cell);
         match request {
             Request::Goal(cell, _) | Request::Start(Some(cell)) | Request::Inspect(Some(cell)) if is_outside(cell) => {}
             Request::Goal(cell, number) => {
@@ -311,7 +311,7 @@ impl MazeWorker {
 /// Returns the cell of a frame's goal, if it is on the map.
 pub fn film_goal(frame: &FilmFrame, map: &Grid) -> Option<Cell> {
     let cell = cell_of([*frame.goal.first()?, *frame.goal.get(1)?]);
-    (cell.x < map.width() && cell.y < map.height()).then_some(cell)
+    map.contains(cell).then_some(cell)
 }
 
 /// Returns the cell that contains a position.
@@ -321,7 +321,7 @@ fn cell_of(at: [f32; 2]) -> Cell {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{SceneWorker, worker_for};
+    use super::super::{Request as ViewRequest, SceneWorker, worker_for};
     use super::*;
     use crate::train::{Method, Preset, Registry, Run, Settings, Trainer};
 
@@ -338,7 +338,7 @@ mod tests {
         let mut worker: Box<dyn SceneWorker> = worker_for(&small);
         let mut goal_after = |snapshot: &Snapshot, cell: Cell| {
             worker.enter(snapshot);
-            worker.handle(super::super::Request::Maze(Request::Goal(cell, 1)));
+            worker.handle(ViewRequest::Maze(Request::Goal(cell, 1)));
             worker.refresh(snapshot);
             let Some(View::Maze(view)) = worker.changed_view() else { panic!("a view") };
             view.goal.0

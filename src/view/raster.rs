@@ -36,7 +36,7 @@ impl Raster {
         };
         let (x0, x, x1) = along(column, columns, left, width);
         let (y0, y, y1) = along(row, rows, top, height);
-        if x as usize >= map.width() || y as usize >= map.height() {
+        if !map.contains(Cell::new(x as usize, y as usize)) {
             return Ground::Outside;
         }
         if map.is_free_at(x, y) && x1 - x0 <= 1.0 {

@@ -237,15 +237,15 @@ impl BridgeGraph {
     /// Draws `goals` candidates and collects the graph distances to each from all candidates that reach it.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
         let mut pairs = Vec::new();
-        let mut by_goal = DistancesByGoal { goals: (Vec::new(), GoalIndex::new(&self.spec)), steps: Vec::new() };
+        let mut by_goal = DistancesByGoal { places: Vec::new(), goals: GoalIndex::new(&self.spec), steps: Vec::new() };
         for _ in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
             let lengths = self.lengths(&self.route_to_candidate(goal), |_| 0.0);
             let reachable = lengths.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
             // These paths start exactly at a candidate, so their first hop has no overhead.
             pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
-            by_goal.goals.0.push(goal as u32);
-            by_goal.goals.1.push(self.point(goal));
+            by_goal.places.push(goal as u32);
+            by_goal.goals.push(self.point(goal));
             by_goal.steps.extend(lengths);
         }
         DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs }

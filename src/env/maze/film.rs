@@ -35,13 +35,13 @@ impl FilmGrid {
     pub fn cell(&self, map: &Grid, place: usize) -> Option<Cell> {
         let first = Cell::new(place % self.columns * self.side, place / self.columns * self.side);
         let middle = Cell::new(first.x + self.side / 2, first.y + self.side / 2);
-        let inside = |cell: &Cell| cell.x < map.width() && cell.y < map.height() && map.is_free(*cell);
-        if inside(&middle) {
+        let is_free = |cell: &Cell| map.is_free(*cell);
+        if is_free(&middle) {
             return Some(middle);
         }
         let cells = (0..self.side * self.side).map(|i| Cell::new(first.x + i % self.side, first.y + i / self.side));
         let off = |cell: &Cell| cell.x.abs_diff(middle.x).pow(2) + cell.y.abs_diff(middle.y).pow(2);
-        cells.filter(inside).min_by_key(off)
+        cells.filter(is_free).min_by_key(off)
     }
 }
 
@@ -65,7 +65,7 @@ pub fn points(map: &Grid, goal_before: Option<&[f32]>) -> FilmPoints {
 }
 
 fn goal(map: &Grid, before: Option<&[f32]>) -> Cell {
-    let is_free = |cell: &Cell| cell.x < map.width() && cell.y < map.height() && map.is_free(*cell);
+    let is_free = |cell: &Cell| map.is_free(*cell);
     let before = before.map(|at| Cell::new(at[0] as usize, at[1] as usize));
     map.goals().first().copied().into_iter().chain(before).find(is_free).unwrap_or_else(|| farthest(map))
 }

@@ -39,7 +39,7 @@ fn cells_within_reach(map: &Grid, goal: &[f32]) -> impl Iterator<Item = Cell> {
     let off = move |at: f32, low: usize| (low as f32 - at).max(at - (low + 1) as f32).max(0.0);
     around.filter(move |(x, y)| off(goal[0], *x).hypot(off(goal[1], *y)) < GOAL_RADIUS_CELLS).filter_map(|(x, y)| {
         let cell = Cell::new(x, y);
-        (x < map.width() && y < map.height() && map.is_free(cell)).then_some(cell)
+        map.is_free(cell).then_some(cell)
     })
 }
 

@@ -223,19 +223,12 @@ mod tests {
     use rand::SeedableRng;
 
     use super::*;
+    use crate::env::tests::positions;
     use crate::learn::learner::ChangedDistances;
 
     /// Positions on a line, and a replay of one walk along it.
     fn line() -> (Spec, Replay) {
-        let spec = Spec {
-            state_centre: vec![50.0],
-            state_half_range: vec![50.0],
-            change_scale: vec![1.0],
-            achieved: vec![0],
-            action_dim: 1,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        };
+        let spec = positions(&[(50.0, 50.0)]);
         let mut replay = Replay::new((1, 1, 1).into(), 1, 200);
         (0..100).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[99.0]));
         replay.end_episode(0, &[100.0]);

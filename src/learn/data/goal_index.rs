@@ -204,19 +204,7 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
-
-    /// Returns a world whose goals have as many components as there are `ranges`.
-    fn spec(ranges: &[(f32, f32)]) -> Spec {
-        Spec {
-            state_centre: ranges.iter().map(|(centre, _)| *centre).collect(),
-            state_half_range: ranges.iter().map(|(_, half)| *half).collect(),
-            change_scale: vec![1.0; ranges.len()],
-            achieved: (0..ranges.len()).collect(),
-            action_dim: 1,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        }
-    }
+    use crate::env::tests::positions;
 
     /// Returns all places as a scan finds them, nearest first.
     fn scan(places: &GoalIndex, at: &[f32]) -> Vec<(usize, f32)> {
@@ -245,7 +233,7 @@ mod tests {
                 };
                 ranges.iter().zip(shares).map(of_axis).collect()
             };
-            let mut places = GoalIndex::new(&spec(&ranges));
+            let mut places = GoalIndex::new(&positions(&ranges));
             points.iter().for_each(|point| places.push(&goal(point)));
             prop_assert_eq!(places.len(), points.len());
             for query in &queries {
@@ -274,7 +262,7 @@ mod tests {
 
     #[test]
     fn many_places_refine_the_grid_and_searches_visit_few_of_them() {
-        let mut places = GoalIndex::new(&spec(&[(500.0, 500.0), (500.0, 500.0)]));
+        let mut places = GoalIndex::new(&positions(&[(500.0, 500.0), (500.0, 500.0)]));
         for i in 0..10_000 {
             places.push(&[(i % 100) as f32 * 10.0 + 5.0, (i / 100) as f32 * 10.0 + 5.0]);
         }

@@ -94,18 +94,11 @@ mod tests {
 
     use super::super::returns::Reward;
     use super::*;
+    use crate::env::tests::positions;
 
     /// Positions on a line, and a replay of two walks of ten steps along it towards 30, which time ends.
     fn line() -> (Spec, Replay) {
-        let spec = Spec {
-            state_centre: vec![50.0],
-            state_half_range: vec![50.0],
-            change_scale: vec![1.0],
-            achieved: vec![0],
-            action_dim: 1,
-            goal_radius: 1.5,
-            goals_are_positions: true,
-        };
+        let spec = Spec { goal_radius: 1.5, ..positions(&[(50.0, 50.0)]) };
         let mut replay = Replay::new((1, 1, 1).into(), 1, 200);
         for start in [0.0, 20.0] {
             (0..10).for_each(|i| replay.push(0, &[start + i as f32], &[1.0], &[30.0]));

@@ -96,17 +96,10 @@ fn straight_steps(cost: f32, discount: f32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::env::tests::positions;
 
     fn spec() -> Spec {
-        Spec {
-            state_centre: vec![15.0, 20.0],
-            state_half_range: vec![15.0, 20.0],
-            change_scale: vec![2.0, 2.0],
-            achieved: vec![0, 1],
-            action_dim: 2,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        }
+        Spec { change_scale: vec![2.0; 2], ..positions(&[(15.0, 15.0), (20.0, 20.0)]) }
     }
 
     #[test]

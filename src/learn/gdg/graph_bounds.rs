@@ -7,7 +7,7 @@
 
 use crate::env::Spec;
 use crate::learn::data::batch::Batch;
-use crate::learn::learner::KnownDistances;
+use crate::learn::learner::{DistancesByGoal, KnownDistances};
 use crate::learn::networks::policy::{Policy, Scratch};
 
 /// Least distance along the graph of the pairs that are bounded, in steps: D of near pairs is better than the graph's.
@@ -31,15 +31,15 @@ impl GraphBounds {
         self.rows.clear();
         let Some(by_goal) = known.by_goal else { return };
         let (s, g, places) = (spec.state_dim(), spec.goal_dim(), known.goals.len());
-        let (goals, index) = &by_goal.goals;
+        let DistancesByGoal { places: ends_at, goals, steps } = by_goal;
         let mut ends = (Vec::new(), Vec::new());
         for row in (first..batch.len()).filter(|row| batch.bootstrap[*row] > 0.0) {
             let (state, goal) = (&batch.states[row * s..(row + 1) * s], &batch.goals[row * g..(row + 1) * g]);
             let at: Vec<f32> = spec.achieved(state).collect();
-            let (Some((a, _)), Some((b, _))) = (known.goals.nearest(&at), index.nearest(goal)) else { return };
-            let steps = by_goal.steps[b * places + a];
+            let (Some((a, _)), Some((b, _))) = (known.goals.nearest(&at), goals.nearest(goal)) else { return };
+            let steps = steps[b * places + a];
             if steps.is_finite() && steps >= LEAST_STEPS && steps < batch.bound[row] {
-                let b = goals[b] as usize;
+                let b = ends_at[b] as usize;
                 self.rows.push((row, steps));
                 self.states.extend(state);
                 self.goals.extend(known.goals.goal(a));
@@ -68,8 +68,8 @@ impl GraphBounds {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::env::tests::positions;
     use crate::learn::data::goal_index::GoalIndex;
-    use crate::learn::learner::DistancesByGoal;
 
     /// D is the straight line, and far longer across the wall at 50.
     struct Line;
@@ -89,22 +89,14 @@ mod tests {
 
     #[test]
     fn far_pairs_are_bounded_by_the_way_to_a_candidate_through_the_graph_and_on() {
-        let spec = Spec {
-            state_centre: vec![50.0],
-            state_half_range: vec![50.0],
-            change_scale: vec![1.0],
-            achieved: vec![0],
-            action_dim: 1,
-            goal_radius: 1.0,
-            goals_are_positions: true,
-        };
+        let spec = positions(&[(50.0, 50.0)]);
         let states = [10.0, 48.0, 90.0];
         let mut goals = GoalIndex::new(&spec);
         states.iter().for_each(|state| goals.push(&[*state]));
         // To the last place only.
         let mut last = GoalIndex::new(&spec);
         last.push(&[90.0]);
-        let by_goal = DistancesByGoal { goals: (vec![2], last), steps: vec![82.0, 44.0, 0.0] };
+        let by_goal = DistancesByGoal { places: vec![2], goals: last, steps: vec![82.0, 44.0, 0.0] };
         let known =
             KnownDistances { states: &states, goals: &goals, pairs: &[], by_goal: Some(&by_goal), changed: None };
         let from = [12.0, 12.0, 51.0, 88.0, 12.0, 12.0];

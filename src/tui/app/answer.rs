@@ -171,8 +171,7 @@ impl App {
         let (width, height) = (self.screen.maze.map.width(), self.screen.maze.map.height());
         // Cells beyond the new map become walls, to keep agents out.
         let fitted = map.resized(width, height).and_then(|fitted| {
-            let beyond = |c: &crate::map::Cell| c.x >= map.width() || c.y >= map.height();
-            let walls: Vec<_> = fitted.free_cells().filter(beyond).map(|c| (c, false)).collect();
+            let walls: Vec<_> = fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
         self.open_picker(lists::map_switch_choices(map, Some(&self.screen.maze.map), fitted));

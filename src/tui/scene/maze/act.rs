@@ -154,7 +154,7 @@ impl App {
         let mut at = self.screen.maze.goal;
         loop {
             at = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
-            if at.x >= self.screen.maze.map.width() || at.y >= self.screen.maze.map.height() {
+            if !self.screen.maze.map.contains(at) {
                 return;
             }
             if self.screen.maze.map.is_free(at) {

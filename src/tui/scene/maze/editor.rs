@@ -265,8 +265,7 @@ fn area(map: &Grid, from: Cell) -> Vec<Cell> {
         done += 1;
         for (dx, dy) in [(1, 0), (-1, 0), (0, 1), (0, -1)] {
             let next = Cell::new(at.x.wrapping_add_signed(dx), at.y.wrapping_add_signed(dy));
-            let inside = next.x < map.width() && next.y < map.height();
-            if inside && map.is_free(next) == free && !std::mem::replace(&mut seen[map.index(next)], true) {
+            if map.contains(next) && map.is_free(next) == free && !std::mem::replace(&mut seen[map.index(next)], true) {
                 all.push(next);
             }
         }

@@ -155,7 +155,7 @@ impl Hatching {
 /// Returns what the pixels of a cell show.
 fn kind(cell: Cell, screen: &Screen) -> Kind {
     let map = &screen.maze.map;
-    if cell.x >= map.width() || cell.y >= map.height() {
+    if !map.contains(cell) {
         return Kind::Outside;
     }
     let view = &screen.maze.view;
