@@ -518,8 +518,8 @@ fn preset_parser() -> impl TypedValueParser<Value = Preset> {
 fn parse_seconds(text: &str) -> Result<f64, String> {
     text.parse()
         .ok()
-        .filter(|s| *s >= 0.0 && f64::is_finite(*s))
-        .ok_or_else(|| "expected a number of seconds, 0 or more".to_owned())
+        .filter(|s| (0.0..=1e9).contains(s))
+        .ok_or_else(|| "expected a number of seconds from 0 to 1e9".to_owned())
 }
 
 #[cfg(feature = "tui")]

@@ -116,6 +116,9 @@ impl Session<'_> {
     /// Trains until a limit is reached or a signal arrives.
     fn train(&mut self) -> Result<EndReason, Report> {
         self.apply_due_edits()?;
+        if self.missed_evaluation() && self.evaluate()?.is_none() {
+            return Ok(EndReason::Interrupted);
+        }
         loop {
             if self.termination.number().is_some() {
                 return Ok(EndReason::Interrupted);
@@ -125,10 +128,7 @@ impl Session<'_> {
             }
             crate::faults::point("trainer");
             let tick = self.setup.trainer.tick().into_diagnostic()?;
-            if let Some(recovery) = self.setup.trainer.take_recovery() {
-                eprint_line(&recovery.to_string());
-                print(&Record::Recovery(recovery))?;
-            }
+            self.report_recovery()?;
             if tick != Tick::Update {
                 continue;
             }
@@ -139,14 +139,29 @@ impl Session<'_> {
                 self.progress.show(&self.setup.trainer);
             }
             self.apply_due_edits()?;
-            let due = self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every));
-            if due && self.limit_reached().is_none() && self.evaluate()?.is_none() {
+            if self.is_evaluation_due() && self.limit_reached().is_none() && self.evaluate()?.is_none() {
                 return Ok(EndReason::Interrupted);
             }
-            if self.saver.as_ref().is_some_and(Saver::is_due) {
+            if let Some(saver) = &self.saver
+                && saver.is_due(&self.setup.trainer)?
+            {
                 self.save_periodically();
             }
         }
+    }
+
+    /// Whether the run is evaluated after the current number of updates.
+    fn is_evaluation_due(&self) -> bool {
+        let updates = self.setup.trainer.counters().updates;
+        self.args.eval_every_updates.is_some_and(|every| updates.is_multiple_of(every))
+    }
+
+    /// Whether a signal ended the resumed run in the evaluation that is due now.
+    fn missed_evaluation(&self) -> bool {
+        let trainer = &self.setup.trainer;
+        let updates = trainer.counters().updates;
+        let is_made = trainer.history().evaluations().last().is_some_and(|(at, _)| *at == updates);
+        updates > 0 && self.is_evaluation_due() && !is_made && self.limit_reached().is_none()
     }
 
     /// Saves in the middle of a run: a failure is only reported, as the next save may succeed.
@@ -160,10 +175,19 @@ impl Session<'_> {
     /// Saves to the path given by `--save`, if any.
     fn save(&mut self) -> Result<(), Report> {
         let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else { return Ok(()) };
-        match saver.save(trainer)? {
-            Some(path) => print(&Record::saved(trainer, &path)),
+        let saved = saver.save(trainer);
+        self.report_recovery()?;
+        match saved? {
+            Some(path) => print(&Record::saved(&self.setup.trainer, &path)),
             None => Ok(()),
         }
+    }
+
+    /// Reports a rollback since the last call.
+    fn report_recovery(&mut self) -> Result<(), Report> {
+        let Some(recovery) = self.setup.trainer.take_recovery() else { return Ok(()) };
+        eprint_line(&recovery.to_string());
+        print(&Record::Recovery(recovery))
     }
 
     /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still returns an error.

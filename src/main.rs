@@ -19,13 +19,16 @@ use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
 #[cfg(feature = "tui")]
 use gdg_tui::tui::PreparedInterface;
-use gdg_tui::{bench, export_policy, facts, faults, film, headless, logging, report, runs, setup};
+use gdg_tui::{bench, export_policy, facts, faults, film, headless, logging, report, runs, setup, signals};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
 use miette::Report;
 
 fn main() -> ExitCode {
     faults::install_panic_hook();
+    if let Err(error) = signals::survive_file_size_limit() {
+        eprint_line(&format!("files that become too large will end the program: {error}"));
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage(&error),

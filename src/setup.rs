@@ -250,7 +250,8 @@ pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
     })
 }
 
-/// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their updates.
+/// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their updates. Leaves out
+/// those that the run had applied before it was saved, right after them.
 fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> {
     if args.edit_at.is_empty() {
         return Ok(Vec::new());
@@ -274,7 +275,12 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
         let new: Box<dyn Environment> = Box::new(maze.with_map(Arc::new(new)));
         Ok(Edit { updates: edit.updates, world: new })
     };
-    args.edit_at.iter().map(load).collect()
+    let mut edits = args.edit_at.iter().map(load).collect::<Result<Vec<Edit>, Report>>()?;
+    let last = edits.iter().rfind(|edit| edit.updates == begun).and_then(|edit| PointMaze::downcast_ref(&*edit.world));
+    if args.resume.is_some() && last.is_some_and(|edited| edited.map() == map) {
+        edits.retain(|edit| edit.updates != begun);
+    }
+    Ok(edits)
 }
 
 /// Rejects the path of an existing file unless it may be replaced. What is not a checkpoint never replaces one.

@@ -4,8 +4,17 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 
 use miette::{IntoDiagnostic, Report};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
 use signal_hook::iterator::Signals;
+
+/// Makes writing beyond the limit on the size of files (`ulimit -f`) an error like a full disk, which would otherwise end
+/// the program.
+///
+/// # Errors
+/// Returns the system's error.
+pub fn survive_file_size_limit() -> std::io::Result<()> {
+    signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
+}
 
 /// The termination signal received so far, if any.
 #[derive(Clone, Default)]

@@ -603,8 +603,8 @@ fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
         (huge, &["--at", "0"][..], "run.cast:1: a screen of 65535 x 65535 characters is too large"),
         ("", &["--at", "0"], "run.cast: is empty"),
         (cast, &["--at", "1,500"], "run.cast: no frame at 500 s: the recording is 3.5 s long"),
-        (cast, &["--at=-1"], "a number of seconds, 0 or more"),
-        (cast, &["--at", "inf"], "a number of seconds, 0 or more"),
+        (cast, &["--at=-1"], "a number of seconds from 0 to 1e9"),
+        (cast, &["--at", "inf"], "a number of seconds from 0 to 1e9"),
     ] {
         let (status, error) = frames(cast, more);
         assert_eq!(status, Some(2), "{more:?}: {error}");
@@ -708,6 +708,8 @@ fn edits_at_the_first_update_are_applied_before_the_first_step() {
     };
     assert_eq!(resume(&at(40, "again"), "60"), (Some(0), String::new(), vec![(40, "again".to_owned())]));
     assert_eq!(resume(&at(60, "again"), "60"), (Some(0), String::new(), vec![(60, "again".to_owned())]));
+    // The run had applied this one before it was saved.
+    assert_eq!(resume(&third, "60"), (Some(0), String::new(), vec![]));
     for (at, expected) in [
         (at(39, "late"), "the run starts at update 40"),
         (at(0, "late"), "the run starts at update 40"),

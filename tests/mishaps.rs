@@ -10,7 +10,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use gdg_tui::train::{self, Registry, SaveTo};
+use gdg_tui::train::{self, Registry, SaveTo, Trainer};
 use serde_json::Value;
 use support::{Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum};
 
@@ -200,6 +200,60 @@ fn a_diverging_run_rolls_back_and_finally_stops() {
     assert_eq!(events(&output).iter().filter(|e| e["event"] == "recovery").count(), 3, "{output}");
     assert!(errors.contains("diverged again"), "{errors}");
     assert_loads(&folder.path().join("lost.safetensors"));
+}
+
+#[test]
+fn a_diverging_run_does_not_depend_on_when_it_is_saved() {
+    let folder = folder();
+    let recoveries = |more: &[&str]| {
+        let args = ["trap", "--max-updates", "400", "--set", "learning_rate=3e38"];
+        let (_, output, _) = outcome(&mut headless(folder.path(), &[&args[..], more].concat()));
+        let recoveries: Vec<Value> = events(&output).into_iter().filter(|e| e["event"] == "recovery").collect();
+        recoveries
+    };
+    let without = recoveries(&[]);
+    assert_eq!(without.len(), 3, "{without:?}");
+    assert_eq!(recoveries(&["--save", "often.safetensors", "--save-every", "1e-6"]), without);
+}
+
+#[test]
+fn an_evaluation_that_a_signal_ended_is_made_after_resuming() {
+    let folder = folder();
+    let args = ["trap", "--max-updates", "40", "--eval-tasks", "1", "--save", "there.safetensors"];
+    assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
+    let there = folder.path().join("there.safetensors");
+    let evaluations = |file: &str| -> Vec<Value> {
+        let args = ["--resume", file, "--max-updates", "60", "--eval-tasks", "1", "--eval-every-updates", "20"];
+        let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
+        assert_eq!(status, 0, "{errors}");
+        events(&output).iter().filter(|e| e["event"] == "evaluation").map(|e| e["updates"].clone()).collect()
+    };
+    assert_eq!(evaluations("there.safetensors"), [60], "it was evaluated");
+    let mut trainer = train::load(&there, &Registry::builtin(), 1).unwrap().trainer;
+    while trainer.counters().updates < 50 {
+        trainer.tick().unwrap();
+    }
+    train::save(&trainer, &SaveTo::CreateNew(folder.path().join("between.safetensors"))).unwrap();
+    assert_eq!(evaluations("between.safetensors"), [60], "none is due");
+    // As if a signal had arrived in the evaluation after 40 updates.
+    let mut fresh = Trainer::new(trainer.run().clone(), trainer.world(), trainer.registry(), 1).unwrap();
+    while fresh.counters().updates < 40 {
+        fresh.tick().unwrap();
+    }
+    train::save(&fresh, &SaveTo::CreateNew(folder.path().join("missed.safetensors"))).unwrap();
+    assert_eq!(evaluations("missed.safetensors"), [40, 60]);
+}
+
+#[cfg(unix)]
+#[test]
+fn a_limit_on_the_size_of_files_is_an_error_like_a_full_disk() {
+    let folder = folder();
+    let program = env!("CARGO_BIN_EXE_gdg-tui");
+    let script =
+        format!("ulimit -f 100; exec {program} --no-ui trap --max-updates 20 --eval-tasks 1 --save big.safetensors");
+    let (status, _, errors) = outcome(Command::new("sh").current_dir(folder.path()).args(["-c", &script]));
+    assert_eq!(status, 1, "{errors}");
+    assert!(errors.contains("File too large") && !folder.path().join("big.safetensors").exists(), "{errors}");
 }
 
 #[test]

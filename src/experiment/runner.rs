@@ -202,7 +202,7 @@ impl Runner {
             if let Some(recovery) = trainer.take_recovery() {
                 at.progress.line(&format!("{}: {recovery}", job.name));
             }
-            if saver.is_due()
+            if saver.is_due(trainer)?
                 && let Err(error) = saver.save(trainer)
             {
                 print_error(error.wrap_err("training continues; saving will be tried again"));

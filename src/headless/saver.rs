@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
-use miette::Report;
+use miette::{IntoDiagnostic, Report};
 
 use crate::report::from_checkpoint_error;
 use crate::text::{eprint_line, sanitized};
@@ -35,12 +35,17 @@ impl Saver {
         self.to.path()
     }
 
-    /// Whether the next checkpoint is due.
-    pub fn is_due(&self) -> bool {
-        self.interval.is_some_and(|interval| self.last_save.elapsed() >= interval)
+    /// Whether the next checkpoint of `trainer` is due. It waits while a run diverges: a rollback before saving would
+    /// make the run depend on when it is saved, and its next updates roll back anyway.
+    ///
+    /// # Errors
+    /// The learner fails.
+    pub fn is_due(&self, trainer: &Trainer) -> Result<bool, Report> {
+        let elapsed = self.interval.is_some_and(|interval| self.last_save.elapsed() >= interval);
+        Ok(elapsed && trainer.is_finite().into_diagnostic()?)
     }
 
-    /// Saves unless this state is already saved; returns the path it took.
+    /// Saves unless this state is already saved; returns the path it took. Rolls a diverged run back first.
     ///
     /// # Errors
     /// The checkpoint cannot be saved.
@@ -51,8 +56,10 @@ impl Saver {
         if self.last_saved_state == last_saved_state {
             return Ok(None);
         }
-        // Even when no rollbacks are left, the networks are good and can be saved; the next update fails again.
-        let _ = trainer.ensure_finite();
+        if let Err(error) = trainer.ensure_finite() {
+            // The networks are good even then, and can be saved; the next update fails again.
+            eprint_line(&error.to_string());
+        }
         let path: PathBuf = train::save(trainer, &self.to).map_err(from_checkpoint_error)?;
         let requested = self.to.path();
         if path != requested {

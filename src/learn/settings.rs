@@ -271,10 +271,7 @@ impl LearnSettings {
             ("max_distance_steps", (0.0..=1e6).contains(&self.max_distance_steps)),
             ("goal_hindsight", share(self.goal_hindsight)),
             ("goal_geometric", share(self.goal_geometric)),
-            (
-                "goal_geometric_mean_steps",
-                self.goal_geometric_mean_steps >= 1.0 && self.goal_geometric_mean_steps.is_finite(),
-            ),
+            ("goal_geometric_mean_steps", (1.0..=1e6).contains(&self.goal_geometric_mean_steps)),
             ("goal_random", share(self.goal_random) && self.goal_random + self.goal_hindsight <= 1.0),
             ("distance_scale_steps", positive(self.distance_scale_steps)),
             ("actor_bound", (0.0..=100.0).contains(&self.actor_bound)),

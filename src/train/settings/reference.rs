@@ -106,6 +106,9 @@ impl Setting {
 
 use Group::{Agents, Batches, Bridges, Exploration, Networks, Optimiser, Planning, Targets};
 
+/// What numbers in single precision can hold.
+const POSITIVE_RANGE: &str = "a number from 1e-38 to 3e38";
+const LONG_STEPS_RANGE: &str = "a number of steps from 1 to 1e6";
 const SHARE_RANGE: &str = "a fraction from 0 to 1";
 const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
@@ -115,7 +118,7 @@ pub const SETTINGS: [Setting; 63] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
     Setting::new(Networks, "critics", "", "1 or 2", "number of critics; pessimism combines them").for_networks(),
-    Setting::new(Networks, "distance_scale_steps", "steps", "a number above 0", "D = scale * softplus(output)")
+    Setting::new(Networks, "distance_scale_steps", "steps", POSITIVE_RANGE, "D = scale * softplus(output)")
         .for_networks(),
     Setting::new(
         Networks,
@@ -250,7 +253,7 @@ pub const SETTINGS: [Setting; 63] = [
         Batches,
         "goal_geometric_mean_steps",
         "steps",
-        "a number of steps, at least 1",
+        LONG_STEPS_RANGE,
         "mean of that geometric distribution",
     ),
     Setting::new(
@@ -276,8 +279,8 @@ pub const SETTINGS: [Setting; 63] = [
     )
     .for_agents()
     .formerly("replay_capacity"),
-    Setting::new(Optimiser, "learning_rate", "", "a number above 0", "Adam's learning rate for the networks"),
-    Setting::new(Optimiser, "grid_learning_rate", "", "a number above 0", "Adam's learning rate for the grid encoding"),
+    Setting::new(Optimiser, "learning_rate", "", POSITIVE_RANGE, "Adam's learning rate for the networks"),
+    Setting::new(Optimiser, "grid_learning_rate", "", POSITIVE_RANGE, "Adam's learning rate for the grid encoding"),
     Setting::new(
         Optimiser,
         "env_steps_per_update",
@@ -357,7 +360,7 @@ pub const SETTINGS: [Setting; 63] = [
         Exploration,
         "random_hold_steps",
         "steps",
-        "a number of steps, at least 1",
+        LONG_STEPS_RANGE,
         "mean number of steps for which a random direction is held",
     ),
     Setting::new(
@@ -454,8 +457,14 @@ pub const SETTINGS: [Setting; 63] = [
         "a number from 0 to 100",
         "a waypoint is late after this many times D, plus late_slack_steps",
     ),
-    Setting::new(Planning, "late_slack_steps", "steps", "a number of steps, at least 1", "see late_factor"),
-    Setting::new(Planning, "ban_steps", "steps", "an integer, 0 or more", "steps for which a late waypoint is banned"),
+    Setting::new(Planning, "late_slack_steps", "steps", LONG_STEPS_RANGE, "see late_factor"),
+    Setting::new(
+        Planning,
+        "ban_steps",
+        "steps",
+        "an integer from 0 to 4294967295",
+        "steps for which a late waypoint is banned",
+    ),
     Setting::new(
         Planning,
         "averaged_weights",

@@ -84,7 +84,15 @@ impl Trainer {
     /// # Errors
     /// No rollbacks are left; the networks are good even then.
     pub fn ensure_finite(&mut self) -> Result<()> {
-        if self.networks()?.is_finite() { Ok(()) } else { self.roll_back() }
+        if self.is_finite()? { Ok(()) } else { self.roll_back() }
+    }
+
+    /// Returns whether all numbers of the networks are finite.
+    ///
+    /// # Errors
+    /// The learner fails.
+    pub fn is_finite(&self) -> Result<bool> {
+        Ok(self.networks()?.is_finite())
     }
 
     /// Keeps the networks for rollback if they are good, else rolls back.
