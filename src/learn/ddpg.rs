@@ -139,7 +139,7 @@ impl Ddpg {
             variant,
             batch: Transitions::default(),
             shared: Arc::new(shared),
-            pool: ThreadPool::new(threads)?,
+            pool: ThreadPool::new(threads),
         })
     }
 

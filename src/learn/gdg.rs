@@ -77,7 +77,7 @@ impl Gdg {
     /// results.
     ///
     /// # Errors
-    /// Returns an error if states are too large, a tensor operation fails or a thread cannot be started.
+    /// Returns an error if states are too large, or a tensor operation fails.
     pub fn new(spec: &Spec, settings: &LearnSettings, threads: usize, rng: &mut ChaCha8Rng) -> Result<Self> {
         check_state_dim(spec)?;
         let shapes = Arc::new(Shapes::new(Encoder::new(spec, settings), settings));
@@ -96,7 +96,7 @@ impl Gdg {
             sampler: BatchSampler::new(spec, settings),
             batch: Batch::default(),
             shared: Arc::new(shared),
-            pool: ThreadPool::new(threads)?,
+            pool: ThreadPool::new(threads),
             backend: settings.backend,
             tape,
             graph_bounds: settings.graph_bounds.then(GraphBounds::default),

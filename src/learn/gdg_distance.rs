@@ -142,7 +142,7 @@ impl GdgDistance {
             sampler: BatchSampler::new(spec, settings),
             batch: Batch::default(),
             shared: Arc::new(shared),
-            pool: ThreadPool::new(threads)?,
+            pool: ThreadPool::new(threads),
         })
     }
 

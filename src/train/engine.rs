@@ -52,6 +52,11 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Timeout for stopping the trainer, after which it counts as hung. A tick of the largest networks takes a few seconds.
 const STOP_TIMEOUT: Duration = Duration::from_secs(30);
 
+/// Priority of the training threads: by how much lower than that of the front end. A thread of this niceness gets a third of
+/// a core that another one wants.
+#[cfg(target_os = "linux")]
+const NICENESS: i32 = 5;
+
 /// Number of recent states per agent in a snapshot.
 const TRAIL_STATES: usize = 8;
 
@@ -158,8 +163,18 @@ struct PublishTimer {
     rates_from: (f64, Counters),
 }
 
+/// Lowers the priority of this thread, and of those that it starts, so that a front end beside it draws without waiting.
+/// Only Linux has priorities of threads.
+fn lower_priority() {
+    #[cfg(target_os = "linux")]
+    if let Err(error) = rustix::process::nice(NICENESS) {
+        tracing::warn!("training at the priority of the interface: {error}");
+    }
+}
+
 impl Worker {
     fn run(mut self) -> Trainer {
+        lower_priority();
         loop {
             match catch_unwind(AssertUnwindSafe(|| self.train())) {
                 Ok(Ok(())) => break,

@@ -4,8 +4,8 @@
 //! takes a considerable part of that, so helpers spin for a while waiting for the next piece before they sleep.
 
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
@@ -63,22 +63,24 @@ struct JobSlot {
 /// The caller and its helpers.
 pub struct ThreadPool {
     slot: Arc<JobSlot>,
-    helpers: Vec<JoinHandle<()>>,
+    threads: usize,
+    /// Started by the first piece of work, so that they have the priority of the thread that works.
+    helpers: OnceLock<Vec<JoinHandle<()>>>,
 }
 
 impl ThreadPool {
-    /// Creates a pool of `threads` threads, including the caller.
-    ///
-    /// # Errors
-    /// Returns an error if a thread cannot be started.
-    pub fn new(threads: usize) -> std::io::Result<Self> {
-        let mut pool = Self { slot: Arc::new(JobSlot::default()), helpers: Vec::new() };
-        for i in 1..threads {
-            let slot = pool.slot.clone();
-            let helper = std::thread::Builder::new().name(format!("helper {i}")).spawn(move || slot.run_helper())?;
-            pool.helpers.push(helper);
-        }
-        Ok(pool)
+    /// Creates a pool of `threads` threads, including the caller; of fewer if the system refuses to start as many.
+    pub fn new(threads: usize) -> Self {
+        Self { slot: Arc::default(), threads, helpers: OnceLock::new() }
+    }
+
+    fn start_helpers(&self) -> Vec<JoinHandle<()>> {
+        let start = |i| {
+            let slot = self.slot.clone();
+            let helper = std::thread::Builder::new().name(format!("helper {i}")).spawn(move || slot.run_helper());
+            helper.inspect_err(|error| tracing::warn!("training with fewer threads: {error}")).ok()
+        };
+        (1..self.threads).map_while(start).collect()
     }
 
     /// Calls `work` with each index below `tasks`, on all threads of the pool; returns when all calls are done.
@@ -86,7 +88,7 @@ impl ThreadPool {
     /// # Panics
     /// Panics if a call panicked.
     pub fn run(&self, tasks: usize, work: impl Fn(usize) + Send + Sync + 'static) {
-        if self.helpers.is_empty() {
+        if self.helpers.get_or_init(|| self.start_helpers()).is_empty() {
             return (0..tasks).for_each(work);
         }
         let job = Arc::new(Job {
@@ -135,7 +137,7 @@ impl Drop for ThreadPool {
     fn drop(&mut self) {
         self.slot.shutdown.store(true, Ordering::SeqCst);
         self.slot.wake_helpers();
-        for helper in self.helpers.drain(..) {
+        for helper in self.helpers.take().into_iter().flatten() {
             // A helper catches the panics of its tasks, so there is nothing to report.
             let _ = helper.join();
         }
@@ -194,7 +196,7 @@ mod tests {
     #[test]
     fn every_task_runs_once_whether_helpers_sleep_or_not() {
         for threads in [1, 2, 4] {
-            let pool = ThreadPool::new(threads).expect("a pool");
+            let pool = ThreadPool::new(threads);
             for round in 0..300 {
                 let counts: Arc<Vec<AtomicUsize>> = Arc::new((0..7).map(|_| AtomicUsize::new(0)).collect());
                 let shared = counts.clone();
@@ -211,7 +213,7 @@ mod tests {
 
     #[test]
     fn a_panic_in_a_task_reaches_the_caller_and_the_pool_stays_usable() {
-        let pool = ThreadPool::new(2).expect("a pool");
+        let pool = ThreadPool::new(2);
         let outcome = catch_unwind(AssertUnwindSafe(|| pool.run(4, |i| assert!(i != 2, "task 2"))));
         assert!(outcome.is_err());
         pool.run(4, |_| {});
