@@ -123,14 +123,14 @@ fn a_resumed_run_continues_bitwise() {
 }
 
 #[test]
-fn a_resumed_run_with_bounds_from_the_graph_continues_bitwise() {
-    let bounded = || {
+fn a_resumed_run_without_bounds_from_the_graph_continues_bitwise() {
+    let unbounded = || {
         let mut settings = settings();
-        settings.learn.graph_bounds = true;
+        settings.learn.graph_bounds = false;
         settings
     };
-    continues_bitwise(bounded);
-    let mut runs = [trainer(settings(), 5, 1), trainer(bounded(), 5, 1)];
+    continues_bitwise(unbounded);
+    let mut runs = [trainer(settings(), 5, 1), trainer(unbounded(), 5, 1)];
     runs.iter_mut().for_each(|run| train_to(run, 700));
     assert!(full_state(&runs[0]) != full_state(&runs[1]), "there are far pairs");
 }

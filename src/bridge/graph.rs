@@ -296,8 +296,9 @@ mod tests {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        let length = 3.0 + settings.hop_steps;
         let edge =
-            |i: usize| Edge { from: i, to: i + 1, distance: 3.0, length: 4.0, cost: 3.0, status: EdgeStatus::Untried };
+            |i: usize| Edge { from: i, to: i + 1, distance: 3.0, length, cost: 3.0, status: EdgeStatus::Untried };
         let edges = (0..candidates.len() - 1).map(edge).collect();
         BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
     }

@@ -98,7 +98,7 @@ impl Default for BridgeSettings {
             candidates: 1_200,
             candidate_spacing: 1.0,
             edge_cutoff_steps: 10.0,
-            hop_steps: 1.0,
+            hop_steps: 0.5,
             verify_edges: true,
             keep_observed_edges: true,
             graph_every_updates: 1_000,
@@ -136,9 +136,9 @@ impl BridgeSettings {
     }
 
     /// Returns the presets `tuned` and `sb3` of rivals: without excursions, which are no part of what they are compared
-    /// for.
+    /// for, and with a larger overhead of waypoints, as their distances are less exact.
     pub fn rivals() -> Self {
-        Self { frontier_epsilon: Auto::Given(0.0), ..Self::default() }
+        Self { frontier_epsilon: Auto::Given(0.0), hop_steps: 1.0, ..Self::default() }
     }
 
     /// Returns the settings that plan on the same candidates as SoRB does (Eysenbach et al. 2019, algorithm 1 and

@@ -29,7 +29,7 @@ struct Case {
 }
 
 /// The default with one thing changed: settings as `--set` takes them, separated by spaces.
-const VARIANTS: [(&str, &str); 23] = [
+const VARIANTS: [(&str, &str); 25] = [
     ("default", ""),
     ("1-step targets", "n_step=1"),
     ("targets from behaviour alone", "greedy_targets=false"),
@@ -43,6 +43,8 @@ const VARIANTS: [(&str, &str); 23] = [
     ("no grid encoding", "grid_cells=[]"),
     ("unbounded actor", "actor_bound=0"),
     ("no distillation", "distillation=0"),
+    ("no bounds by the graph on other pairs", "graph_bounds=false"),
+    ("waypoints cost a step", "hop_steps=1"),
     ("unverified edges", "verify_edges=false"),
     ("no edges from trajectories alone", "keep_observed_edges=false"),
     ("no progress check", "progress_check=false"),
@@ -63,7 +65,7 @@ const METHOD: &str = "gdg-bridge";
 
 /// The components between the presets `paper` and `default`, each on top of those before it. The world is the same for
 /// all, without noise.
-const LADDER: [(&str, &str); 11] = [
+const LADDER: [(&str, &str); 12] = [
     ("preset paper, without noise", "env_noise=0"),
     (
         "+ hindsight goals instead of near ones",
@@ -83,10 +85,11 @@ const LADDER: [(&str, &str); 11] = [
     ),
     (
         "+ verified edges, progress check, more candidates",
-        "verify_edges=true keep_observed_edges=true progress_check=true averaged_weights=true hop_steps=1 \
+        "verify_edges=true keep_observed_edges=true progress_check=true averaged_weights=true hop_steps=0.5 \
          candidates=1200 candidate_spacing=1",
     ),
     ("+ distillation, plans in exploration", "distillation=0.3 planned_episodes=0.7"),
+    ("+ bounds by the graph on other pairs", "graph_bounds=true"),
     ("+ lookahead", "lookahead=true"),
     ("+ one start, excursions: the default", "restart=auto frontier_epsilon=auto"),
 ];

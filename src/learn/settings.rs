@@ -195,7 +195,7 @@ impl Default for LearnSettings {
             grid_channels: 4,
             grid_learning_rate: 5e-3,
             distillation: 0.3,
-            graph_bounds: false,
+            graph_bounds: true,
             buffer_size: 1_000_000,
             discount: 0.99,
             actor_l2: 0.0,
@@ -225,6 +225,7 @@ impl LearnSettings {
             relative_scales: Vec::new(),
             grid_cells: Vec::new(),
             distillation: 0.0,
+            graph_bounds: false,
             ..Self::default()
         }
     }
@@ -240,6 +241,7 @@ impl LearnSettings {
             relative_scales: Vec::new(),
             grid_cells: Vec::new(),
             distillation: 0.0,
+            graph_bounds: false,
             ..Self::default()
         }
     }
