@@ -52,10 +52,10 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// Timeout for stopping the trainer, after which it counts as hung. A tick of the largest networks takes a few seconds.
 const STOP_TIMEOUT: Duration = Duration::from_secs(30);
 
-/// Priority of the training threads: by how much lower than that of the front end. A thread of this niceness gets a third of
-/// a core that another one wants.
+/// Priority of the training threads: by how much lower than that of the front end. A thread of this niceness gets a tenth
+/// of a core that another one wants.
 #[cfg(target_os = "linux")]
-const NICENESS: i32 = 5;
+const NICENESS: i32 = 10;
 
 /// Number of recent states per agent in a snapshot.
 const TRAIL_STATES: usize = 8;

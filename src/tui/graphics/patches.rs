@@ -23,7 +23,7 @@ const SIXEL_PIXELS: u16 = 1000;
 /// than [`LONGEST_REST`]: so long that training, if it runs, loses less than 5 % of its speed; and otherwise so that a slow
 /// terminal is not sent more than it can read.
 const REST_FACTOR: u32 = 1;
-const TRAINING_REST_FACTOR: u32 = 12;
+const TRAINING_REST_FACTOR: u32 = 20;
 const LONGEST_REST: Duration = Duration::from_secs(1);
 
 /// A patch on the screen.
