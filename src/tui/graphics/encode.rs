@@ -7,7 +7,7 @@ use base64::engine::general_purpose::STANDARD;
 use ratatui::layout::{Position, Rect};
 
 use super::Protocol;
-use super::sixel::Palette;
+use super::sixel::{Bands, Palette};
 
 /// The most bytes of a picture in one of kitty's escape sequences.
 const KITTY_CHUNK_BYTES: usize = 4096;
@@ -39,11 +39,18 @@ impl Encoder {
         self.protocol == Protocol::Sixel && self.palette.adapt(pixels)
     }
 
-    /// Writes a patch at its place: `pixels` are red, green, blue and one more byte, row by row.
+    /// Writes a patch at its place: `pixels` are red, green, blue and one more byte, row by row; as a sixel picture, with
+    /// what is known of its `bands`.
     ///
     /// # Errors
     /// Errors of the PNG encoder.
-    pub fn patch(&mut self, out: &mut Vec<u8>, area: Rect, pixels: &[u8], size: (u32, u32)) -> std::io::Result<()> {
+    pub fn patch(
+        &mut self,
+        out: &mut Vec<u8>,
+        area: Rect,
+        (pixels, size): (&[u8], (u32, u32)),
+        bands: &mut Bands,
+    ) -> std::io::Result<()> {
         write!(out, "\x1b[{};{}H", area.y + 1, area.x + 1)?;
         match self.protocol {
             Protocol::Kitty => kitty(out, area, &STANDARD.encode(png(pixels, size)?)),
@@ -53,7 +60,7 @@ impl Encoder {
                 write!(out, "\x1b]1337;File=inline=1;size={};width={columns};height={rows};", data.len())?;
                 write!(out, "preserveAspectRatio=0;doNotMoveCursor=1:{}\x07", STANDARD.encode(data))
             }
-            Protocol::Sixel => self.palette.encode(out, pixels, size),
+            Protocol::Sixel => self.palette.encode(out, pixels, size, bands),
         }
     }
 
@@ -120,7 +127,8 @@ mod tests {
             (random >> 24) as u8
         });
         let mut out = Vec::new();
-        Encoder::new(protocol).patch(&mut out, AREA, &noise.collect::<Vec<u8>>(), (80, 40)).expect("encoded");
+        let picture: (&[u8], _) = (&noise.collect::<Vec<u8>>(), (80, 40));
+        Encoder::new(protocol).patch(&mut out, AREA, picture, &mut Bands::default()).expect("encoded");
         String::from_utf8(out).expect("text")
     }
 

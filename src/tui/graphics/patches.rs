@@ -9,6 +9,7 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
 use super::encode::Encoder;
+use super::sixel::Bands;
 use super::{Graphics, Picture, Protocol};
 
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
@@ -31,6 +32,33 @@ struct Patch {
     area: Rect,
     /// Red, green, blue and one more byte, row by row.
     pixels: Vec<u8>,
+    /// As sixels.
+    bands: Bands,
+}
+
+impl Patch {
+    /// Creates a patch that shows nothing yet.
+    fn new(area: Rect) -> Self {
+        Self { area, pixels: Vec::new(), bands: Bands::default() }
+    }
+
+    /// Takes over the pixels of a part of a picture of the patch's size; returns whether they have changed.
+    fn show(&mut self, part: &Part) -> bool {
+        let size = 4 * part.width * part.height;
+        let mut has_changed = self.pixels.len() != size;
+        if has_changed {
+            self.bands.clear();
+            self.pixels.resize(size, 0);
+        }
+        for (row, (own, new)) in self.pixels.chunks_exact_mut(4 * part.width).zip(part.rows()).enumerate() {
+            if own != new {
+                own.copy_from_slice(new);
+                self.bands.forget(row);
+                has_changed = true;
+            }
+        }
+        has_changed
+    }
 }
 
 /// The pictures on the screen.
@@ -108,11 +136,13 @@ impl Patches {
         for (area, picture) in wanted {
             let part = Part::of(picture, area, graphics);
             let at = before.iter().position(|patch| patch.area == area);
-            let mut patch = at.map_or_else(|| Patch { area, pixels: Vec::new() }, |at| before.swap_remove(at));
-            if other_colours || !part.rows().eq(patch.pixels.chunks(4 * part.width)) {
-                patch.pixels.clear();
-                part.rows().for_each(|row| patch.pixels.extend(row));
-                self.encoder.patch(&mut out, area, &patch.pixels, (part.width as u32, part.height as u32))?;
+            let mut patch = at.map_or_else(|| Patch::new(area), |at| before.swap_remove(at));
+            if other_colours {
+                patch.bands.clear();
+            }
+            if patch.show(&part) || other_colours {
+                let size = (part.width as u32, part.height as u32);
+                self.encoder.patch(&mut out, area, (&patch.pixels, size), &mut patch.bands)?;
             }
             self.shown.push(patch);
         }

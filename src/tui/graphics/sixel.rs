@@ -26,6 +26,31 @@ const MAX_ERROR: f32 = 8.0;
 /// A bin whose nearest colour is not known yet.
 const UNKNOWN: u16 = u16::MAX;
 
+/// A picture's bands of rows as sixels, each kept until one of its rows changes.
+#[derive(Default)]
+pub struct Bands(Vec<Option<Band>>);
+
+impl Bands {
+    /// Forgets the band of a row of pixels: it has changed.
+    pub fn forget(&mut self, row: usize) {
+        if let Some(band) = self.0.get_mut(row / BAND) {
+            *band = None;
+        }
+    }
+
+    /// Forgets all bands: the colours have changed.
+    pub fn clear(&mut self) {
+        self.0.clear();
+    }
+}
+
+/// A band of rows.
+struct Band {
+    sixels: Vec<u8>,
+    /// The indices of its colours.
+    used: [bool; COLOURS],
+}
+
 /// The colours in use.
 #[derive(Default)]
 pub struct Palette {
@@ -88,48 +113,66 @@ impl Palette {
         usize::from(self.nearest[bin])
     }
 
-    /// Writes pixels (red, green, blue and one more byte, row by row) as a sixel picture at the cursor.
-    pub fn encode(&mut self, out: &mut Vec<u8>, pixels: &[u8], (width, height): (u32, u32)) -> std::io::Result<()> {
+    /// Writes pixels (red, green, blue and one more byte, row by row) as a sixel picture at the cursor, its `bands` as they
+    /// are as far as they are known.
+    pub fn encode(
+        &mut self,
+        out: &mut Vec<u8>,
+        pixels: &[u8],
+        (width, height): (u32, u32),
+        bands: &mut Bands,
+    ) -> std::io::Result<()> {
         if self.colours.is_empty() {
             self.adapt(pixels);
         }
         let columns = width as usize;
-        let indices = self.indices(pixels);
+        let rows = pixels.chunks(4 * BAND * columns);
+        bands.0.resize_with(rows.len(), || None);
+        let mut lines: Vec<Line> = (0..COLOURS).map(|_| Line::default()).collect();
+        let mut used = [false; COLOURS];
+        for (band, pixels) in bands.0.iter_mut().zip(rows) {
+            let band = band.get_or_insert_with(|| self.band(pixels, columns, &mut lines));
+            used.iter_mut().zip(band.used).for_each(|(used, own)| *used |= own);
+        }
         // Pixels that are not set stay as they are; width and height of a pixel are equal.
         write!(out, "\x1bP0;1q\"1;1;{width};{height}")?;
-        let mut is_used = [false; COLOURS];
-        indices.iter().for_each(|i| is_used[usize::from(*i)] = true);
-        for (i, [r, g, b]) in self.colours.iter().enumerate().filter(|(i, _)| is_used[*i]) {
+        for (i, [r, g, b]) in self.colours.iter().enumerate().filter(|(i, _)| used[*i]) {
             let percent = |channel: &u8| (u32::from(*channel) * 100 + 127) / 255;
             write!(out, "#{i};2;{};{};{}", percent(r), percent(g), percent(b))?;
         }
-        let mut lines: Vec<Line> = (0..COLOURS).map(|_| Line::default()).collect();
-        for band in indices.chunks(BAND * columns) {
-            for x in 0..columns {
-                let mut parts = [(0, 0); BAND];
-                let mut count = 0;
-                for (row, index) in band[x..].iter().step_by(columns).enumerate() {
-                    if let Some((_, sixel)) = parts[..count].iter_mut().find(|(own, _)| own == index) {
-                        *sixel |= 1 << row;
-                    } else {
-                        parts[count] = (*index, 1 << row);
-                        count += 1;
-                    }
-                }
-                parts[..count].iter().for_each(|(index, sixel)| lines[usize::from(*index)].push(x, *sixel));
-            }
-            let mut is_first = true;
-            for (index, line) in lines.iter_mut().enumerate().filter(|(_, line)| line.count > 0) {
-                if !std::mem::take(&mut is_first) {
-                    out.push(b'$');
-                }
-                write!(out, "#{index}")?;
-                line.finish(out);
-            }
-            out.push(b'-');
-        }
+        bands.0.iter().flatten().for_each(|band| out.extend(&band.sixels));
         out.extend(b"\x1b\\");
         Ok(())
+    }
+
+    /// Encodes the pixels of one band; `lines` are empty before and afterwards.
+    fn band(&mut self, pixels: &[u8], columns: usize, lines: &mut [Line]) -> Band {
+        let indices = self.indices(pixels);
+        for x in 0..columns {
+            let mut parts = [(0, 0); BAND];
+            let mut count = 0;
+            for (row, index) in indices[x..].iter().step_by(columns).enumerate() {
+                if let Some((_, sixel)) = parts[..count].iter_mut().find(|(own, _)| own == index) {
+                    *sixel |= 1 << row;
+                } else {
+                    parts[count] = (*index, 1 << row);
+                    count += 1;
+                }
+            }
+            parts[..count].iter().for_each(|(index, sixel)| lines[usize::from(*index)].push(x, *sixel));
+        }
+        let mut band = Band { sixels: Vec::new(), used: [false; COLOURS] };
+        for (index, line) in lines.iter_mut().enumerate().filter(|(_, line)| line.count > 0) {
+            if !band.sixels.is_empty() {
+                band.sixels.push(b'$');
+            }
+            band.used[index] = true;
+            band.sixels.push(b'#');
+            band.sixels.extend(index.to_string().bytes());
+            line.finish(&mut band.sixels);
+        }
+        band.sixels.push(b'-');
+        band
     }
 
     /// Returns the nearest colour of each pixel.
@@ -251,12 +294,36 @@ mod tests {
         let rgb = |i: usize| if i % width < 9 { [255, 0, 0] } else { [(i * 37 % 3 * 100) as u8, 0, 255] };
         let pixels: Vec<u8> = (0..width * height).flat_map(|i| [rgb(i)[0], rgb(i)[1], rgb(i)[2], 255]).collect();
         let mut out = Vec::new();
-        Palette::default().encode(&mut out, &pixels, (width as u32, height as u32)).expect("encoded");
+        let size = (width as u32, height as u32);
+        Palette::default().encode(&mut out, &pixels, size, &mut Bands::default()).expect("encoded");
         let picture = decoded(&String::from_utf8(out).expect("text"));
         for (i, got) in picture.concat().into_iter().enumerate() {
             let expected = rgb(i).map(|channel| u32::from(channel) * 100);
             assert!(got.iter().zip(expected).all(|(got, own)| (got * 255).abs_diff(own) <= 128), "pixel {i}: {got:?}");
         }
+    }
+
+    #[test]
+    fn only_bands_that_have_changed_are_encoded_again() {
+        let size = (5_u32, 20_u32);
+        let mut pixels: Vec<u8> = (0..100).flat_map(|i| [if i % 3 == 0 { 255 } else { 0 }, 0, 128, 255]).collect();
+        let (mut palette, mut bands) = (Palette::default(), Bands::default());
+        let mut sent = |pixels: &[u8], bands: &mut Bands| {
+            let mut out = Vec::new();
+            palette.encode(&mut out, pixels, size, bands).expect("encoded");
+            decoded(&String::from_utf8(out).expect("text"))
+        };
+        let before = sent(&pixels, &mut bands);
+        // In two bands, of which one is said to have changed.
+        for row in [7, 19] {
+            pixels[4 * 5 * row..][..4].copy_from_slice(&[0, 0, 0, 255]);
+        }
+        bands.forget(7);
+        let after = sent(&pixels, &mut bands);
+        let changed: Vec<usize> = (0..20).filter(|row| before[*row] != after[*row]).collect();
+        assert_eq!((changed, after[7][0]), (vec![7], [0; 3]));
+        bands.clear();
+        assert_eq!(sent(&pixels, &mut bands)[19][0], [0; 3]);
     }
 
     #[test]
