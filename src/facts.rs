@@ -81,13 +81,18 @@ fn facts(grid: &Grid) -> String {
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
         let (starts, goals) = (grid.starts().len() as u64, grid.goals().len() as u64);
         lines.push(format!("marked:     {}, {}", counted(starts, "start"), counted(goals, "goal")));
-        lines.extend(unconnected(grid, &components).map(|problem| format!("warning:    {problem}")));
+        lines.extend(unconnected_parts(grid, &components).map(|problem| format!("warning:    {problem}")));
     }
     lines.join("\n") + "\n"
 }
 
-/// Returns what is wrong if starts and goals lie in different components.
-fn unconnected(grid: &Grid, components: &Components) -> Option<String> {
+/// Returns what is wrong if starts and goals of a map lie in different components.
+pub fn unconnected(grid: &Grid) -> Option<String> {
+    let is_marked = !grid.starts().is_empty() && !grid.goals().is_empty();
+    is_marked.then(|| unconnected_parts(grid, &StepSearch::new(grid).components(grid))).flatten()
+}
+
+fn unconnected_parts(grid: &Grid, components: &Components) -> Option<String> {
     let component = |cell: &Cell| components.of_cell[grid.index(*cell)];
     let (starts, goals) = (grid.starts(), grid.goals());
     let (start, goal) = (starts.first()?, goals.first()?);

@@ -4,6 +4,6 @@ mod read;
 mod verified;
 mod write;
 
-pub use read::{open, read, read_text};
+pub use read::{open, open_or_create, read, read_text};
 pub use verified::{backup_path, write_verified};
 pub use write::{check_writable, unused_path, write_atomically, write_to_unused};

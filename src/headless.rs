@@ -6,10 +6,10 @@ mod records;
 mod saver;
 mod table;
 
-use std::io::Write;
+use std::io::{ErrorKind, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
-use miette::{IntoDiagnostic, Report, WrapErr};
+use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
 use crate::cli::{EXIT_NOT_REACHED, TrainArgs};
@@ -33,9 +33,7 @@ const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 /// Training, writing records or saving fails.
 pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let termination = TerminationSignal::listen(|| {})?;
-    if let Some(warning) = &setup.warning {
-        eprint_line(warning);
-    }
+    setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
     let table = args.csv.as_deref().map(|path| Table::create(path, args.overwrite)).transpose()?;
     let mut session = Session { setup, args, progress: Progress::new(args), saver, table, termination };
@@ -71,7 +69,13 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
 fn print(record: &Record) -> Result<(), Report> {
     let line = escape_json_line(&serde_json::to_string(record).into_diagnostic()?);
     let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}").and_then(|()| out.flush()).into_diagnostic().wrap_err("standard output")
+    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(|error| match error.kind() {
+        ErrorKind::BrokenPipe => {
+            let help = "redirect the records to a file, or let their reader go on to the end";
+            miette!(help = help, "training ended: nothing reads standard output any more")
+        }
+        _ => Report::msg(error).wrap_err("standard output"),
+    })
 }
 
 struct Session<'a> {

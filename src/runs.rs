@@ -10,7 +10,7 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use tabwriter::TabWriter;
 
 use crate::text::{grouped, safe_file_name, sanitized};
-use crate::train::{CheckpointError, Description, Success, describe};
+use crate::train::{CheckpointError, Description, describe};
 
 /// Default folder for checkpoints.
 pub const SAVES: &str = "saves";
@@ -62,7 +62,7 @@ pub fn list(folder: &Path) -> Result<String, Report> {
     let mut found: Vec<_> = files.iter().map(|path| describe(path)).collect();
     found.sort_by_key(|found| std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written)));
     let mut table = TabWriter::new(Vec::new()).padding(2);
-    writeln!(table, "file\tmap\tmethod\tseed\tupdates\tsuccess\twritten\tMB").into_diagnostic()?;
+    writeln!(table, "file\tupdates\tplanned\tgreedy\twritten\tMB\tmap\tmethod\tseed").into_diagnostic()?;
     for found in &found {
         writeln!(table, "{}", line(found)).into_diagnostic()?;
     }
@@ -73,20 +73,27 @@ pub fn list(folder: &Path) -> Result<String, Report> {
 /// Returns a line of the table, with tabs between the columns.
 fn line(found: &Result<Description, CheckpointError>) -> String {
     match found {
+        // What the file's name often says as well comes last: a narrow terminal breaks lines there.
         Ok(found) => [
             name(&found.file),
+            grouped(found.updates),
+            rate(found.success.as_ref().and_then(|success| success.planned)),
+            rate(found.success.as_ref().and_then(|success| success.greedy)),
+            found.written.and_then(local).map_or(String::new(), |at| at.strftime("%F %R").to_string()),
+            format!("{:.1}", found.bytes as f64 / 1e6),
             found.title.clone(),
             found.run.method.name(),
             found.run.seed.to_string(),
-            grouped(found.updates),
-            found.success.as_ref().map_or("not evaluated".to_owned(), Success::to_string),
-            found.written.and_then(local).map_or(String::new(), |at| at.strftime("%F %R").to_string()),
-            format!("{:.1}", found.bytes as f64 / 1e6),
         ]
         .join("\t"),
         // Without tabs, as a long reason would widen a column.
         Err(error) => format!("{}  cannot be loaded: {}", name(&error.file), sanitized(&error.problem)),
     }
+}
+
+/// Returns a success rate, or a dash if there is none.
+fn rate(rate: Option<f64>) -> String {
+    rate.map_or("-".to_owned(), |rate| format!("{rate:.2}"))
 }
 
 /// Returns a file's name, safe to show.

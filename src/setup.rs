@@ -10,10 +10,12 @@ use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::{EditAt, RunArgs, TrainArgs};
 use crate::env::{Environment, PointMaze, Restart};
+use crate::facts;
 use crate::files;
 use crate::map::{self, Grid, MapError};
 use crate::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::runs::{self, SAVES};
+use crate::text::sanitized;
 use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 /// A scheduled change of the world.
@@ -36,8 +38,8 @@ pub struct Setup {
     pub save: Option<SaveTo>,
     /// The checkpoint that the run was resumed from.
     pub resumed: Option<PathBuf>,
-    /// Warning about that checkpoint, if any.
-    pub warning: Option<String>,
+    /// Warnings about that checkpoint, and about the map.
+    pub warnings: Vec<String>,
 }
 
 /// Returns the settings given by `args` for a run in the world that `world` opens: a map or a world of `registry`.
@@ -97,6 +99,7 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     let save = args.save.as_deref().map(|path| save_to(path, resumed.as_deref(), args.overwrite)).transpose()?;
     if let Some(path) = &args.csv {
         refuse_existing(path, args.overwrite)?;
+        refuse_input(path, args, resumed.as_deref())?;
         files::check_writable(path).map_err(|error| {
             let help = "give --csv a file in a writable folder";
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
@@ -114,7 +117,11 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
         maze.set_scenario(map::load_scenario(path, maze.map()).map_err(from_map_error)?);
     }
     let edits = load_edits(args, &trainer)?;
-    Ok(Setup { trainer, edits, threads, save, resumed, warning })
+    let maze = PointMaze::downcast_ref(trainer.world());
+    let unconnected = maze.and_then(|maze| Some((maze.map().name(), facts::unconnected(maze.map())?)));
+    let unconnected = unconnected.map(|(name, problem)| format!("warning: {}: {problem}", sanitized(name)));
+    let warnings = warning.into_iter().chain(unconnected).collect();
+    Ok(Setup { trainer, edits, threads, save, resumed, warnings })
 }
 
 /// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one is named.
@@ -203,13 +210,29 @@ fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveT
         let help = "give --save a file in a writable folder";
         miette!(help = help, "{}: a checkpoint cannot be saved here: {error}", path.display())
     })?;
-    let same = |other: &Path| other.canonicalize().is_ok_and(|other| path.canonicalize().is_ok_and(|own| own == other));
-    let own = resumed.is_some_and(same);
+    let own = resumed.is_some_and(|resumed| is_same_file(resumed, path));
     if overwrite && !own && path.exists() && !train::is_checkpoint(path) {
         let help = "give --save another name: --overwrite replaces only checkpoints of gdg-tui";
         return Err(miette!(help = help, "{}: is not a checkpoint of gdg-tui and is not replaced", path.display()));
     }
     Ok(if own || overwrite { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
+}
+
+/// Checks that `path` of `--csv` is not a file that the run reads.
+fn refuse_input(path: &Path, args: &TrainArgs, resumed: Option<&Path>) -> Result<(), Report> {
+    let map = args.map.as_deref().map(Path::new);
+    let edits = args.edit_at.iter().map(|edit| edit.file.as_path());
+    let mut read = [map, args.scen.as_deref(), args.run.config.as_deref(), resumed].into_iter().flatten().chain(edits);
+    if read.any(|input| is_same_file(input, path)) {
+        let help = "give --csv another name";
+        return Err(miette!(help = help, "{}: is read by this run and is not replaced", path.display()));
+    }
+    Ok(())
+}
+
+/// Returns whether two paths lead to the same existing file.
+fn is_same_file(a: &Path, b: &Path) -> bool {
+    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
 }
 
 /// Returns the requested number of threads, else the number of cores.

@@ -95,7 +95,7 @@ pub fn run(
     args: &TrainArgs,
 ) -> Result<u8, Report> {
     let termination = TerminationSignal::listen(terminal::restore)?;
-    let Setup { trainer, save, resumed, warning, .. } = setup;
+    let Setup { trainer, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let search = resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
     // What is to be saved elsewhere is not saved yet.
@@ -105,9 +105,7 @@ pub fn run(
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
-    if let Some(warning) = warning {
-        app.notify(&warning);
-    }
+    warnings.iter().for_each(|warning| app.notify(warning));
     event_loop::show(app, recorder, marker, &termination)
 }
 

@@ -18,7 +18,7 @@ use super::{
 };
 use crate::map::{Cell, Diameter, Grid, ScenarioTask, StepSearch, parse_map, print_ascii};
 use crate::store::{Store, StoreError};
-use crate::text::safe_file_name;
+use crate::text::{counted, safe_file_name};
 pub use film::FilmGrid;
 
 /// Registry entry of the maze.
@@ -315,11 +315,12 @@ impl Environment for PointMaze {
         }
     }
 
-    /// Returns the visited share of the largest component's cells.
+    /// Returns the visited share of the cells of all components that have been visited at all: of what is within reach.
     fn coverage(&self) -> Option<f64> {
-        let cells = &self.components[self.largest as usize];
-        let seen = cells.iter().filter(|cell| self.visits[self.map.index(**cell)] > 0).count();
-        Some(seen as f64 / cells.len().max(1) as f64)
+        let seen = |cells: &[Cell]| cells.iter().filter(|cell| self.visits[self.map.index(**cell)] > 0).count();
+        let counts = self.components.iter().map(|cells| (seen(cells), cells.len())).filter(|(seen, _)| *seen > 0);
+        let (seen, all) = counts.fold((0, 0), |(seen, all), (own, of)| (seen + own, all + of));
+        Some(seen as f64 / all.max(1) as f64)
     }
 
     fn facts(&self) -> Map<String, Value> {
@@ -377,10 +378,11 @@ impl Environment for PointMaze {
         let (walled, opened, pieces) = (changed(false), changed(true), self.components.len());
         Ok(Change {
             may_lengthen: walled > 0,
-            summary: match (walled, opened) {
+            summary: match (walled as u64, opened as u64) {
                 (0, 0) => "starts and goals changed".to_owned(),
-                (1, _) => format!("1 cell walled, {opened} opened"),
-                _ => format!("{walled} cells walled, {opened} opened"),
+                (0, opened) => format!("{} opened", counted(opened, "cell")),
+                (walled, 0) => format!("{} walled", counted(walled, "cell")),
+                (walled, opened) => format!("{} walled, {opened} opened", counted(walled, "cell")),
             },
             warning: (pieces > 1).then(|| format!("{pieces} disconnected components")),
             facts: Map::from_iter([

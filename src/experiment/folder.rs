@@ -16,6 +16,7 @@ use serde::{Deserialize, Serialize};
 
 use super::job::{Job, JobResult};
 use crate::files::{self, backup_path, write_atomically};
+use crate::text::sanitized;
 use crate::train::describe;
 
 /// Maximum size of a result file.
@@ -136,7 +137,7 @@ impl Folder {
 
     /// Returns why the job's result cannot be used, if there is one that cannot.
     pub fn problem(&self, job: &Job) -> Option<String> {
-        self.read(job).err().map(|problem| format!("{}: {problem}", self.result(job).display()))
+        self.read(job).err().map(|problem| sanitized(&format!("{}: {problem}", self.result(job).display())))
     }
 
     /// Reads the job's result, if there is one.
@@ -181,10 +182,13 @@ impl Folder {
     /// file system has no locks, two processes may do the same work, with the same result.
     ///
     /// # Errors
-    /// The lock file cannot be created.
+    /// The lock file cannot be created, or something else is in its place.
     pub fn lock(&self, job: &Job) -> Result<Option<Lock>, Report> {
         let path = self.0.join(format!("jobs/{}.lock", job.name));
-        let file = File::create(&path).into_diagnostic().wrap_err_with(|| path.display().to_string())?;
+        let file = files::open_or_create(&path).map_err(|error| {
+            let help = "move it away, or give --out another folder";
+            miette!(help = help, "{}: the job cannot be locked: {error}", path.display())
+        })?;
         match file.try_lock() {
             Err(TryLockError::WouldBlock) => Ok(None),
             Ok(()) | Err(TryLockError::Error(_)) => Ok(Some(Lock { path, _file: file })),

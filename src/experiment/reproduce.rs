@@ -179,7 +179,10 @@ impl Reproduction<'_> {
                 miette!(help = help, "--job {name}: there is no such job")
             })
         };
-        self.args.job.iter().map(find).collect()
+        let mut chosen = self.args.job.iter().map(find).collect::<Result<Vec<_>, _>>()?;
+        let mut seen = BTreeSet::new();
+        chosen.retain(|job| seen.insert(&job.name));
+        Ok(chosen)
     }
 
     /// Returns a complete command per job, one a line.
@@ -187,7 +190,7 @@ impl Reproduction<'_> {
         let program = std::env::current_exe().unwrap_or_else(|_| PathBuf::from("gdg-tui"));
         let out = std::path::absolute(&self.args.out).unwrap_or_else(|_| self.args.out.clone());
         let (program, out) = (quoted(&program.to_string_lossy()), quoted(&out.to_string_lossy()));
-        let command = self.arguments();
+        let command = self.arguments() + if self.args.keep { " --keep" } else { "" };
         let line = |job: &Job| format!("{program} {command} --out {out} --job {}\n", quoted(&job.name));
         self.jobs.iter().map(line).collect()
     }

@@ -20,6 +20,27 @@ pub fn open(path: &Path) -> Result<File> {
     Ok(file)
 }
 
+/// Opens a regular file for writing without changing it, or creates an empty one. Follows no symbolic link: what it leads
+/// to may be anywhere.
+///
+/// # Errors
+/// Returns the system's error, or an error if something else than a regular file is at the path.
+pub fn open_or_create(path: &Path) -> Result<File> {
+    if let Ok(found) = std::fs::symlink_metadata(path) {
+        ensure_regular_file(found.file_type())?;
+    }
+    let mut options = OpenOptions::new();
+    options.write(true).create(true).truncate(false);
+    #[cfg(unix)]
+    {
+        let flags = nix::fcntl::OFlag::O_NONBLOCK | nix::fcntl::OFlag::O_NOFOLLOW;
+        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, flags.bits());
+    }
+    let file = options.open(path)?;
+    ensure_regular_file(file.metadata()?.file_type())?;
+    Ok(file)
+}
+
 /// Reads all of a regular file of at most `max_bytes` bytes.
 ///
 /// # Errors
@@ -100,5 +121,18 @@ mod tests {
             let error = read(path, 1 << 20).expect_err("no regular file");
             assert!(error.to_string().contains("not a regular file"), "{error}");
         }
+        assert!(open_or_create(&fifo).expect_err("a FIFO").to_string().contains("not a regular file"));
+    }
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_opened_for_writing_keeps_its_contents_and_no_link_is_followed() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let (file, link, new) = (folder.path().join("file"), folder.path().join("link"), folder.path().join("new"));
+        std::fs::write(&file, b"mine").expect("written");
+        std::os::unix::fs::symlink(&file, &link).expect("a link");
+        assert!(open_or_create(&link).is_err() && open_or_create(folder.path()).is_err());
+        assert!(open_or_create(&file).is_ok() && open_or_create(&new).is_ok());
+        assert_eq!((read(&file, 9).expect("read"), read(&new, 9).expect("read")), (b"mine".to_vec(), Vec::new()));
     }
 }

@@ -25,7 +25,7 @@ use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
 use super::event_loop::Interface;
 use super::export;
-use super::graphics::{Graphics, Picture};
+use super::graphics::{Graphics, Picture, Redraw};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::output::ExportKind;
@@ -336,8 +336,12 @@ impl Interface for App {
         self.done
     }
 
-    fn set_graphics(&mut self, graphics: Option<Graphics>, pictures_rest: bool) {
-        (self.screen.graphics, self.screen.pictures_rest) = (graphics, pictures_rest);
+    fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw) {
+        (self.screen.graphics, self.screen.redraw) = (graphics, redraw);
+    }
+
+    fn report(&mut self, problem: &str) {
+        App::report(self, problem);
     }
 
     fn pictures(&self) -> Vec<&Picture> {

@@ -28,7 +28,7 @@ use super::app::{App, ClosedRun, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
 use super::event_loop::{self, Interface};
-use super::graphics::{Graphics, Picture};
+use super::graphics::{Graphics, Picture, Redraw};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
@@ -207,8 +207,11 @@ impl Interface for Comparison {
         }
         match event {
             Event::Key(key) if !key.is_release() => {
-                if let Some(action) = self.sides[0].app.screen.keymap.action(*key, Mode::Comparing) {
-                    self.act(action);
+                let keymap = &self.sides[0].app.screen.keymap;
+                match (keymap.action(*key, Mode::Comparing), keymap.action(*key, Mode::Watching)) {
+                    (Some(action), _) => self.act(action),
+                    (None, Some(action)) => self.refuse(action),
+                    (None, None) => {}
                 }
             }
             Event::Mouse(mouse) => self.on_mouse(*mouse),
@@ -242,8 +245,12 @@ impl Interface for Comparison {
         self.done || self.sides[0].app.is_done()
     }
 
-    fn set_graphics(&mut self, graphics: Option<Graphics>, pictures_rest: bool) {
-        self.sides.iter_mut().for_each(|side| side.app.set_graphics(graphics, pictures_rest));
+    fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw) {
+        self.sides.iter_mut().for_each(|side| side.app.set_graphics(graphics, redraw));
+    }
+
+    fn report(&mut self, problem: &str) {
+        self.log.add(problem, 0, true);
     }
 
     fn pictures(&self) -> Vec<&Picture> {

@@ -10,7 +10,7 @@ use miette::{IntoDiagnostic, Report};
 use ratatui::Frame;
 
 use super::app::ClosedRun;
-use super::graphics::{Graphics, Picture};
+use super::graphics::{Graphics, Picture, Redraw};
 use super::raster::Marker;
 use super::record::Recorder;
 use super::terminal::Terminal;
@@ -52,11 +52,14 @@ pub trait Interface {
     /// Whether the program is to quit.
     fn is_done(&self) -> bool;
 
-    /// Tells what pictures the terminal shows, and whether they are to stay as they are for a moment.
-    fn set_graphics(&mut self, graphics: Option<Graphics>, pictures_rest: bool);
+    /// Tells what pictures the terminal shows, and how much of them the next frame draws again.
+    fn set_graphics(&mut self, graphics: Option<Graphics>, redraw: Redraw);
 
     /// Draws a frame.
     fn draw(&mut self, frame: &mut Frame);
+
+    /// Shows an error.
+    fn report(&mut self, problem: &str);
 
     /// Returns the pictures that belong to the frame.
     fn pictures(&self) -> Vec<&Picture>;

@@ -79,6 +79,18 @@ pub struct Picture {
     pub pixmap: Pixmap,
 }
 
+/// How much of the pictures a frame draws again.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Redraw {
+    /// All that has changed.
+    #[default]
+    All,
+    /// What moves, on a ground that may be some seconds old.
+    Moving,
+    /// Nothing.
+    Nothing,
+}
+
 /// What stands in the place of a picture's characters: blanks in a colour that nothing else gives to blanks, so that
 /// the library writes whatever takes their place, and nothing while the picture stays.
 const BLANK: Style = Style::new().fg(Color::Indexed(16));

@@ -52,13 +52,17 @@ impl Keymap {
                     problem,
                     help: help.to_owned(),
                 };
-                let parsed = crokey::parse(&key).map_err(|_| {
+                let parsed = parse(&key).ok_or_else(|| {
                     fail(
                         format!("{key:?} is not a key"),
                         "keys are written as \"a\", \"shift-a\", \"ctrl-a\", \"space\", \"f1\"",
                     )
                 })?;
                 let pressed = normalised(parsed);
+                let is_own = |b: &Binding| b.name == binding.name;
+                if keymap.keys.iter().any(|(k, b)| *k == pressed && is_own(b)) {
+                    continue;
+                }
                 if let Some((_, other)) = keymap.keys.iter().find(|(k, b)| *k == pressed && b.excludes(binding)) {
                     let problem = format!("{key:?} is already bound to {}", other.name);
                     return Err(fail(problem, "bind one of them to another key"));
@@ -109,6 +113,18 @@ fn with_new_names(changes: &BTreeMap<String, Vec<String>>) -> BTreeMap<String, V
         }
     }
     changes
+}
+
+/// Returns the key called `name`.
+fn parse(name: &str) -> Option<KeyCombination> {
+    if let Some(letter) = name.chars().last().filter(|c| !c.is_ascii() && c.is_alphabetic()) {
+        // The library knows only ASCII: put another letter in its place.
+        let stem = &name[..name.len() - letter.len_utf8()];
+        let known = crokey::parse(&format!("{stem}a")).ok()?;
+        let is_letter = known.codes == OneToThree::One(KeyCode::Char('a')) || stem.contains("shift");
+        return is_letter.then(|| KeyCombination::new(KeyCode::Char(letter), known.modifiers));
+    }
+    crokey::parse(name).ok()
 }
 
 /// Normalises shift, which only some terminals report along with the shifted character: set for uppercase letters,
@@ -170,6 +186,18 @@ mod tests {
         for modifiers in [KeyModifiers::NONE, KeyModifiers::SHIFT] {
             assert_eq!(keymap.action(press(KeyCode::Char('?'), modifiers), Mode::Watching), Some(Action::Help));
             assert_eq!(keymap.action(press(KeyCode::Char('R'), modifiers), Mode::Watching), Some(Action::NewSeed));
+        }
+    }
+
+    #[test]
+    fn letters_of_other_alphabets_are_keys() {
+        let own = keymap(&[("quit", &["\u{e9}", "\u{e9}", "ctrl-\u{f6}"])]).expect("keys");
+        let action = |c, modifiers| own.action(press(KeyCode::Char(c), modifiers), Mode::Watching);
+        assert_eq!(action('\u{e9}', KeyModifiers::NONE), Some(Action::Quit), "given twice");
+        assert_eq!(action('\u{f6}', KeyModifiers::CONTROL), Some(Action::Quit));
+        assert_eq!(action('q', KeyModifiers::NONE), None);
+        for wrong in ["a\u{e9}", "f\u{e9}", "foo-\u{e9}"] {
+            assert!(keymap(&[("quit", &[wrong])]).is_err(), "{wrong}");
         }
     }
 

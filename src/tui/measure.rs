@@ -14,7 +14,7 @@ use super::app::{App, Files};
 use super::config::UiConfig;
 use super::event_loop::{FrameTimer, INPUT_FRAME_INTERVAL, Interface};
 use super::graphics::patches::Patches;
-use super::graphics::{Graphics, Protocol};
+use super::graphics::{Graphics, Protocol, Redraw};
 use super::keymap::Keymap;
 use super::theme::{ColourDepth, Theme, ThemeName};
 use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
@@ -85,7 +85,7 @@ impl MeasuredInterface {
         let mut app = App::new(engine, viewer, (UiConfig::default(), keymap), Files::default());
         app.screen.theme = Theme::new(ThemeName::Dark, ColourDepth::True);
         let patches = screen.graphics().map(|graphics| (Patches::new(graphics.protocol), graphics));
-        app.set_graphics(screen.graphics(), false);
+        app.set_graphics(screen.graphics(), Redraw::All);
         let viewport = Viewport::Fixed(Rect::new(0, 0, columns, rows));
         let terminal = Terminal::with_options(CrosstermBackend::new(sink()), TerminalOptions { viewport })?;
         let mut measured = Self { snapshots: app.snapshots(), views: app.views(), app, terminal, patches };
@@ -114,8 +114,8 @@ impl MeasuredInterface {
             }
             if timer.is_due() {
                 let Self { app, terminal, patches, .. } = self;
-                let rests = patches.as_ref().is_some_and(|(patches, _)| patches.is_resting());
-                app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), rests);
+                let redraw = patches.as_ref().map_or(Redraw::All, |(patches, _)| patches.redraw(true));
+                app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), redraw);
                 let drawing = Instant::now();
                 let frame = terminal.draw(|frame| app.draw(frame))?;
                 if let Some((patches, graphics)) = patches {
@@ -124,7 +124,7 @@ impl MeasuredInterface {
                 }
                 let took = drawing.elapsed();
                 // Frames with the same picture as before say nothing.
-                if !rests {
+                if redraw != Redraw::Nothing {
                     frames_us.push(took.as_secs_f64() * 1e6);
                     patches.iter_mut().for_each(|(patches, _)| patches.rest(took, true));
                 }

@@ -5,7 +5,7 @@
 
 use std::fs::File;
 use std::io::{BufWriter, Write};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report, WrapErr};
@@ -39,6 +39,7 @@ const CLEAR: &str = "\u{1b}[?25l\u{1b}[0m\u{1b}[2J";
 
 /// A recording in progress.
 pub struct Recorder {
+    path: PathBuf,
     file: BufWriter<File>,
     began: Instant,
     /// The screen as recorded so far.
@@ -61,15 +62,16 @@ impl Recorder {
         let file = create(path, overwrite)?;
         let size = crossterm::terminal::size().unwrap_or((80, 24));
         let message = || format!("{}: the recording cannot be written", path.display());
-        Self::from_file(file, size).into_diagnostic().wrap_err_with(message)
+        Self::from_file(path, file, size).into_diagnostic().wrap_err_with(message)
     }
 
-    fn from_file(file: File, size: (u16, u16)) -> std::io::Result<Self> {
+    fn from_file(path: &Path, file: File, size: (u16, u16)) -> std::io::Result<Self> {
         let (width, height) = clamp_size(size);
         let term = std::env::var("TERM").unwrap_or_default();
         let head =
             json!({ "version": 2, "width": width, "height": height, "title": "gdg-tui", "env": { "TERM": term } });
         let mut recorder = Self {
+            path: path.to_owned(),
             file: BufWriter::new(file),
             began: Instant::now(),
             recorded: Buffer::empty(Rect::new(0, 0, width, height)),
@@ -98,6 +100,11 @@ impl Recorder {
         }
         self.pending = Some((now, screen.clone()));
         if self.is_due(now) { self.write_pending() } else { Ok(()) }
+    }
+
+    /// Returns the file.
+    pub fn path(&self) -> &Path {
+        &self.path
     }
 
     fn is_due(&self, now: Duration) -> bool {
@@ -174,8 +181,6 @@ fn clamp_size((width, height): (u16, u16)) -> (u16, u16) {
 
 #[cfg(test)]
 mod tests {
-    use std::path::PathBuf;
-
     use ratatui::style::Style;
 
     use super::*;
@@ -184,7 +189,7 @@ mod tests {
     fn recorder(size: (u16, u16)) -> (tempfile::TempDir, PathBuf, Recorder) {
         let folder = tempfile::tempdir().expect("a folder");
         let path = folder.path().join("run.cast");
-        let recorder = Recorder::from_file(File::create(&path).expect("a file"), size).expect("written");
+        let recorder = Recorder::from_file(&path, File::create(&path).expect("a file"), size).expect("written");
         (folder, path, recorder)
     }
 

@@ -6,7 +6,7 @@ use super::action::Mode;
 use super::app::Offer;
 use super::config::UiConfig;
 use super::dialog::Dialog;
-use super::graphics::Graphics;
+use super::graphics::{Graphics, Redraw};
 use super::keymap::Keymap;
 use super::layers::Overlays;
 use super::layout::ScreenLayout;
@@ -18,7 +18,7 @@ use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
 use crate::bridge::SearchOutcome;
 use crate::text::grouped;
-use crate::train::{FilmFrame, Phase, Preset, Run, Settings, Snapshot, Success, settings_in_world};
+use crate::train::{FilmFrame, Phase, Preset, Run, Settings, Snapshot, Success, list_settings, settings_in_world};
 use crate::view::{Field, OnArrival};
 
 /// Everything that the screen shows.
@@ -43,8 +43,8 @@ pub struct Screen {
     pub marker: Marker,
     /// What pictures the terminal shows.
     pub graphics: Option<Graphics>,
-    /// Whether pictures are to stay as they are for a moment.
-    pub pictures_rest: bool,
+    /// How much of the pictures is drawn again.
+    pub redraw: Redraw,
     /// The selected pane.
     pub pane: Pane,
     /// Whether that pane fills the screen.
@@ -90,7 +90,7 @@ impl Screen {
             field: Field::default(),
             marker: config.marker,
             graphics: None,
-            pictures_rest: false,
+            redraw: Redraw::default(),
             pane: Pane::default(),
             maximised: false,
             scrolled: 0,
@@ -129,6 +129,13 @@ impl Screen {
     /// Returns the settings of `preset` in the world shown.
     pub fn settings_of(&self, preset: Preset) -> Settings {
         settings_in_world(preset, self.snapshot.world_defaults)
+    }
+
+    /// Returns how many settings differ from those of the run's preset.
+    pub fn changed_settings(&self) -> usize {
+        let run = self.run();
+        let of_preset = list_settings(&self.settings_of(run.preset));
+        list_settings(&run.settings).into_iter().zip(of_preset).filter(|(now, default)| now != default).count()
     }
 
     /// Returns the frame of the film that the scene shows: what the viewer has computed last, so that nothing flickers.
@@ -191,7 +198,7 @@ impl Screen {
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
             Phase::Running if !self.snapshot.learns => "random steps".to_owned(),
             Phase::Running => match self.snapshot.counters.relearning() {
-                Some(left) => format!("relearning: {} left", grouped(left)),
+                Some(left) => format!("relearning: {} updates left", grouped(left)),
                 None => "training".to_owned(),
             },
             Phase::Stepping(_) => "stepping".to_owned(),

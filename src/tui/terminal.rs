@@ -22,7 +22,7 @@ use ratatui::{TerminalOptions, Viewport};
 use super::event_loop::Interface;
 use super::graphics::patches::Patches;
 use super::graphics::query::{self, Answer, LateAnswer};
-use super::graphics::{self, Graphics, Protocol, encode};
+use super::graphics::{self, Graphics, Protocol, Redraw, encode};
 use super::raster::Marker;
 use super::record::{LARGEST_SCREEN, Recorder};
 use guard::Guard;
@@ -155,7 +155,9 @@ impl Terminal {
             // The user may have chosen another font.
             graphics.character = character_size().unwrap_or(graphics.character);
         }
-        interface.set_graphics(self.graphics, self.patches.as_ref().is_some_and(Patches::is_resting));
+        let is_training = interface.is_training();
+        let redraw = self.patches.as_ref().map_or(Redraw::All, |patches| patches.redraw(is_training));
+        interface.set_graphics(self.graphics, redraw);
         execute!(stdout(), BeginSynchronizedUpdate)?;
         let drawn = self.draw_within_update(interface);
         execute!(stdout(), EndSynchronizedUpdate)?;
@@ -165,8 +167,13 @@ impl Terminal {
     fn draw_within_update(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {
         let began = Instant::now();
         let frame = self.inner.draw(|frame| interface.draw(frame))?;
-        if let Some(recorder) = &mut self.recorder {
-            recorder.frame(frame.buffer)?;
+        if let Some(recorder) = &mut self.recorder
+            && let Err(error) = recorder.frame(frame.buffer)
+        {
+            let problem = format!("the recording has stopped: {}: {error}", recorder.path().display());
+            self.recorder = None;
+            tracing::error!("{problem}");
+            interface.report(&problem);
         }
         let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) else { return Ok(()) };
         let bytes = patches.update(&interface.pictures(), frame.buffer, graphics)?;

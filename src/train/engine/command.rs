@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
 use crate::env::Environment;
-use crate::text::sanitized;
+use crate::text::{counted, sanitized};
 use crate::train::checkpoint::{self, CheckpointError, Loaded, SaveTo};
 use crate::train::error::TrainError;
 use crate::train::history::LogEntry;
@@ -84,7 +84,11 @@ impl Worker {
         (self.evaluation, self.next_evaluation_at) = (None, None);
         self.refresh_snapshot(true)?;
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
-        Ok(format!("{}, {} transitions removed{warning}", change.summary, change.transitions_removed))
+        let removed = match change.transitions_removed as u64 {
+            0 => String::new(),
+            removed => format!("; {} no longer possible", counted(removed, "transition")),
+        };
+        Ok(format!("{}{removed}{warning}", change.summary))
     }
 
     /// Continues with other settings and returns a notice of what was kept.

@@ -62,12 +62,14 @@ pub const SECTIONS: &[Section] = &[
                 .watching()
                 .also("reset again scratch random number new run start over"),
             bind(Action::Settings, "settings", &["o"], "", "change a setting during training").watching().also(
-                "options preferences parameters hyperparameters configuration configure learning rate batch size",
+                "options preferences parameters hyperparameters configuration configure learning rate batch size gamma \
+                 discount lr bigger network width",
             ),
             bind(Action::ResetSetting, "reset-setting", &["delete", "ctrl-x"], "", "reset the selected setting")
                 .within(When::Settings),
-            bind(Action::Method, "method", &[], "", "change to another method, keeping the data")
-                .also("algorithm learner planner switch gdg gdg-bridge her ddpg sorb rival baseline"),
+            bind(Action::Method, "method", &[], "", "change to another method, keeping the data").also(
+                "algorithm learner planner switch gdg gdg-bridge her ddpg sorb rival baseline compare comparison",
+            ),
             bind(Action::Preset, "preset", &[], "", "change to the settings of a preset")
                 .also("defaults paper tuned sb3 profile"),
         ],
@@ -96,7 +98,7 @@ pub const SECTIONS: &[Section] = &[
                 .also("tour loop repeat"),
             bind(Action::Follow, "follow", &["f"], "", "follow the next exploring agent")
                 .watching()
-                .also("track watch explorer"),
+                .also("track watch explorer rollout trajectory episode"),
         ],
     },
     Section {
@@ -104,7 +106,7 @@ pub const SECTIONS: &[Section] = &[
         bindings: &[
             bind(Action::Field(true), "next-field", &["v"], "view", "colour the map by the next quantity")
                 .watching()
-                .also("view field distance heatmap visits error truth value layer mode"),
+                .also("view field distance heatmap visits error truth value function layer mode"),
             bind(Action::Field(false), "previous-field", &["shift-v"], "", "colour the map by the previous quantity")
                 .watching()
                 .also("view field distance heatmap back"),
@@ -132,9 +134,15 @@ pub const SECTIONS: &[Section] = &[
             )
             .watching()
             .also("explorers robots dots overlay layer"),
-            bind(Action::Toggle(Overlay::Candidates), "candidates", &["b"], "", "bridge candidates, on or off")
-                .watching()
-                .also("bridges points nodes waypoints overlay layer"),
+            bind(
+                Action::Toggle(Overlay::Candidates),
+                "candidates",
+                &["b"],
+                "",
+                "bridge candidates, on or off (zoom in for more)",
+            )
+            .watching()
+            .also("bridges points nodes waypoints overlay layer"),
             bind(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph, on or off")
                 .watching()
                 .also("graph links lines overlay layer"),
@@ -183,7 +191,7 @@ pub const SECTIONS: &[Section] = &[
                 .also("characters symbols pixels resolution font"),
             bind(Action::Theme, "theme", &["shift-t"], "", "dark, light, colour-blind-safe, or no colours")
                 .watching()
-                .also("themes colors color scheme palette black white mono accessibility"),
+                .also("themes colors color scheme mode palette black white mono accessibility"),
         ],
     },
     Section {

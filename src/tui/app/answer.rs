@@ -58,11 +58,17 @@ impl App {
                     self.notify(&format!("nothing in the list fits \"{}\"", picker.typed().0));
                     return self.open_picker(picker);
                 };
+                let typed = picker.typed().0.to_owned();
                 if matches!(choice, Choice::Setting(_)) {
                     // The list stays, for the next setting.
                     self.screen.dialogs.push(Dialog::Pick(picker));
                 }
+                let opens_settings = choice == Choice::Act(Action::Settings);
                 self.choose(choice);
+                if let (true, Some(Dialog::Pick(settings))) = (opens_settings, self.screen.dialogs.last_mut()) {
+                    // Its words may name a setting.
+                    settings.search_names(&typed);
+                }
             }
             Some(Dialog::Ask(mut prompt)) => {
                 let (typed, _) = prompt.typed();

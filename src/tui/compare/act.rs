@@ -1,7 +1,7 @@
 //! Executes actions, for both sides.
 
 use super::{Comparison, LETTERS};
-use crate::tui::action::Action;
+use crate::tui::action::{Action, bindings};
 use crate::view::Field;
 
 impl Comparison {
@@ -41,6 +41,13 @@ impl Comparison {
             Action::Quit => self.done = true,
             _ => self.both(action),
         }
+    }
+
+    /// Says that an action is not for comparisons.
+    pub(super) fn refuse(&mut self, action: Action) {
+        let Some(binding) = bindings().find(|binding| binding.action == action) else { return };
+        let help = self.sides[0].app.screen.keymap.key_of(Action::Help);
+        self.notify(&format!("not in a comparison: {} ({help} shows its keys)", binding.long));
     }
 
     fn both(&mut self, action: Action) {

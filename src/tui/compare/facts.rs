@@ -18,6 +18,9 @@ pub struct Fact {
     place: Place,
 }
 
+/// Facts that begin a line of text of their own, so that those of both sides are next to each other.
+const FIRST: [&str; 2] = ["success", "D error"];
+
 /// How a fact follows the others in text.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Place {
@@ -48,15 +51,18 @@ pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
     let rate = |rate: f64| format!("{rate:.2}");
     let value = success.map_or("-".to_owned(), |s| s.planned.or(s.greedy).map_or("no tasks".to_owned(), rate));
     facts.push(Fact { style: BOLD, ..Fact::new("success", value) });
-    if let Some((Some(_), Some(greedy))) = success.map(|s| (s.planned, s.greedy)) {
-        facts.push(Fact { place: Place::Aside, ..Fact::new("actor alone", rate(greedy)) });
-    }
-    if let Some((updates, evaluation)) = snapshot.evaluations.last() {
-        let error = evaluation.distance_error;
-        facts.extend(error.map(|error| Fact::new("D error", format!("{:.0} %", 100.0 * error.mape))));
-        facts.push(Fact { place: Place::Aside, ..Fact::new("at update", short(*updates as f64)) });
+    let unknown = || "-".to_owned();
+    // What is not known yet has its place already: what follows does not move.
+    if side.app.screen.run().method.plans() {
+        let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
+        facts.push(Fact { place: Place::Aside, ..Fact::new("actor alone", greedy) });
     }
     facts.push(Fact::new("races", format!("{arrived}/{races}")));
+    let latest = snapshot.evaluations.last();
+    let error = latest.and_then(|(_, evaluation)| evaluation.distance_error);
+    facts.push(Fact::new("D error", error.map_or_else(unknown, |error| format!("{:.0} %", 100.0 * error.mape))));
+    let updates = latest.map_or_else(unknown, |(updates, _)| short(*updates as f64));
+    facts.push(Fact { place: Place::Aside, ..Fact::new("at update", updates) });
     let state = match walk {
         walk if walk.arrived => "arrived in",
         walk if walk.gave_up => "gave up at",
@@ -91,7 +97,11 @@ pub fn text(facts: &[Fact], width: u16) -> Vec<Line<'static>> {
             parts.push_span(Span::styled(name, DIM));
             parts.push_span(Span::styled(value, fact.style));
         }
-        match lines.last_mut().filter(|line| line.width() + 1 + parts.width() <= usize::from(width)) {
+        let has_room = |line: &&mut Line| {
+            let is_first = FIRST.contains(&group[0].name);
+            line.spans.is_empty() || !is_first && line.width() + 1 + parts.width() <= usize::from(width)
+        };
+        match lines.last_mut().filter(has_room) {
             Some(line) if line.spans.is_empty() => *line = parts,
             // A wider gap between facts than within one.
             Some(line) => line.spans.extend(std::iter::once(Span::raw(" ")).chain(parts.spans)),

@@ -193,6 +193,14 @@ impl Picker {
         }
     }
 
+    /// Searches for a text if it is a part of an item's name.
+    pub fn search_names(&mut self, text: &str) {
+        let text = text.trim().to_lowercase().replace(' ', "_");
+        if !text.is_empty() && self.items.iter().any(|item| item.label.contains(&text)) {
+            self.paste(&text);
+        }
+    }
+
     fn filter(&mut self) {
         let mut ranking = Ranking::new(self.typed.value());
         let scored = self.items.iter().enumerate().filter_map(|(i, item)| Some((i, ranking.score(item)?)));

@@ -10,7 +10,7 @@ use ratatui::layout::{Position, Rect};
 
 use super::encode::Encoder;
 use super::sixel::Bands;
-use super::{Graphics, Picture, Protocol};
+use super::{Graphics, Picture, Protocol, Redraw};
 
 /// Columns and rows of a whole patch: small, since little moves from frame to frame.
 const PATCH: (u16, u16) = (8, 4);
@@ -24,8 +24,11 @@ const SIXEL_PIXELS: u16 = 1000;
 /// than [`LONGEST_REST`]: so long that training, if it runs, loses less than 5 % of its speed; and otherwise so that a slow
 /// terminal is not sent more than it can read.
 const REST_FACTOR: u32 = 1;
-const TRAINING_REST_FACTOR: u32 = 20;
+const TRAINING_REST_FACTOR: u32 = 25;
 const LONGEST_REST: Duration = Duration::from_secs(1);
+
+/// For so long after the user has done something, what it changes is shown as if nothing were training.
+const AWAKE: Duration = Duration::from_millis(300);
 
 /// A patch on the screen.
 struct Patch {
@@ -67,6 +70,8 @@ pub struct Patches {
     shown: Vec<Patch>,
     /// When the terminal may be sent pictures again that have merely changed.
     resting_until: Option<Instant>,
+    /// When training comes first again.
+    awake_until: Option<Instant>,
     /// Whether what is shown is out of date.
     is_behind: bool,
     /// The size of the latest update.
@@ -76,7 +81,9 @@ pub struct Patches {
 impl Patches {
     /// Creates the patches of a screen without pictures.
     pub fn new(protocol: Protocol) -> Self {
-        Self { encoder: Encoder::new(protocol), shown: Vec::new(), resting_until: None, is_behind: false, bytes: 0 }
+        let (resting_until, awake_until) = (None, None);
+        let encoder = Encoder::new(protocol);
+        Self { encoder, shown: Vec::new(), resting_until, awake_until, is_behind: false, bytes: 0 }
     }
 
     /// Forgets what is on the screen: it has been cleared.
@@ -91,18 +98,28 @@ impl Patches {
 
     /// Has pictures stay as they are for a while: the latest ones took some time to draw, and the terminal to read.
     pub fn rest(&mut self, took: Duration, is_training: bool) {
-        let factor = if is_training { TRAINING_REST_FACTOR } else { REST_FACTOR };
+        let factor = if is_training && !is_ahead(self.awake_until) { TRAINING_REST_FACTOR } else { REST_FACTOR };
         self.resting_until = Some(Instant::now() + LONGEST_REST.min(factor * took));
     }
 
-    /// Whether pictures stay as they are.
-    pub fn is_resting(&self) -> bool {
-        self.resting_until.is_some_and(|until| Instant::now() < until)
+    /// Returns how much of the pictures to draw again.
+    pub fn redraw(&self, is_training: bool) -> Redraw {
+        match is_training && !is_ahead(self.awake_until) {
+            _ if self.is_resting() => Redraw::Nothing,
+            true => Redraw::Moving,
+            false => Redraw::All,
+        }
     }
 
-    /// Has pictures follow what they show again.
+    /// Whether pictures stay as they are.
+    fn is_resting(&self) -> bool {
+        is_ahead(self.resting_until)
+    }
+
+    /// Has pictures follow what they show again, for a moment at once.
     pub fn wake(&mut self) {
         self.resting_until = None;
+        self.awake_until = Some(Instant::now() + AWAKE);
     }
 
     /// Returns the bytes that show `pictures` where `screen` reserves places for them, and nowhere else.
@@ -156,6 +173,11 @@ impl Patches {
         self.shown.clear();
         if self.encoder.protocol() == Protocol::Kitty { super::encode::DELETE_ALL } else { b"" }
     }
+}
+
+/// Returns whether a moment is still to come.
+fn is_ahead(moment: Option<Instant>) -> bool {
+    moment.is_some_and(|moment| Instant::now() < moment)
 }
 
 /// Cuts a picture into patches: a grid, with holes where text is.
@@ -325,6 +347,20 @@ mod tests {
         screen.set_string(3, 2, "text", Style::new());
         assert!(sent(&mut patches, &[&picture], &screen).contains("a=d"));
         assert!(!patches.is_behind());
+    }
+
+    #[test]
+    fn training_comes_first_unless_the_user_does_something() {
+        let mut patches = Patches::new(Protocol::Kitty);
+        assert_eq!([true, false].map(|trains| patches.redraw(trains)), [Redraw::Moving, Redraw::All]);
+        patches.rest(LONGEST_REST, true);
+        assert_eq!([true, false].map(|trains| patches.redraw(trains)), [Redraw::Nothing; 2]);
+        patches.wake();
+        assert_eq!(patches.redraw(true), Redraw::All);
+        patches.rest(Duration::ZERO, true);
+        assert_eq!(patches.redraw(true), Redraw::All, "what comes of it is shown too");
+        patches.awake_until = None;
+        assert_eq!(patches.redraw(true), Redraw::Moving);
     }
 
     #[test]

@@ -14,7 +14,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let run = screen.run();
     let unsaved = screen.unsaved_updates();
     let saved = match &screen.snapshot.saved {
-        _ if unsaved > 0 => " * unsaved".to_owned(),
+        _ if unsaved > 0 => " unsaved".to_owned(),
         Some((_, path)) => path.file_name().map_or(String::new(), |f| format!(" {}", f.to_string_lossy())),
         None => String::new(),
     };
@@ -24,7 +24,9 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     bar.push(Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), act(Action::Help));
     bar.push(Span::styled(format!(" {} ", screen.title()), BOLD), act(Action::OpenMap));
     bar.push(Span::raw(format!("{} ", run.method.name())), act(Action::Method));
-    bar.push(Span::raw(format!("{} ", run.preset.name())), act(Action::Preset));
+    let changed = screen.changed_settings();
+    let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };
+    bar.push(Span::raw(format!("{} {changed}", run.preset.name())), act(Action::Preset));
     bar.push(Span::raw(format!("seed {} ", run.seed)), act(Action::NewSeed));
     bar.push(Span::styled(format!(" {}{speed}", screen.phase()), BOLD), act(Action::TogglePause));
     bar.push(Span::styled(saved, DIM), act(Action::Save));

@@ -30,7 +30,7 @@ pub const MEANINGS: [(&str, &str); 20] = [
     ("via graph", "the same for D along the bridge graph"),
     ("evaluated", "when success and errors were measured"),
     ("next", "when they are measured again"),
-    ("explored", "cells of the map that agents have visited"),
+    ("explored", "visited cells, of all within reach"),
     ("bridges", "bridge candidates, and edges between them"),
     ("search", "candidates tried, and steps a bridge saves"),
     ("learning", "time spent on updates, and on agents' steps"),
@@ -139,7 +139,7 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         }
         lines.push(fact("evaluated", format!("at update {}", short(screen.snapshot.learned(*updates) as f64))));
         lines.push(next(screen));
-        lines.extend(evaluation.coverage.map(|seen| fact("explored", format!("{:.0} % of the map", 100.0 * seen))));
+        lines.extend(evaluation.coverage.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))));
     } else {
         lines.push(Line::styled(" success", BOLD));
         lines.push(next(screen));

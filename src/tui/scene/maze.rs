@@ -1,6 +1,7 @@
 //! Mazes, seen from above.
 
 mod act;
+mod candidates;
 mod edges;
 mod editor;
 pub mod info;

@@ -259,10 +259,10 @@ fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
 
 #[test]
 fn both_maps_are_pictures_where_the_terminal_shows_them() {
-    use crate::tui::graphics::{Graphics, Protocol};
+    use crate::tui::graphics::{Graphics, Protocol, Redraw};
 
     let mut comparison = comparison();
-    comparison.set_graphics(Some(Graphics { protocol: Protocol::Sixel, character: (8, 16) }), false);
+    comparison.set_graphics(Some(Graphics { protocol: Protocol::Sixel, character: (8, 16) }), Redraw::All);
     draw(&mut comparison, (120, 40));
     let areas: Vec<_> = comparison.pictures().iter().map(|picture| picture.area).collect();
     let maps = comparison.apps().map(|app| app.screen.layout.map.as_ref().map(|map| map.area));

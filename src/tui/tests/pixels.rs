@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use super::screens::staged_app;
 use super::*;
 use crate::tui::graphics::patches::Patches;
-use crate::tui::graphics::{Graphics, Picture, Protocol};
+use crate::tui::graphics::{Graphics, Picture, Protocol, Redraw};
 use crate::tui::layers::Overlay;
 use crate::tui::output::ExportKind;
 use crate::tui::raster::Marker;
@@ -16,7 +16,7 @@ const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 
 /// Returns an app on a terminal that shows pictures.
 fn app_with_pictures() -> App {
     let mut app = app();
-    app.set_graphics(Some(GRAPHICS), false);
+    app.set_graphics(Some(GRAPHICS), Redraw::All);
     app
 }
 
@@ -96,11 +96,40 @@ fn the_fields_colours_are_smooth_and_its_contours_thin() {
 }
 
 #[test]
+fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
+    let mut app = app_with_pictures();
+    hide_overlays(&mut app);
+    draw(&mut app, 80, 24);
+    wait_until(&mut app, |app| app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster));
+    draw(&mut app, 80, 24);
+    let (walker, ground) = (app.screen.maze.view.walk.start, [4.5, 1.5]);
+    let shown = |app: &mut App, redraw| {
+        app.set_graphics(Some(GRAPHICS), redraw);
+        draw(app, 80, 24);
+        [colour(app, ground, [0.0; 2]), colour(app, walker, [0.0; 2])]
+    };
+    let before = shown(&mut app, Redraw::All);
+    // All is farther, and the walk begins elsewhere.
+    let view = Arc::make_mut(&mut app.screen.maze.view);
+    view.field = Arc::new(view.field.iter().map(|value| 0.1 * value).collect());
+    view.walk.start = [ground[0] + 3.0, ground[1]];
+    let [same, moved] = shown(&mut app, Redraw::Moving);
+    assert!(same == before[0] && moved != before[1]);
+    let [other, _] = shown(&mut app, Redraw::All);
+    assert_ne!(other, before[0]);
+    // Another goal is shown at once.
+    let view = Arc::make_mut(&mut app.screen.maze.view);
+    view.field = Arc::new(view.field.iter().map(|value| 5.0 * value).collect());
+    view.goal.1 += 1;
+    assert_ne!(shown(&mut app, Redraw::Moving)[0], other);
+}
+
+#[test]
 fn the_mouse_finds_the_same_cells_as_with_characters() {
     let mut app = app();
     draw(&mut app, 80, 24);
     let before = app.screen.layout.map.clone();
-    app.set_graphics(Some(GRAPHICS), false);
+    app.set_graphics(Some(GRAPHICS), Redraw::All);
     draw(&mut app, 80, 24);
     assert_eq!(app.screen.layout.map, before);
     let at = character_of(&app, Cell::new(3, 3));
@@ -137,7 +166,7 @@ fn pixels_are_for_terminals_with_pictures_and_colours() {
         let mut app = app();
         app.screen.marker = marker;
         app.screen.theme = Theme::new(theme, ColourDepth::True);
-        app.set_graphics(graphics, false);
+        app.set_graphics(graphics, Redraw::All);
         draw(&mut app, 80, 24);
         !app.pictures().is_empty()
     };
@@ -163,7 +192,7 @@ fn m_chooses_pixels_and_says_if_there_are_none() {
 #[test]
 fn everything_on_the_map_can_be_drawn_as_pixels() {
     let mut app = staged_app(120, 40);
-    app.set_graphics(Some(GRAPHICS), false);
+    app.set_graphics(Some(GRAPHICS), Redraw::All);
     let without = {
         draw(&mut app, 120, 40);
         picture(&app).pixmap.clone()
@@ -190,7 +219,7 @@ fn maps_with_more_cells_than_pixels_lose_no_wall() {
     let row: String = (0..600).map(|x| if x % 50 == 49 { '#' } else { '.' }).collect();
     let map = parse_map("wide", format!("{row}\n").repeat(300).as_bytes()).expect("a map");
     let mut app = app_on(map, gdg());
-    app.set_graphics(Some(Graphics { character: (3, 6), ..GRAPHICS }), false);
+    app.set_graphics(Some(Graphics { character: (3, 6), ..GRAPHICS }), Redraw::All);
     draw(&mut app, 100, 40);
     let own = &picture(&app).pixmap;
     assert!(own.width() < 300, "less than a pixel for two cells");
@@ -205,7 +234,7 @@ fn the_line_below_counts_the_cells_of_a_pixel() {
     let map = parse_map("wide", format!("{}\n", ".".repeat(150)).repeat(150).as_bytes()).expect("a map");
     let mut app = app_on(map, gdg());
     assert!(text(&draw(&mut app, 80, 24)).contains("1 dot = "));
-    app.set_graphics(Some(GRAPHICS), false);
+    app.set_graphics(Some(GRAPHICS), Redraw::All);
     assert!(!text(&draw(&mut app, 80, 24)).contains("1 dot = "), "a cell has several pixels");
 }
 
@@ -214,7 +243,7 @@ fn exports_show_the_map_in_characters() {
     let mut app = app_with_pictures();
     draw(&mut app, 80, 24);
     let with = crate::tui::export::contents(ExportKind::MapSvg, &app.screen).expect("an export");
-    app.set_graphics(None, false);
+    app.set_graphics(None, Redraw::All);
     let without = crate::tui::export::contents(ExportKind::MapSvg, &app.screen).expect("an export");
     assert_eq!(with, without);
 }

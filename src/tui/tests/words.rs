@@ -7,7 +7,7 @@ use crate::tui::panes::Pane;
 use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
-const WORDS: [(&str, Action); 69] = [
+const WORDS: [(&str, Action); 74] = [
     ("resume", Action::TogglePause),
     ("pause", Action::TogglePause),
     ("stop", Action::TogglePause),
@@ -28,6 +28,8 @@ const WORDS: [(&str, Action); 69] = [
     ("options", Action::Settings),
     ("learning rate", Action::Settings),
     ("hyperparameters", Action::Settings),
+    ("gamma", Action::Settings),
+    ("batch size", Action::Settings),
     ("method", Action::Method),
     ("algorithm", Action::Method),
     ("her", Action::Method),
@@ -39,8 +41,11 @@ const WORDS: [(&str, Action); 69] = [
     ("theme", Action::Theme),
     ("colors", Action::Theme),
     ("dark", Action::Theme),
+    ("dark mode", Action::Theme),
     ("view", Action::Field(true)),
     ("heatmap", Action::Field(true)),
+    ("value function", Action::Field(true)),
+    ("trajectory", Action::Follow),
     ("arrows", Action::Toggle(Overlay::Directions)),
     ("contours", Action::Toggle(Overlay::Contours)),
     ("edges", Action::Toggle(Overlay::Edges)),

@@ -30,7 +30,9 @@ fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static
     let options = texts.iter().flat_map(|text| bars.map(|bar| (text, bar)));
     let lines = options.map(|(text, bar)| {
         let mut line = scale(screen, bar);
-        line.push_span(Span::styled(text.clone(), DIM));
+        // Without a bar, a blank ends the line.
+        let text = if line.to_string().ends_with(' ') { text.trim_start_matches(", ") } else { text };
+        line.push_span(Span::styled(text.to_owned(), DIM));
         line
     });
     lines.into_iter().find(|line| line.width() <= width).unwrap_or_else(|| scale(screen, SHORT_BAR_WIDTH))

@@ -6,6 +6,7 @@ use ratatui::Frame;
 use ratatui::buffer::Buffer;
 use ratatui::layout::{Position, Rect};
 
+use super::candidates;
 use super::edges;
 use super::picture::{self, PictureCache};
 use super::unexplored::Unexplored;
@@ -268,7 +269,7 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
         edges::draw(canvas, map_frame, screen);
     }
     if shows(Overlay::Candidates) && (MIN_BRIDGE_SCALE..MIN_SIZED_CANDIDATE_SCALE).contains(&scale) {
-        for candidate in screen.maze.view.candidates.iter() {
+        for candidate in candidates::shown(map_frame, screen) {
             // The better connected, the darker.
             canvas.faint_dot(
                 map_frame,
@@ -333,8 +334,9 @@ fn draw_symbols(glyphs: &mut Glyphs, labels: Vec<&Label>, screen: &Screen) {
             cells.into_iter().all(|cell| screen.maze.map.is_free(cell))
         };
         let open = |at| glyphs.map_frame.character_of(at).is_some_and(is_open);
-        let candidates: Vec<_> = screen.maze.view.candidates.iter().filter(|candidate| open(candidate.at)).collect();
-        for candidate in candidates {
+        let shown = candidates::shown(glyphs.map_frame, screen);
+        let open: Vec<_> = shown.into_iter().filter(|candidate| open(candidate.at)).collect();
+        for candidate in open {
             let symbol = match candidate.degree {
                 d if d < 0.34 => '\u{b7}',
                 d if d < 0.67 => '\u{2022}',

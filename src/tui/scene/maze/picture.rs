@@ -5,26 +5,34 @@ mod contours;
 mod ground;
 
 use std::sync::Arc;
+use std::time::{Duration, Instant};
 
 use ratatui::Frame;
 
+use super::candidates;
 use super::edges;
 use super::map::{Key, open_field, shown_goal};
 use super::unexplored::Unexplored;
 use crate::bridge::EdgeStatus;
+use crate::map::Cell;
 use crate::tui::contours as intervals;
-use crate::tui::graphics::Picture;
+use crate::tui::graphics::{Picture, Redraw};
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet};
 use crate::tui::theme::{Rgb, contour, ink};
-use crate::view::Ground;
+use crate::view::{Field, Ground};
 use ground::Scale;
 
 /// How far apart contour lines are on average, at least, in pixels of the field: half as far as in characters.
 const CONTOUR_SPACING: f32 = 3.0;
+
+/// While training comes first, the ground is drawn again after this multiple of the time that it took, but after
+/// [`LONGEST_GROUND_REST`] at the latest: it takes several times as long as what moves on it.
+const GROUND_REST_FACTOR: u32 = 100;
+const LONGEST_GROUND_REST: Duration = Duration::from_secs(2);
 
 /// Positions of a trail farther apart than this, in cells, are not connected: the agent began anew.
 const LONGEST_STEP: f32 = 3.0;
@@ -68,7 +76,13 @@ struct Base {
     sheet: Sheet,
     /// Steps between two contour lines, if they are drawn.
     contour_interval: Option<f32>,
+    subject: Subject,
+    /// Until when it may stay if training comes first.
+    rests_until: Instant,
 }
+
+/// What a field is of: its goal, the quantity, and the updates of the film's frame.
+type Subject = ((Option<Cell>, u64), Field, Option<u64>);
 
 /// Draws the map and everything on it, in characters of so many pixels.
 pub fn draw(
@@ -81,7 +95,7 @@ pub fn draw(
 ) {
     let area = map_frame.area;
     let size = (u32::from(area.width) * u32::from(character.0), u32::from(area.height) * u32::from(character.1));
-    if screen.pictures_rest && cache.is_up_to_date_enough(map_frame, size, screen) {
+    if screen.redraw == Redraw::Nothing && cache.is_up_to_date_enough(map_frame, size, screen) {
         Picture::reserve(area, frame.buffer_mut());
         layout.contour_interval = cache.base.as_ref().and_then(|base| base.contour_interval);
         cache.is_shown = true;
@@ -89,7 +103,7 @@ pub fn draw(
     }
     let scale = Scale::new(map_frame.raster.window, size, character);
     let base = match cache.base.take() {
-        Some(base) if base.shows(map_frame, size, screen) => Some(base),
+        Some(base) if base.shows(map_frame, size, screen) || base.may_stay(map_frame, size, screen) => Some(base),
         before => Base::new(map_frame, &scale, before, screen),
     };
     let Some(base) = base else { return };
@@ -111,6 +125,7 @@ pub fn draw(
 impl Base {
     /// Draws map and field, with contour lines at the same interval as `before` if possible; `None` without memory.
     fn new(map_frame: &MapFrame, scale: &Scale, before: Option<Self>, screen: &Screen) -> Option<Self> {
+        let began = Instant::now();
         let key = Key::new(map_frame, screen);
         let (columns, rows) = map_frame.raster.pixels;
         let map = &screen.maze.map;
@@ -143,7 +158,8 @@ impl Base {
             draw_directions(&mut sheet, scale, screen);
         }
         let directions = screen.maze.view.directions.clone();
-        Some(Self { key, directions, grounds, sheet, contour_interval })
+        let rests_until = Instant::now() + LONGEST_GROUND_REST.min(GROUND_REST_FACTOR * began.elapsed());
+        Some(Self { key, directions, grounds, sheet, contour_interval, subject: subject(screen), rests_until })
     }
 
     /// Returns the columns and rows of pixels.
@@ -156,6 +172,23 @@ impl Base {
         let same_directions = Arc::ptr_eq(&self.directions, &screen.maze.view.directions);
         self.size() == size && same_directions && self.key.is_current(map_frame, screen)
     }
+
+    /// Returns whether this differs from what is up to date in what has been learned of late alone, and may stay.
+    fn may_stay(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
+        let now = Key::new(map_frame, screen);
+        screen.redraw == Redraw::Moving
+            && Instant::now() < self.rests_until
+            && self.size() == size
+            && self.subject == subject(screen)
+            && self.key.same_style(&now)
+            && self.key.field.is_some() == now.field.is_some()
+    }
+}
+
+/// Returns what the field on the screen is of.
+fn subject(screen: &Screen) -> Subject {
+    let view = &screen.maze.view;
+    (view.goal, view.kind, view.past.as_ref().map(|past| past.updates))
 }
 
 /// Draws the directions that the actor would take.
@@ -201,7 +234,7 @@ impl Moving<'_> {
             self.edges(map_frame);
         }
         if candidates {
-            self.candidates();
+            self.candidates(map_frame);
         }
         if path {
             self.path();
@@ -228,8 +261,8 @@ impl Moving<'_> {
         }
     }
 
-    fn candidates(&mut self) {
-        for candidate in self.screen.maze.view.candidates.iter() {
+    fn candidates(&mut self, map_frame: &MapFrame) {
+        for candidate in candidates::shown(map_frame, self.screen) {
             let at = self.scale.pixel(candidate.at);
             let Some(ground) = self.sheet.colour(at[0] as i32, at[1] as i32) else { continue };
             // The better connected, the larger.

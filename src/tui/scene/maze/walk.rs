@@ -24,6 +24,7 @@ fn format_steps(distance: f32) -> String {
 
 fn walker(screen: &Screen) -> Vec<Line<'static>> {
     let shown = &screen.maze.view.walk;
+    let has_path = shown.shortest.is_some();
     let shortest = shown.shortest.map_or("no path".to_owned(), |s| s.to_string());
     let state = if shown.arrived { "arrived" } else { "walking" };
     let mut lines = vec![
@@ -31,7 +32,7 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
         fact("to G", format_position(&screen.maze.goal.centre())),
         fact(state, format!("{} steps", shown.steps)),
         fact("shortest", shortest),
-        fact("D to goal", format_steps(shown.distances.0)),
+        fact("D to goal", format_steps(shown.distances.0) + if has_path { "" } else { " (means nothing)" }),
         fact("waypoint", shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at))),
         fact("D to it", format_steps(shown.distances.1)),
         fact("ahead", format!("{} waypoints", screen.maze.view.path.len().saturating_sub(1))),

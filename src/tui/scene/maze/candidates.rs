@@ -1,0 +1,30 @@
+//! Which bridge candidates are drawn: all of them would hide what they stand on.
+
+use std::collections::HashMap;
+
+use crate::tui::raster::MapFrame;
+use crate::tui::screen::Screen;
+use crate::view::Candidate;
+
+/// Of the candidates within so many columns and rows of characters, one is drawn.
+const SPACING: (u16, u16) = (6, 3);
+
+/// Returns the candidates to draw: in each part of the screen the one nearest to its middle, so that the same ones are
+/// drawn as long as they stay where they are.
+pub fn shown<'a>(map_frame: &MapFrame, screen: &'a Screen) -> Vec<&'a Candidate> {
+    let mut nearest: HashMap<(u16, u16), (f32, usize)> = HashMap::new();
+    let candidates = &screen.maze.view.candidates;
+    for (i, candidate) in candidates.iter().enumerate() {
+        let Some(at) = map_frame.character_of(candidate.at) else { continue };
+        let (column, row) = (at.x - map_frame.area.x, at.y - map_frame.area.y);
+        let off = |at: u16, spacing: u16| f32::from(at % spacing) - 0.5 * f32::from(spacing - 1);
+        let own = off(column, SPACING.0).abs() + 2.0 * off(row, SPACING.1).abs();
+        let part = nearest.entry((column / SPACING.0, row / SPACING.1)).or_insert((own, i));
+        if own < part.0 {
+            *part = (own, i);
+        }
+    }
+    let mut shown: Vec<usize> = nearest.into_values().map(|(_, i)| i).collect();
+    shown.sort_unstable();
+    shown.into_iter().map(|i| &candidates[i]).collect()
+}
