@@ -334,7 +334,7 @@ fn measured(session: &Session) -> Option<(f64, usize, f64)> {
     let pages: f64 = pages.split(' ').nth(1)?.parse().ok()?;
     let handles = std::fs::read_dir(format!("{process}/fd")).ok()?.count();
     let shown = session.screen_text();
-    let updates = shown.split("updates").nth(1)?.split_whitespace().next()?.replace(',', "");
+    let updates = shown.split("\u{2502} updates").nth(1)?.split_whitespace().next()?.replace(',', "");
     let units = [('k', 1e3), ('M', 1e6)];
     let unit = units.iter().find(|(sign, _)| updates.ends_with(*sign)).map_or(1.0, |(_, unit)| *unit);
     let updates = unit * updates.trim_end_matches(char::is_alphabetic).parse::<f64>().ok()?;
