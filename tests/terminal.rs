@@ -63,7 +63,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     session.press("kx");
     session.wait_for("1 cell walled");
     session.press("u");
-    session.wait_for("1 opened");
+    session.wait_for("1 cell opened");
     session.press("\x1b");
     // The notice about the edit hides the key hints for a few seconds.
     session.wait_for("Tab panes");
@@ -81,7 +81,7 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
     session.press("\x1b[B\r");
     assert_eq!(session.end(), 0);
     let mut again = Session::start(folder.path(), &["--resume", "saves/rooms-gdg-bridge-seed3.safetensors"]);
-    again.wait_for("rooms gdg-bridge default seed 3");
+    again.wait_for("rooms gdg-bridge default (3 changed) seed 3");
     again.wait_for("training");
     // The checkpoint list shows it too.
     again.press("L");
