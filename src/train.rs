@@ -24,8 +24,8 @@ pub use checkpoint::{
     with_updated_checksum,
 };
 pub use config::{
-    ConfigError, Overrides, list_settings, print_settings, settings_from, settings_from_text, settings_in_world,
-    with_setting,
+    ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from, settings_from_text,
+    settings_in_world, with_setting,
 };
 pub use engine::{Command, Engine, FollowedAgent, MakeWorld, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 pub use error::TrainError;

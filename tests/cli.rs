@@ -272,7 +272,9 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let table = String::from_utf8_lossy(&table.stdout).into_owned();
     let lines: Vec<&str> = table.lines().collect();
     assert_eq!(lines.len(), 5, "{table}");
-    assert!(lines[0].starts_with("file  ") && lines[1].starts_with("fourrooms.safetensors"), "newest first: {table}");
+    let columns: Vec<&str> = lines[0].split_whitespace().collect();
+    assert_eq!(columns, ["file", "updates", "planned", "greedy", "written", "MB", "map", "method", "seed"]);
+    assert!(lines[1].starts_with("fourrooms.safetensors"), "newest first: {table}");
     assert!(lines[2].ends_with(" 4"), "the seed: {table}");
     for part in ["trap", "gdg-bridge", " 20 ", " 0."] {
         assert!(lines[2].contains(part), "{part:?} is not in {}", lines[2]);
@@ -337,6 +339,19 @@ fn missing_the_required_success_is_status_3() {
     let args = ["--no-ui", "trap", "--max-updates", "10", "--eval-tasks", "2", "--method", "random"];
     gdg().args(args).args(SMALL).args(["--require-success", "1"]).assert().code(3);
     gdg().args(args).args(SMALL).args(["--require-success", "0"]).assert().code(0);
+}
+
+#[test]
+fn a_start_without_a_path_to_the_goal_is_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("apart.txt");
+    std::fs::write(&path, "S..#..G\n...#...\n...#...\n").unwrap();
+    let args = ["--no-ui", path.to_str().unwrap(), "--max-updates", "1", "--eval-tasks", "1", "--set", "hidden=16"];
+    let output = gdg().args(args).output().unwrap();
+    let error = String::from_utf8_lossy(&output.stderr).into_owned();
+    assert_eq!(output.status.code(), Some(0), "{error}");
+    let warning = "warning: apart: the start S and the goal G lie in different components: no path connects them";
+    assert!(error.contains(warning), "{error}");
 }
 
 #[test]

@@ -152,6 +152,25 @@ fn tables_and_exports_never_replace_a_checkpoint() {
 }
 
 #[test]
+fn tables_never_replace_what_the_run_reads() {
+    let folder = folder();
+    let trap = std::fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("maps/trap.txt")).unwrap();
+    let names = ["own.txt", "edit.txt", "settings.json"];
+    let texts = [trap.as_str(), &trap, "{\"hidden\": 16}\n"];
+    for (name, text) in names.iter().zip(texts) {
+        std::fs::write(folder.path().join(name), text).unwrap();
+    }
+    for (name, text) in names.iter().zip(texts) {
+        let mut command = isolated_command(folder.path());
+        let args = ["--no-ui", "own.txt", "--edit-at", "3:edit.txt", "--config", "settings.json", "--max-updates", "5"];
+        let (status, _, errors) = outcome(command.args(args).args(["--csv", name, "--overwrite"]));
+        assert_eq!(status, 2, "{errors}");
+        assert!(errors.contains(&format!("{name}: is read by this run and is not replaced")), "{errors}");
+        assert_eq!(std::fs::read_to_string(folder.path().join(name)).unwrap(), text);
+    }
+}
+
+#[test]
 fn a_file_that_is_not_a_checkpoint_is_never_replaced() {
     let folder = folder();
     let path = folder.path().join("notes.txt");
@@ -254,6 +273,21 @@ fn a_limit_on_the_size_of_files_is_an_error_like_a_full_disk() {
     let (status, _, errors) = outcome(Command::new("sh").current_dir(folder.path()).args(["-c", &script]));
     assert_eq!(status, 1, "{errors}");
     assert!(errors.contains("File too large") && !folder.path().join("big.safetensors").exists(), "{errors}");
+}
+
+#[test]
+fn a_recording_that_cannot_go_on_is_reported_and_training_goes_on() {
+    let folder = folder();
+    let mut session = Session::start_with_file_limit(folder.path(), &["trap", "--record", "run.cast"], 40);
+    session.wait_for("the recording has stopped");
+    session.press("n");
+    session.wait_for("paused");
+    session.press("\x03");
+    session.wait_for_end_or("quit without saving");
+    session.press("\x03");
+    assert_eq!(session.end(), 0);
+    let cast = std::fs::read_to_string(folder.path().join("run.cast")).unwrap();
+    assert!(cast.len() <= 40 * 512 && cast.starts_with('{'), "what was recorded before is kept: {}", cast.len());
 }
 
 #[test]

@@ -271,8 +271,10 @@ fn jobs_in_processes_of_their_own_give_the_same_bytes_as_one_process() {
     let listed = more(&["--list-jobs"]).out;
     let commands: Vec<&str> = listed.lines().collect();
     assert!(commands.len() >= 3 && commands.iter().all(|line| line.contains("'/")), "{listed}");
+    let kept = more(&["--list-jobs", "--keep"]).out;
+    assert_eq!(kept.lines().filter(|line| line.contains(" --keep ")).count(), commands.len(), "{kept}");
     // The first by its number, the others as a cluster runs them: all at once, from another folder.
-    let first = more(&["--job", "1"]);
+    let first = more(&["--job", "1", "--job", "1"]);
     assert_eq!((first.status, first.out.as_str()), (Some(0), ""), "{}", first.err);
     let partly = more(&["--collect"]);
     assert_eq!(partly.status, Some(1));

@@ -10,14 +10,7 @@ use std::path::Path;
 /// Returns the system's error, or an error if the path is not a regular file.
 pub fn open(path: &Path) -> Result<File> {
     ensure_regular_file(std::fs::metadata(path)?.file_type())?;
-    let mut options = OpenOptions::new();
-    options.read(true);
-    // Do not block if a FIFO has replaced the file since the check.
-    #[cfg(unix)]
-    std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, nix::fcntl::OFlag::O_NONBLOCK.bits());
-    let file = options.open(path)?;
-    ensure_regular_file(file.metadata()?.file_type())?;
-    Ok(file)
+    open_with(path, OpenOptions::new().read(true), true)
 }
 
 /// Opens a regular file for writing without changing it, or creates an empty one. Follows no symbolic link: what it leads
@@ -29,12 +22,18 @@ pub fn open_or_create(path: &Path) -> Result<File> {
     if let Ok(found) = std::fs::symlink_metadata(path) {
         ensure_regular_file(found.file_type())?;
     }
-    let mut options = OpenOptions::new();
-    options.write(true).create(true).truncate(false);
+    open_with(path, OpenOptions::new().write(true).create(true).truncate(false), false)
+}
+
+/// Opens a path whose type has been checked, following a symbolic link only if `follows_links`. Does not block if a FIFO
+/// has replaced the file since the check.
+#[cfg_attr(not(unix), expect(unused_variables, reason = "only Unix has these flags"))]
+fn open_with(path: &Path, options: &mut OpenOptions, follows_links: bool) -> Result<File> {
     #[cfg(unix)]
     {
-        let flags = nix::fcntl::OFlag::O_NONBLOCK | nix::fcntl::OFlag::O_NOFOLLOW;
-        std::os::unix::fs::OpenOptionsExt::custom_flags(&mut options, flags.bits());
+        use nix::fcntl::OFlag;
+        let flags = if follows_links { OFlag::O_NONBLOCK } else { OFlag::O_NONBLOCK | OFlag::O_NOFOLLOW };
+        std::os::unix::fs::OpenOptionsExt::custom_flags(options, flags.bits());
     }
     let file = options.open(path)?;
     ensure_regular_file(file.metadata()?.file_type())?;

@@ -1,5 +1,6 @@
 //! The state of the screen: everything a frame is drawn from.
 
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use super::action::Mode;
@@ -18,7 +19,7 @@ use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
 use crate::bridge::SearchOutcome;
 use crate::text::grouped;
-use crate::train::{FilmFrame, Phase, Preset, Run, Settings, Snapshot, Success, list_settings, settings_in_world};
+use crate::train::{FilmFrame, Phase, Preset, Run, Settings, Snapshot, Success, changed_from, settings_in_world};
 use crate::view::{Field, OnArrival};
 
 /// Everything that the screen shows.
@@ -29,6 +30,8 @@ pub struct Screen {
     pub theme: Theme,
     /// The training state shown.
     pub snapshot: Arc<Snapshot>,
+    /// The names of the run's settings that differ from those of its preset.
+    pub changed_settings: HashSet<String>,
     /// What is shown of a maze.
     pub maze: MazeState,
     /// What is shown of an arm.
@@ -79,13 +82,14 @@ impl Screen {
     /// Creates a screen that shows `snapshot`.
     pub fn new((config, keymap): (&UiConfig, Keymap), snapshot: Arc<Snapshot>) -> Self {
         let theme = Theme::new(config.theme, ColourDepth::detect());
-        Self {
+        let mut screen = Self {
             keymap,
             overlays: Overlays::by_default(theme.depth),
             theme,
             maze: MazeState::new(snapshot.scene.maze().map),
             arm: ArmState::default(),
             snapshot,
+            changed_settings: HashSet::new(),
             log: Log::default(),
             field: Field::default(),
             marker: config.marker,
@@ -105,7 +109,9 @@ impl Screen {
             tour: None,
             first_run: false,
             layout: ScreenLayout::default(),
-        }
+        };
+        screen.update_changed_settings();
+        screen
     }
 
     /// Returns the kind of world that is shown.
@@ -131,11 +137,11 @@ impl Screen {
         settings_in_world(preset, self.snapshot.world_defaults)
     }
 
-    /// Returns how many settings differ from those of the run's preset.
-    pub fn changed_settings(&self) -> usize {
+    /// Finds out which settings differ from those of the run's preset, after the run has changed.
+    pub fn update_changed_settings(&mut self) {
         let run = self.run();
-        let of_preset = list_settings(&self.settings_of(run.preset));
-        list_settings(&run.settings).into_iter().zip(of_preset).filter(|(now, default)| now != default).count()
+        let changed = changed_from(&run.settings, &self.settings_of(run.preset));
+        self.changed_settings = changed.into_iter().map(|(name, _)| name).collect();
     }
 
     /// Returns the frame of the film that the scene shows: what the viewer has computed last, so that nothing flickers.

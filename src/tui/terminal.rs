@@ -172,7 +172,6 @@ impl Terminal {
         {
             let problem = format!("the recording has stopped: {}: {error}", recorder.path().display());
             self.recorder = None;
-            tracing::error!("{problem}");
             interface.report(&problem);
         }
         let (Some(patches), Some(graphics)) = (&mut self.patches, self.graphics) else { return Ok(()) };

@@ -46,8 +46,20 @@ impl Session {
 
     /// Like [`Self::start`], with environment variables.
     pub fn start_with(folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
+        let program = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        Self::start_program(program, folder, args, variables)
+    }
+
+    /// Like [`Self::start`], with a limit on the size of files, in blocks of 512 bytes.
+    pub fn start_with_file_limit(folder: &Path, args: &[&str], blocks: u32) -> Self {
+        let mut program = CommandBuilder::new("sh");
+        program.args(["-c", &format!("ulimit -f {blocks}; exec \"$0\" \"$@\"")]);
+        program.arg(assert_cmd::cargo::cargo_bin!("gdg-tui"));
+        Self::start_program(program, folder, args, &[])
+    }
+
+    fn start_program(mut command: CommandBuilder, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
         let pty = native_pty_system().openpty(size(80, 24)).unwrap();
-        let mut command = CommandBuilder::new(assert_cmd::cargo::cargo_bin!("gdg-tui"));
         command.args(args);
         // A checkpoint carries its own settings, and the tour has always the same.
         if !args.contains(&"--resume") && args.first() != Some(&"tour") {

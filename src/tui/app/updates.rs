@@ -21,6 +21,7 @@ impl App {
             self.start_run();
         }
         if self.screen.snapshot.run != before.run {
+            self.screen.update_changed_settings();
             self.update_settings_list();
         }
         self.on_saving(&before);

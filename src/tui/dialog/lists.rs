@@ -85,7 +85,11 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
     let run = screen.run();
     let values = list_settings(&run.settings).into_iter().zip(list_settings(&screen.settings_of(run.preset)));
     let all = SETTINGS.iter().zip(values);
-    all.map(|(setting, ((_, now), (_, default)))| setting_item(setting, &now, &default, run.preset)).collect()
+    let item = |(setting, ((_, now), (_, default))): (&Setting, _)| {
+        let item = setting_item(setting, &now, &default, run.preset);
+        Item { marked: screen.changed_settings.contains(setting.name), ..item }
+    };
+    all.map(item).collect()
 }
 
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
@@ -101,7 +105,7 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
     ];
     let detail = format!("{:<VALUE_WIDTH$}  {about}", truncated(now, VALUE_WIDTH));
     let choice = Choice::Setting((*name).to_owned());
-    Item { below, marked: now != default, ..Item::new(*name, detail, choice).within(group.name()) }
+    Item { below, ..Item::new(*name, detail, choice).within(group.name()) }
 }
 
 /// Lists the kinds of random maps.

@@ -24,7 +24,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     bar.push(Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), act(Action::Help));
     bar.push(Span::styled(format!(" {} ", screen.title()), BOLD), act(Action::OpenMap));
     bar.push(Span::raw(format!("{} ", run.method.name())), act(Action::Method));
-    let changed = screen.changed_settings();
+    let changed = screen.changed_settings.len();
     let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };
     bar.push(Span::raw(format!("{} {changed}", run.preset.name())), act(Action::Preset));
     bar.push(Span::raw(format!("seed {} ", run.seed)), act(Action::NewSeed));

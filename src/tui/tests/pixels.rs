@@ -20,6 +20,16 @@ fn app_with_pictures() -> App {
     app
 }
 
+/// Returns the same with nothing but the map, the field, the goal and the walking agent, once the field is on the screen.
+fn app_with_field(columns: u16, rows: u16) -> App {
+    let mut app = app_with_pictures();
+    hide_overlays(&mut app);
+    draw(&mut app, columns, rows);
+    wait_until(&mut app, |app| app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster));
+    draw(&mut app, columns, rows);
+    app
+}
+
 fn picture(app: &App) -> &Picture {
     app.pictures().first().copied().expect("a picture")
 }
@@ -77,11 +87,7 @@ fn left_out(terminal: &Terminal<TestBackend>, area: Rect) -> usize {
 
 #[test]
 fn the_fields_colours_are_smooth_and_its_contours_thin() {
-    let mut app = app_with_pictures();
-    hide_overlays(&mut app);
-    draw(&mut app, 200, 60);
-    wait_until(&mut app, |app| app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster));
-    draw(&mut app, 200, 60);
+    let mut app = app_with_field(200, 60);
     let smooth = picture(&app).pixmap.clone();
     let green = |x: u32| f32::from(smooth.pixel(x, smooth.height() / 2).expect("a pixel").green());
     let window = 8..smooth.width() / 3;
@@ -97,11 +103,7 @@ fn the_fields_colours_are_smooth_and_its_contours_thin() {
 
 #[test]
 fn while_training_comes_first_the_ground_may_be_older_than_what_moves() {
-    let mut app = app_with_pictures();
-    hide_overlays(&mut app);
-    draw(&mut app, 80, 24);
-    wait_until(&mut app, |app| app.screen.maze.view.raster == app.screen.layout.map.as_ref().map(|map| map.raster));
-    draw(&mut app, 80, 24);
+    let mut app = app_with_field(80, 24);
     let (walker, ground) = (app.screen.maze.view.walk.start, [4.5, 1.5]);
     let shown = |app: &mut App, redraw| {
         app.set_graphics(Some(GRAPHICS), redraw);

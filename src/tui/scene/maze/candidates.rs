@@ -6,10 +6,10 @@ use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::view::Candidate;
 
-/// Of the candidates within so many columns and rows of characters, one is drawn.
+/// One candidate is drawn for each block of so many columns and rows of characters.
 const SPACING: (u16, u16) = (6, 3);
 
-/// Returns the candidates to draw: in each part of the screen the one nearest to its middle, so that the same ones are
+/// Returns the candidates to draw: in each block the one nearest to its middle, so that the same ones are
 /// drawn as long as they stay where they are.
 pub fn shown<'a>(map_frame: &MapFrame, screen: &'a Screen) -> Vec<&'a Candidate> {
     let mut nearest: HashMap<(u16, u16), (f32, usize)> = HashMap::new();

@@ -115,18 +115,19 @@ impl Key {
         }
     }
 
-    /// Returns whether two pictures show the same part of the same map.
-    pub(super) fn same_place(&self, other: &Self) -> bool {
-        self.map_frame == other.map_frame && Arc::ptr_eq(&self.map, &other.map)
+    /// Returns whether the screen still shows the same part of the same map.
+    pub(super) fn same_place(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+        self.map_frame == *map_frame && Arc::ptr_eq(&self.map, &screen.maze.map)
     }
 
-    /// Returns whether they do so in the same style.
-    pub(super) fn same_style(&self, other: &Self) -> bool {
-        self.same_place(other) && self.theme == other.theme && self.overlays == other.overlays
+    /// Returns whether it does so in the same style.
+    pub(super) fn same_style(&self, map_frame: &MapFrame, screen: &Screen) -> bool {
+        let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
+        self.same_place(map_frame, screen) && same_style
     }
 
     /// Returns the field for `raster`, if it has been computed.
-    fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
+    pub(super) fn field_on<'a>(raster: &Raster, screen: &'a Screen) -> Option<&'a Arc<Vec<f32>>> {
         let view = &screen.maze.view;
         (view.raster == Some(*raster) && (view.past.is_some() || view.kind == screen.field)).then_some(&view.field)
     }
@@ -137,12 +138,10 @@ impl Key {
             (Some(own), Some(now)) => Arc::ptr_eq(own, now),
             (own, now) => own.is_none() && now.is_none(),
         };
-        let same_map = Arc::ptr_eq(&self.map, &screen.maze.map);
         let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
             && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
         let same_time = self.is_past == screen.shown_past().is_some();
-        let same_style = self.theme == screen.theme.name && self.overlays == screen.overlays;
-        self.map_frame == *map_frame && same_field && same_map && same_exploration && same_time && same_style
+        self.same_style(map_frame, screen) && same_field && same_exploration && same_time
     }
 }
 

@@ -57,8 +57,7 @@ impl PictureCache {
 
     /// Returns whether the latest picture can stay for a while: it shows the same part of the same map in the same style.
     fn is_up_to_date_enough(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
-        let is = |base: &Base| base.size() == size && base.key.same_style(&Key::new(map_frame, screen));
-        self.picture.is_some() && self.base.as_ref().is_some_and(is)
+        self.picture.is_some() && self.base.as_ref().is_some_and(|base| base.same_style(map_frame, size, screen))
     }
 
     /// Returns the picture, if it is on the screen.
@@ -132,7 +131,7 @@ impl Base {
         let interval = before.as_ref().and_then(|before| before.contour_interval);
         let (grounds, sheet) = match before {
             Some(Self { key: own, grounds, sheet, .. }) => {
-                (Some(grounds).filter(|_| key.same_place(&own)), Some(sheet))
+                (Some(grounds).filter(|_| own.same_place(map_frame, screen)), Some(sheet))
             }
             None => (None, None),
         };
@@ -175,13 +174,16 @@ impl Base {
 
     /// Returns whether this differs from what is up to date in what has been learned of late alone, and may stay.
     fn may_stay(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
-        let now = Key::new(map_frame, screen);
         screen.redraw == Redraw::Moving
             && Instant::now() < self.rests_until
-            && self.size() == size
             && self.subject == subject(screen)
-            && self.key.same_style(&now)
-            && self.key.field.is_some() == now.field.is_some()
+            && self.same_style(map_frame, size, screen)
+            && self.key.field.is_some() == Key::field_on(&map_frame.raster, screen).is_some()
+    }
+
+    /// Returns whether this shows the same part of the same map in the same style and size.
+    fn same_style(&self, map_frame: &MapFrame, size: (u32, u32), screen: &Screen) -> bool {
+        self.size() == size && self.key.same_style(map_frame, screen)
     }
 }
 
