@@ -85,11 +85,11 @@ pub fn setting_items(screen: &Screen) -> Vec<Item> {
     let run = screen.run();
     let values = list_settings(&run.settings).into_iter().zip(list_settings(&screen.settings_of(run.preset)));
     let all = SETTINGS.iter().zip(values);
-    let item = |(setting, ((_, now), (_, default))): (&Setting, _)| {
-        let item = setting_item(setting, &now, &default, run.preset);
-        Item { marked: screen.changed_settings.contains(setting.name), ..item }
-    };
-    all.map(item).collect()
+    let items = all.map(|(setting, ((_, now), (_, default)))| Item {
+        marked: screen.changed_settings.contains(setting.name),
+        ..setting_item(setting, &now, &default, run.preset)
+    });
+    items.collect()
 }
 
 /// Describes a setting: its value, what it does, what it can be and what changing it costs.
