@@ -33,11 +33,14 @@ pub use data::goal_index::GoalIndex;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub(crate) use ddpg::{MAX_NOISE_DEVIATIONS, MIN_REMAINING};
 pub use gdg::Gdg;
-pub(crate) use gdg::graph_bounds::LEAST_STEPS as GRAPH_BOUND_LEAST_STEPS;
+pub(crate) use gdg::graph_paths::{
+    LEAST_BOUND_STEPS, LEAST_LED_STEPS, MAX_SHARE_AFTER, MAX_STEPS_AFTER, MAX_STEPS_BEFORE,
+};
 pub use kernels::{kernel, product};
+pub(crate) use learner::WAYPOINT_STEPS;
 pub use learner::{
-    Acting, ChangedDistances, CreateLearner, DistancesByGoal, KnownDistances, LearnError, Learner, LearnerKind,
-    Relearning, TrainingData,
+    Acting, ChangedDistances, CreateLearner, DistancesByGoal, KnownDistances, KnownPair, LearnError, Learner,
+    LearnerKind, Relearning, TrainingData,
 };
 pub use networks::encoder::Encoder;
 pub use networks::export::{ActorExport, ActorInputs, NamedTensor};

@@ -42,6 +42,12 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
         batch.next.extend(state(rng));
     }
+    // A waypoint leads the actor of every third pair: the goal of the pair before it.
+    batch.actor_goals.clone_from(&batch.goals);
+    for row in (1..rows).step_by(3) {
+        let (before, own) = batch.actor_goals[(row - 1) * spec.goal_dim()..].split_at_mut(spec.goal_dim());
+        own[..spec.goal_dim()].copy_from_slice(before);
+    }
     batch
 }
 
@@ -75,6 +81,7 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers, frees_st
     };
     let (s, g) = (spec.state_dim(), spec.goal_dim());
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
+    let towards = tensor(&batch.actor_goals, g);
     // Averages start equal to what they average: some updates move them apart.
     for _ in 0..UPDATES_BEFORE {
         let mut other = self::batch(spec, settings.batch_size, &mut rng);
@@ -93,7 +100,7 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers, frees_st
     let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
     let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
     let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
-    let (actor, excess) = reference.actor_loss(&states, &goals, batch.frees_stuck_actor).unwrap();
+    let (actor, excess) = reference.actor_loss(&states, [&goals, &towards], batch.frees_stuck_actor).unwrap();
     let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
     let actor_and_excess =
         if settings.actor_bound > 0.0 || frees_stuck_actor { (actor + excess).unwrap() } else { actor };

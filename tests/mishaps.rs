@@ -280,7 +280,7 @@ fn a_recording_that_cannot_go_on_is_reported_and_training_goes_on() {
     let folder = folder();
     let mut session = Session::start_with_file_limit(folder.path(), &["trap", "--record", "run.cast"], 40);
     session.wait_for("the recording has stopped");
-    session.press("n");
+    session.press(" ");
     session.wait_for("paused");
     session.press("\x03");
     session.wait_for_end_or("quit without saving");

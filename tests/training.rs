@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use gdg_tui::env::{PointMaze, Restart};
 use gdg_tui::learn::{Auto, Scratch};
-use gdg_tui::map::{Cell, Grid, RandomMapKind, parse_map, random};
+use gdg_tui::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
 use gdg_tui::store::{Array, Store};
 use gdg_tui::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
 use runs::train_to;
@@ -124,13 +124,26 @@ fn a_resumed_run_continues_bitwise() {
 
 #[test]
 fn a_resumed_run_without_bounds_from_the_graph_continues_bitwise() {
-    let unbounded = || {
+    continues_bitwise_otherwise(|| {
         let mut settings = settings();
         settings.learn.graph_bounds = false;
         settings
-    };
-    continues_bitwise(unbounded);
-    let mut runs = [trainer(settings(), 5, 1), trainer(unbounded(), 5, 1)];
+    });
+}
+
+#[test]
+fn a_resumed_run_without_waypoints_for_the_actor_continues_bitwise() {
+    continues_bitwise_otherwise(|| {
+        let mut settings = settings();
+        settings.learn.actor_waypoints = false;
+        settings
+    });
+}
+
+/// Checks that runs with `other` settings resume exactly, and that these settings make a difference.
+fn continues_bitwise_otherwise(other: impl Fn() -> Settings) {
+    continues_bitwise(&other);
+    let mut runs = [trainer(settings(), 5, 1), trainer(other(), 5, 1)];
     runs.iter_mut().for_each(|run| train_to(run, 700));
     assert!(full_state(&runs[0]) != full_state(&runs[1]), "there are far pairs");
 }
@@ -604,6 +617,21 @@ fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
     let found = run.evaluate(&run.tasks(20)).unwrap();
     let planned = found.planned.unwrap().success.unwrap();
     assert!(planned >= 0.85, "planned {planned}");
+}
+
+#[test]
+fn waypoints_on_the_way_through_the_graph_lead_the_actor() {
+    let map = Arc::new(builtin("fourrooms").unwrap());
+    let greedy = |actor_waypoints: bool| {
+        let mut settings = Settings::default();
+        settings.learn.actor_waypoints = actor_waypoints;
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
+        let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+        train_to(&mut run, 4_000);
+        run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
+    };
+    let (with, without) = (greedy(true), greedy(false));
+    assert!(without < with - 0.1, "with waypoints {with}, without {without}");
 }
 
 #[test]

@@ -34,9 +34,11 @@ fn batch(rows: usize, side: f32) -> Batch {
     let from = numbers(1.0, last);
     let actions = numbers(-1.0, 1.0);
     let next = from.iter().zip(&actions).map(|(s, a)| s + a).collect();
+    let goals = numbers(1.0, last);
     Batch {
         states: numbers(1.0, last),
-        goals: numbers(1.0, last),
+        actor_goals: goals.clone(),
+        goals,
         bootstrap_states: numbers(1.0, last),
         steps: vec![1.0; rows],
         bootstrap: vec![1.0; rows],

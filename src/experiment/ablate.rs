@@ -29,7 +29,7 @@ struct Case {
 }
 
 /// The default with one thing changed: settings as `--set` takes them, separated by spaces.
-const VARIANTS: [(&str, &str); 25] = [
+const VARIANTS: [(&str, &str); 26] = [
     ("default", ""),
     ("1-step targets", "n_step=1"),
     ("targets from behaviour alone", "greedy_targets=false"),
@@ -44,6 +44,7 @@ const VARIANTS: [(&str, &str); 25] = [
     ("unbounded actor", "actor_bound=0"),
     ("no distillation", "distillation=0"),
     ("no bounds by the graph on other pairs", "graph_bounds=false"),
+    ("no waypoints for the actor", "actor_waypoints=false"),
     ("waypoints cost a step", "hop_steps=1"),
     ("unverified edges", "verify_edges=false"),
     ("no edges from trajectories alone", "keep_observed_edges=false"),
@@ -65,7 +66,7 @@ const METHOD: &str = "gdg-bridge";
 
 /// The components between the presets `paper` and `default`, each on top of those before it. The world is the same for
 /// all, without noise.
-const LADDER: [(&str, &str); 12] = [
+const LADDER: [(&str, &str); 13] = [
     ("preset paper, without noise", "env_noise=0"),
     (
         "+ hindsight goals instead of near ones",
@@ -90,6 +91,7 @@ const LADDER: [(&str, &str); 12] = [
     ),
     ("+ distillation, plans in exploration", "distillation=0.3 planned_episodes=0.7"),
     ("+ bounds by the graph on other pairs", "graph_bounds=true"),
+    ("+ waypoints for the actor", "actor_waypoints=true"),
     ("+ lookahead", "lookahead=true"),
     ("+ one start, excursions: the default", "restart=auto frontier_epsilon=auto"),
 ];

@@ -1,7 +1,7 @@
 //! Goal-distance gradient: distance critics, dynamics model and actor (Algorithm 1), updated by hand-written kernels on
 //! several threads.
 
-pub mod graph_bounds;
+pub mod graph_paths;
 mod part;
 
 use std::sync::Arc;
@@ -31,7 +31,7 @@ use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_tr
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
 use crate::store::Store;
-use graph_bounds::GraphBounds;
+use graph_paths::GraphPaths;
 use part::Part;
 
 /// Registry entry of the learner.
@@ -54,8 +54,8 @@ pub struct Gdg {
     backend: Backend,
     /// The networks on a tape backend, if one is selected; each update is written back to `shared`.
     tape: Option<Tape>,
-    /// Bounds from the bridge graph, if they are wanted.
-    graph_bounds: Option<GraphBounds>,
+    /// What paths through the bridge graph add to batches, if anything.
+    graph_paths: Option<GraphPaths>,
 }
 
 /// Data shared by the threads of an update.
@@ -99,7 +99,7 @@ impl Gdg {
             pool: ThreadPool::new(threads),
             backend: settings.backend,
             tape,
-            graph_bounds: settings.graph_bounds.then(GraphBounds::default),
+            graph_paths: GraphPaths::new(settings),
         })
     }
 
@@ -192,13 +192,13 @@ impl Gdg {
         Ok((self.losses(), gradients))
     }
 
-    /// Bounds the targets of the batch's far pairs from row `first` on by paths through the bridge graph, if wanted.
-    fn bound_by_graph(&mut self, known: &KnownDistances, first: usize) -> Result<()> {
-        let Some(mut bounds) = self.graph_bounds.take() else { return Ok(()) };
+    /// Bounds targets and leads the actor along paths through the bridge graph, in the batch's pairs from row `first` on.
+    fn follow_graph(&mut self, known: &KnownDistances, first: usize) -> Result<()> {
+        let Some(mut paths) = self.graph_paths.take() else { return Ok(()) };
         let mut batch = std::mem::take(&mut self.batch);
-        bounds.collect(self.shared.shapes.encoder.spec(), known, &batch, first);
-        let applied = self.with_nets(true, |nets| bounds.apply(&nets, &mut batch));
-        (self.batch, self.graph_bounds) = (batch, Some(bounds));
+        paths.collect(self.shared.shapes.encoder.spec(), known, &batch, first);
+        let applied = self.with_nets(true, |nets| paths.apply(&nets, known, &mut batch));
+        (self.batch, self.graph_paths) = (batch, Some(paths));
         applied
     }
 
@@ -262,7 +262,7 @@ impl Learner for Gdg {
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
         if let Some(known) = &data.known {
             let first = self.sampler.add_known(known, data.rng, &mut self.batch);
-            self.bound_by_graph(known, first)?;
+            self.follow_graph(known, first)?;
         }
         profile.lap(Stage::Sample, began);
         let batch = std::mem::take(&mut self.batch);
@@ -374,7 +374,8 @@ impl Shared {
         part.actor.prepare(self.shapes.actor.parameters());
         let buffers = &mut part.buffers;
         let pairs = Pairs { plain: &part.plain, states: rows.states, goals: rows.goals };
-        let options = ActorLossOptions { share: rows.share, frees_stuck: rows.frees_stuck_actor };
+        let options =
+            ActorLossOptions { towards: rows.actor_goals, share: rows.share, frees_stuck: rows.frees_stuck_actor };
         part.losses.actor = self.shapes.actor_gradient(&path, pairs, options, &mut part.actor, buffers);
         Ok(())
     }

@@ -62,13 +62,30 @@ pub struct KnownDistances<'a> {
     pub states: &'a [f32],
     /// The same places as goals.
     pub goals: &'a GoalIndex,
-    /// Start, goal, and the steps between them.
-    pub pairs: &'a [(u32, u32, f32)],
+    /// Pairs of places whose distance is known.
+    pub pairs: &'a [KnownPair],
     /// Distances along the same paths by goal, for looking up.
     pub by_goal: Option<&'a DistancesByGoal>,
     /// Distances that have changed, while they are relearned.
     pub changed: Option<&'a ChangedDistances>,
 }
+
+/// A pair of places whose distance is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownPair {
+    /// The place where the path starts.
+    pub from: u32,
+    /// The place where it ends.
+    pub to: u32,
+    /// Its length.
+    pub steps: f32,
+    /// The first place on it that is at least [`WAYPOINT_STEPS`] from the start, or its end.
+    pub waypoint: u32,
+}
+
+/// Least distance of the waypoints that lead the actor, in steps: near enough that D is right, far enough that the way there
+/// shows the direction.
+pub(crate) const WAYPOINT_STEPS: f32 = 4.0;
 
 /// Steps from all places to some of them.
 #[derive(Clone, Debug)]
@@ -80,6 +97,8 @@ pub struct DistancesByGoal {
     /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the first as well; infinite
     /// if unknown.
     pub steps: Vec<f32>,
+    /// For each of these, the first place on the path that is at least [`WAYPOINT_STEPS`] from its start, or its end.
+    pub waypoints: Vec<u32>,
 }
 
 /// Bounds on distances of which D is far too short or too long.

@@ -137,6 +137,9 @@ pub struct LearnSettings {
     /// Whether the targets of all far pairs are bounded by paths through the bridge graph, once there is one.
     #[serde(default)]
     pub graph_bounds: bool,
+    /// Whether the actor is led by waypoints on paths through the bridge graph, once there is one.
+    #[serde(default)]
+    pub actor_waypoints: bool,
     /// Number of transitions kept for replay.
     #[serde(alias = "replay_capacity")]
     pub buffer_size: usize,
@@ -196,6 +199,7 @@ impl Default for LearnSettings {
             grid_learning_rate: 5e-3,
             distillation: 0.3,
             graph_bounds: true,
+            actor_waypoints: true,
             buffer_size: 1_000_000,
             discount: 0.99,
             actor_l2: 0.0,
@@ -226,6 +230,7 @@ impl LearnSettings {
             grid_cells: Vec::new(),
             distillation: 0.0,
             graph_bounds: false,
+            actor_waypoints: false,
             ..Self::default()
         }
     }
@@ -242,6 +247,7 @@ impl LearnSettings {
             grid_cells: Vec::new(),
             distillation: 0.0,
             graph_bounds: false,
+            actor_waypoints: false,
             ..Self::default()
         }
     }

@@ -14,8 +14,14 @@ use crate::env::Spec;
 use crate::learn::{ChangedDistances, Policy, Scratch};
 use crate::store::{Store, StoreError};
 
-/// Number of candidates per build whose graph distances are distilled.
-pub(crate) const DISTILLED_GOALS: usize = 32;
+/// Number of pairs of candidates per build whose graph distances are distilled, ...
+pub(crate) const DISTILLED_PAIRS: usize = 300_000;
+
+/// ... to at most as many goals as this, ...
+pub(crate) const MAX_DISTILLED_GOALS: usize = 256;
+
+/// ... and to at least as many as this.
+pub(crate) const MIN_DISTILLED_GOALS: usize = 32;
 
 /// A build takes effect after the interval between builds divided by this.
 pub(crate) const ACTIVATION_DIVISOR: u64 = 4;
@@ -126,7 +132,8 @@ impl GraphJob {
 
 impl BuiltGraph {
     fn new(at: u64, graph: BridgeGraph, rng: &mut ChaCha8Rng) -> Self {
-        let distilled = graph.distil(DISTILLED_GOALS, rng);
+        let goals = DISTILLED_PAIRS / graph.candidates().len().max(1);
+        let distilled = graph.distil(goals.clamp(MIN_DISTILLED_GOALS, MAX_DISTILLED_GOALS), rng);
         let longest_steps = distilled.longest_steps();
         Self { at, graph: Arc::new(graph), longest_steps, distilled: Arc::new(distilled), changed: None }
     }

@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::{BridgeGraph, Edge, Link};
-use crate::learn::{ChangedDistances, DistancesByGoal, GoalIndex, Policy, Scratch};
+use crate::learn::{ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS};
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
 /// every machine.
@@ -37,8 +37,8 @@ pub(crate) const SHRUNK_SLACK_STEPS: f32 = 1.0;
 /// Graph distances as training targets.
 #[derive(Clone, Debug, Default)]
 pub struct DistilledDistances {
-    /// Candidate, goal candidate and graph distance in steps.
-    pub pairs: Vec<(u32, u32, f32)>,
+    /// Pairs of candidates and their graph distance.
+    pub pairs: Vec<KnownPair>,
     /// The same by goal, if there are any.
     pub by_goal: Option<DistancesByGoal>,
 }
@@ -46,7 +46,7 @@ pub struct DistilledDistances {
 impl DistilledDistances {
     /// Returns the longest of the distances, in steps; 0 if there are none.
     pub fn longest_steps(&self) -> f32 {
-        self.pairs.iter().map(|(_, _, steps)| *steps).fold(0.0, f32::max)
+        self.pairs.iter().map(|pair| pair.steps).fold(0.0, f32::max)
     }
 }
 
@@ -63,6 +63,21 @@ pub struct Route {
     pub nearest: Option<usize>,
     /// Candidates linked to the goal, and the cost of each link in parts of a step.
     pub(in crate::bridge) links: Vec<(u32, u32)>,
+}
+
+impl Route {
+    /// Returns for each candidate the first one on its path that is at least [`WAYPOINT_STEPS`] away, or the last one;
+    /// `lengths` are those of the paths, in steps.
+    fn waypoints(&self, lengths: &[f32]) -> Vec<u32> {
+        let waypoint = |start: usize| {
+            let mut at = start;
+            while self.next[at] as usize != at && lengths[start] - lengths[at] < WAYPOINT_STEPS {
+                at = self.next[at] as usize;
+            }
+            at as u32
+        };
+        (0..lengths.len()).map(waypoint).collect()
+    }
 }
 
 /// A walk's options for its next hop.
@@ -237,16 +252,29 @@ impl BridgeGraph {
     /// Draws `goals` candidates and collects the graph distances to each from all candidates that reach it.
     pub fn distil(&self, goals: usize, rng: &mut ChaCha8Rng) -> DistilledDistances {
         let mut pairs = Vec::new();
-        let mut by_goal = DistancesByGoal { places: Vec::new(), goals: GoalIndex::new(&self.spec), steps: Vec::new() };
+        let mut by_goal = DistancesByGoal {
+            places: Vec::new(),
+            goals: GoalIndex::new(&self.spec),
+            steps: Vec::new(),
+            waypoints: Vec::new(),
+        };
         for _ in 0..goals.min(self.candidates.len()) {
             let goal = rng.random_range(0..self.candidates.len());
-            let lengths = self.lengths(&self.route_to_candidate(goal), |_| 0.0);
+            let route = self.route_to_candidate(goal);
+            let lengths = self.lengths(&route, |_| 0.0);
+            let waypoints = route.waypoints(&lengths);
             let reachable = lengths.iter().enumerate().filter(|(i, s)| *i != goal && s.is_finite());
             // These paths start exactly at a candidate, so their first hop has no overhead.
-            pairs.extend(reachable.map(|(i, s)| (i as u32, goal as u32, s - self.settings.hop_steps)));
+            pairs.extend(reachable.map(|(i, s)| KnownPair {
+                from: i as u32,
+                to: goal as u32,
+                steps: s - self.settings.hop_steps,
+                waypoint: waypoints[i],
+            }));
             by_goal.places.push(goal as u32);
             by_goal.goals.push(self.point(goal));
             by_goal.steps.extend(lengths);
+            by_goal.waypoints.extend(waypoints);
         }
         DistilledDistances { by_goal: (!pairs.is_empty()).then_some(by_goal), pairs }
     }

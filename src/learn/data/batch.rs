@@ -6,7 +6,7 @@ use rand_chacha::ChaCha8Rng;
 use crate::env::Spec;
 use crate::learn::data::goal_index::GoalIndex;
 use crate::learn::data::replay::{Moment, Replay};
-use crate::learn::learner::{KnownDistances, Relearning};
+use crate::learn::learner::{KnownDistances, KnownPair, Relearning};
 use crate::learn::settings::LearnSettings;
 
 /// Minimum n-step horizon of targets while all distances are doubted: each update raises them by at most this much.
@@ -35,6 +35,8 @@ pub struct Batch {
     pub states: Vec<f32>,
     /// Goals g of the pairs, `(batch, goal_dim)`.
     pub goals: Vec<f32>,
+    /// What the actor is to approach on its way to g, `(batch, goal_dim)`: a waypoint if one is known, otherwise g.
+    pub actor_goals: Vec<f32>,
     /// The states from which targets bootstrap, `(batch, state_dim)`.
     pub bootstrap_states: Vec<f32>,
     /// Steps from s to the state ahead, or to the goal, `(batch)`.
@@ -73,10 +75,11 @@ impl Batch {
     /// A path through the graph exists, so its length is an upper bound. A part of it is a lower bound, which raises D
     /// where it is far too short. In between, the actor's one-step lookahead decides: if D followed the graph, it would
     /// inherit the graph's detours, and so would the next graph, whose edges are as long as D says.
-    pub fn set_graph_distance(&mut self, i: usize, state: &[f32], goal: &[f32], steps: f32) {
+    pub fn set_graph_distance(&mut self, i: usize, state: &[f32], [goal, waypoint]: [&[f32]; 2], steps: f32) {
         self.states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.bootstrap_states[i * state.len()..(i + 1) * state.len()].copy_from_slice(state);
         self.goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(goal);
+        self.actor_goals[i * goal.len()..(i + 1) * goal.len()].copy_from_slice(waypoint);
         self.steps[i] = 0.0;
         self.bootstrap[i] = 1.0;
         self.bound[i] = steps;
@@ -84,9 +87,14 @@ impl Batch {
     }
 
     fn clear(&mut self) {
-        for numbers in
-            [&mut self.states, &mut self.goals, &mut self.bootstrap_states, &mut self.from, &mut self.actions]
-        {
+        for numbers in [
+            &mut self.states,
+            &mut self.goals,
+            &mut self.actor_goals,
+            &mut self.bootstrap_states,
+            &mut self.from,
+            &mut self.actions,
+        ] {
             numbers.clear();
         }
         for numbers in [&mut self.next, &mut self.steps, &mut self.bootstrap, &mut self.bound, &mut self.lower] {
@@ -137,6 +145,7 @@ impl BatchSampler {
             batch.actions.extend(replay.action(moment));
             batch.next.extend(replay.state(later(moment, 1)));
         }
+        batch.actor_goals.extend(&batch.goals);
     }
 
     /// Replaces a share of the pairs, the first ones, with pairs of places whose distance is known (distillation), and
@@ -149,8 +158,10 @@ impl BatchSampler {
         let state_of = |place: usize| &known.states[place * s..(place + 1) * s];
         let count = (self.settings.distillation * batch.len() as f32).round() as usize;
         for i in 0..count {
-            let (from, to, steps) = known.pairs[rng.random_range(0..known.pairs.len())];
-            batch.set_graph_distance(i, state_of(from as usize), known.goals.goal(to as usize), steps);
+            let KnownPair { from, to, steps, waypoint } = known.pairs[rng.random_range(0..known.pairs.len())];
+            let towards = if self.settings.actor_waypoints { waypoint } else { to };
+            let goals = [to, towards].map(|place| known.goals.goal(place as usize));
+            batch.set_graph_distance(i, state_of(from as usize), goals, steps);
         }
         let Some(changed) = known.changed else { return count };
         let mut changed_goals = GoalIndex::new(&self.spec);
@@ -249,7 +260,8 @@ mod tests {
         BatchSampler::new(&spec, &bounded).sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
         // Places at both ends; from the first to the second it is much farther than D says.
-        let (states, pairs) = ([10.0, 90.0], [(0, 1, 200.0), (1, 0, 80.0)]);
+        let pair = |from, to, steps| KnownPair { from, to, steps, waypoint: to };
+        let (states, pairs) = ([10.0, 90.0], [pair(0, 1, 200.0), pair(1, 0, 80.0)]);
         let mut places = GoalIndex::new(&spec);
         states.iter().for_each(|state| places.push(&[*state]));
         let changed = ChangedDistances { goals: vec![1], lower: vec![150.0, 0.0], upper: vec![f32::MAX, 7.0] };

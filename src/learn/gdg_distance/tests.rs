@@ -26,6 +26,7 @@ fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
         batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
         batch.next.extend(random_state(spec, rng));
     }
+    batch.actor_goals.clone_from(&batch.goals);
     batch
 }
 

@@ -98,7 +98,9 @@ pub struct ActorLossNetworks<'a> {
 
 /// Options of the actor's loss.
 #[derive(Clone, Copy)]
-pub struct ActorLossOptions {
+pub struct ActorLossOptions<'a> {
+    /// What the actor is to approach, `(rows, goal_dim)`.
+    pub towards: &'a [f32],
     /// 1 / batch size.
     pub share: f32,
     /// See [`crate::learn::Batch::frees_stuck_actor`].
@@ -308,19 +310,19 @@ impl Shapes {
         loss
     }
 
-    /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean D(f(s, mu(s, g)), g),
-    /// which flows through the frozen critic and model into the actor, plus that of the excess of the actor's outputs
-    /// over their bound. Returns the part's contribution to mean D.
+    /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean D(f(s, mu(s, g)), w), with
+    /// w either g or a waypoint on the way there, which flows through the frozen critic and model into the actor, plus that
+    /// of the excess of the actor's outputs over their bound. Returns the part's contribution to mean D.
     pub fn actor_gradient(
         &self,
         path: &ActorLossNetworks,
         pairs: Pairs,
-        ActorLossOptions { share, frees_stuck }: ActorLossOptions,
+        ActorLossOptions { towards, share, frees_stuck }: ActorLossOptions,
         gradient: &mut Gradient,
         buffers: &mut Workspaces,
     ) -> f32 {
         let ActorLossNetworks { actor, model, critic } = *path;
-        let Pairs { states, goals, .. } = pairs;
+        let states = pairs.states;
         let spec = self.encoder.spec();
         let s = spec.state_dim();
         let rows = states.len() / s;
@@ -329,12 +331,16 @@ impl Shapes {
         self.step_with_actor((actor, model), pairs, &mut next, buffers);
         let mut before = std::mem::take(&mut buffers.before);
         if frees_stuck {
-            self.distances(critic, pairs, resized(&mut before, rows), &mut buffers.critic);
+            let mut plain = std::mem::take(&mut buffers.critic.plain);
+            self.encoder.plain_pairs(states, towards, &mut plain);
+            let now = Pairs { plain: &plain, states, goals: towards };
+            self.distances(critic, now, resized(&mut before, rows), &mut buffers.critic);
+            buffers.critic.plain = plain;
         }
         let mut next_plain = std::mem::take(&mut buffers.critic.plain);
-        self.encoder.plain_pairs(&next[..rows * s], goals, &mut next_plain);
+        self.encoder.plain_pairs(&next[..rows * s], towards, &mut next_plain);
         let width = self.critic.inputs;
-        let ahead = Pairs { plain: &next_plain, states: &next[..rows * s], goals };
+        let ahead = Pairs { plain: &next_plain, states: &next[..rows * s], goals: towards };
         self.encoder.pair_rows(ahead, critic.table, width, &mut buffers.critic.x);
         buffers.critic.plain = next_plain;
         let x = &buffers.critic.x[..rows * width];

@@ -199,13 +199,18 @@ impl<'a> Reference<'a> {
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn actor_loss(&self, states: &Tensor, goals: &Tensor, frees_stuck: bool) -> Result<(Tensor, Tensor)> {
+    pub fn actor_loss(
+        &self,
+        states: &Tensor,
+        [goals, towards]: [&Tensor; 2],
+        frees_stuck: bool,
+    ) -> Result<(Tensor, Tensor)> {
         let next = self.predictions(states, &self.actions(states, goals)?)?;
-        let after = self.distances(0, &next, goals)?;
+        let after = self.distances(0, &next, towards)?;
         let outputs = self.actor_outputs(states, goals)?.abs()?;
         let bound = self.shapes().actor_bound;
         let excess = if frees_stuck {
-            let progress = (self.distances(0, states, goals)? - &after)?.detach();
+            let progress = (self.distances(0, states, towards)? - &after)?.detach();
             let full = |value: f32| Tensor::full(value, progress.shape(), progress.device());
             let stuck = progress.lt(f64::from(STUCK_PROGRESS_STEPS))?;
             outputs.broadcast_sub(&stuck.where_cond(&full(bound.min(STUCK_BOUND))?, &full(bound)?)?.unsqueeze(1)?)?

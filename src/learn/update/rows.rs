@@ -49,6 +49,7 @@ pub fn find_corners<'a>(
 pub struct Rows<'a> {
     pub states: &'a [f32],
     pub goals: &'a [f32],
+    pub actor_goals: &'a [f32],
     pub bootstrap_states: &'a [f32],
     pub steps: &'a [f32],
     pub bootstrap: &'a [f32],
@@ -73,6 +74,7 @@ impl<'a> Rows<'a> {
         Self {
             states: cut(&batch.states, s),
             goals: cut(&batch.goals, g),
+            actor_goals: cut(&batch.actor_goals, g),
             bootstrap_states: cut(&batch.bootstrap_states, s),
             steps: cut(&batch.steps, 1),
             bootstrap: cut(&batch.bootstrap, 1),

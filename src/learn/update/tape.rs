@@ -81,6 +81,7 @@ impl Tape {
             |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (numbers.len() / width, width), &self.device);
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let (states, goals) = (tensor(&batch.states, s)?, tensor(&batch.goals, g)?);
+        let towards = tensor(&batch.actor_goals, g)?;
         let (from, next) = (tensor(&batch.from, s)?, tensor(&batch.next, s)?);
         let actions = tensor(&batch.actions, spec.action_dim)?;
         let critics = 0..self.networks.len() - 2;
@@ -97,7 +98,7 @@ impl Tape {
         self.step(critics.clone(), &critic_loss, steps, rates)?;
         self.step(model..model + 1, &model_loss, steps, rates)?;
         let (actor_loss, excess) =
-            self.reference(shapes, false)?.actor_loss(&states, &goals, batch.frees_stuck_actor)?;
+            self.reference(shapes, false)?.actor_loss(&states, [&goals, &towards], batch.frees_stuck_actor)?;
         self.step(actor..actor + 1, &(&actor_loss + excess)?, steps, rates)?;
         Ok(Losses {
             critic: critic_loss.to_scalar::<f32>()? / critics.len() as f32,

@@ -18,7 +18,10 @@ pub struct Constant {
 
 /// Returns the constants that decide how runs learn, plan and are evaluated.
 pub fn constants() -> Vec<Constant> {
-    [evaluation(), learning(), candidates(), edges_and_plans(), exploration()].into_iter().flatten().collect()
+    [evaluation(), learning(), graph_paths(), recovery(), candidates(), edges_and_plans(), exploration()]
+        .into_iter()
+        .flatten()
+        .collect()
 }
 
 fn evaluation() -> Vec<Constant> {
@@ -92,6 +95,11 @@ fn learning() -> Vec<Constant> {
         ),
         constant("GROWN_SLACK_STEPS", bridge::GROWN_SLACK_STEPS, "steps", "... less this many steps"),
         constant("SHRUNK_SLACK_STEPS", bridge::SHRUNK_SLACK_STEPS, "steps", "a D too long exceeds the graph's by this"),
+    ]
+}
+
+fn graph_paths() -> Vec<Constant> {
+    vec![
         constant(
             "GRAPH_LOWER_FACTOR",
             learn::GRAPH_LOWER_FACTOR,
@@ -100,17 +108,44 @@ fn learning() -> Vec<Constant> {
         ),
         constant("GRAPH_LOWER_SLACK_STEPS", learn::GRAPH_LOWER_SLACK_STEPS, "steps", "... less this many steps"),
         constant(
-            "GRAPH_BOUND_LEAST_STEPS",
-            learn::GRAPH_BOUND_LEAST_STEPS,
+            "LEAST_BOUND_STEPS",
+            learn::LEAST_BOUND_STEPS,
             "steps",
             "least length of the paths that graph_bounds bounds targets by, between their candidates",
         ),
+        constant("LEAST_LED_STEPS", learn::LEAST_LED_STEPS, "steps", "the same for actor_waypoints"),
         constant(
-            "DISTILLED_GOALS",
-            graphs::DISTILLED_GOALS as f64,
-            "candidates",
-            "goals whose graph distances each graph distils",
+            "WAYPOINT_STEPS",
+            learn::WAYPOINT_STEPS,
+            "steps",
+            "least distance along the path of the waypoints of actor_waypoints",
         ),
+        constant(
+            "MAX_STEPS_BEFORE",
+            learn::MAX_STEPS_BEFORE,
+            "steps",
+            "longest D from a state to the path that leads the actor there, ...",
+        ),
+        constant("MAX_STEPS_AFTER", learn::MAX_STEPS_AFTER, "steps", "... and from the path's end to the goal, or ..."),
+        constant("MAX_SHARE_AFTER", learn::MAX_SHARE_AFTER, "", "... the same as a share of the path's length"),
+        constant(
+            "DISTILLED_PAIRS",
+            graphs::DISTILLED_PAIRS as f64,
+            "pairs",
+            "pairs of candidates whose graph distances each graph distils, ...",
+        ),
+        constant(
+            "MAX_DISTILLED_GOALS",
+            graphs::MAX_DISTILLED_GOALS as f64,
+            "candidates",
+            "... to at most this many goals ...",
+        ),
+        constant("MIN_DISTILLED_GOALS", graphs::MIN_DISTILLED_GOALS as f64, "candidates", "... and at least this many"),
+    ]
+}
+
+fn recovery() -> Vec<Constant> {
+    vec![
         constant(
             "KEEP_EVERY_UPDATES",
             trainer::KEEP_EVERY_UPDATES as f64,

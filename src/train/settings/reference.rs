@@ -114,7 +114,7 @@ const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
-pub const SETTINGS: [Setting; 63] = [
+pub const SETTINGS: [Setting; 64] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
     Setting::new(Networks, "critics", "", "1 or 2", "number of critics; pessimism combines them").for_networks(),
@@ -201,6 +201,13 @@ pub const SETTINGS: [Setting; 63] = [
         "",
         SWITCH_VALUES,
         "cap targets of far pairs at the length of a path through the bridge graph",
+    ),
+    Setting::new(
+        Targets,
+        "actor_waypoints",
+        "",
+        SWITCH_VALUES,
+        "lead the actor to far goals by the next waypoint on the path through the bridge graph",
     ),
     Setting::new(
         Targets,

@@ -112,6 +112,13 @@ fn what_changes_nothing_is_answered() {
     assert_eq!(notice(&app), "nothing to undo");
     app.act(Action::Redo);
     assert_eq!(notice(&app), "nothing to redo");
+    app.act(Action::ToggleEdit);
+    app.act(Action::Apply);
+    press(&mut app, KeyCode::Char('u'));
+    assert_eq!(notice(&app), "undone: 1 cell");
+    app.act(Action::Redo);
+    assert_eq!(notice(&app), "done again: 1 cell");
+    app.act(Action::ToggleEdit);
     type_text(&mut app, ":qqqzzz");
     press(&mut app, KeyCode::Enter);
     assert_eq!(notice(&app), "nothing in the list fits \"qqqzzz\"");

@@ -70,11 +70,11 @@ impl App {
             }
             Action::Undo => {
                 let new = maze.editor.undo(&map);
-                self.change_map_or_say(new, Some("nothing to undo"));
+                self.step_through_edits(&map, new, ["undone", "nothing to undo"]);
             }
             Action::Redo => {
                 let new = maze.editor.redo(&map);
-                self.change_map_or_say(new, Some("nothing to redo"));
+                self.step_through_edits(&map, new, ["done again", "nothing to redo"]);
             }
             Action::SaveMap => self.ask_map_file(),
             Action::NewMap => self.ask_size(Question::NewMap),
@@ -127,6 +127,21 @@ impl App {
             self.notify(reason);
         }
         self.change_map(map);
+    }
+
+    /// Switches from map `old` to `new`, an earlier or later one, and says so with how many cells differ.
+    fn step_through_edits(&mut self, old: &Grid, new: Option<Arc<Grid>>, [done, nothing]: [&str; 2]) {
+        if let Some(new) = &new {
+            let cells = old.free().iter().zip(new.free()).filter(|(old, new)| old != new).count();
+            let changed = match (cells, (old.width(), old.height()) == (new.width(), new.height())) {
+                (_, false) => "the map's size".to_owned(),
+                (0, _) => "starts and goals".to_owned(),
+                (1, _) => "1 cell".to_owned(),
+                (cells, _) => format!("{cells} cells"),
+            };
+            self.notify(&format!("{done}: {changed}"));
+        }
+        self.change_map_or_say(new, Some(nothing));
     }
 
     fn toggle_edit(&mut self) {
