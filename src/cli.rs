@@ -140,7 +140,7 @@ pub enum Command {
     Man,
     /// Validate a map or scenario file and print its facts
     Check {
-        /// Map (.map or plain ASCII) or scenario (.scen)
+        /// Map (.map or plain ASCII), scenario (.scen) or built-in map
         file: PathBuf,
         /// Map of the scenario, if it is not in the same folder
         #[arg(long, value_name = "FILE")]

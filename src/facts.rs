@@ -22,12 +22,15 @@ pub fn list() -> String {
     std::iter::once(head).chain(lines).collect()
 }
 
-/// Validates a map or scenario file and returns the facts about it.
+/// Validates a map or scenario file, or a built-in map, and returns the facts about it.
 ///
 /// # Errors
 /// Returns what is wrong with the file.
 pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     let _spinner = Spinner::start("measuring the map");
+    if let Some(grid) = file.to_str().and_then(map::builtin).filter(|_| !file.exists()) {
+        return Ok(facts(&grid));
+    }
     if file.extension().is_none_or(|e| e != "scen") {
         return Ok(facts(&map::load_map(file).map_err(from_map_error)?));
     }

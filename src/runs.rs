@@ -52,6 +52,9 @@ pub fn newest(folder: &Path, title: Option<&str>) -> Option<Description> {
 /// # Errors
 /// The folder cannot be read.
 pub fn list(folder: &Path) -> Result<String, Report> {
+    if !folder.exists() && folder == Path::new(SAVES) {
+        return Ok("no saved runs yet: train with --save FILE, or press s in the interface\n".to_owned());
+    }
     let files = files_in(folder).map_err(|error| {
         let help = "give the folder of the checkpoints, or train with --save FILE first";
         miette!(help = help, "{}: cannot be read: {error}", folder.display())

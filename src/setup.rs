@@ -5,10 +5,11 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use clap::CommandFactory;
 use directories::ProjectDirs;
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{EditAt, RunArgs, TrainArgs};
+use crate::cli::{Cli, EditAt, RunArgs, TrainArgs};
 use crate::env::{Environment, PointMaze, Restart};
 use crate::facts;
 use crate::files;
@@ -258,7 +259,8 @@ pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
         let maps = map::BUILTIN.map(|(known, _)| known);
         let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| kind.name);
         let worlds: Vec<&str> = worlds.collect();
-        let mut names = maps.iter().chain(&worlds);
+        let commands: Vec<String> = Cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
+        let mut names = maps.iter().chain(&worlds).copied().chain(commands.iter().map(String::as_str));
         let nearest = names.find(|known| strsim::jaro_winkler(known, name) > 0.8);
         let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
         let worlds = if worlds.is_empty() { String::new() } else { format!("; worlds: {}", worlds.join(", ")) };

@@ -257,8 +257,13 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let none = in_folder(&["--no-ui", "--resume"]);
     assert_eq!(none.status.code(), Some(2));
     assert!(err(&none).contains("there is no checkpoint in saves/"), "{}", err(&none));
-    let no_folder = in_folder(&["runs"]);
-    assert_eq!((no_folder.status.code(), err(&no_folder).contains("saves: cannot be read")), (Some(2), true));
+    let nothing_yet = in_folder(&["runs"]);
+    assert!(nothing_yet.status.success() && String::from_utf8_lossy(&nothing_yet.stdout).contains("no saved runs yet"));
+    let no_folder = in_folder(&["runs", "elsewhere"]);
+    assert_eq!((no_folder.status.code(), err(&no_folder).contains("elsewhere: cannot be read")), (Some(2), true));
+    let checked = in_folder(&["check", "city"]);
+    assert!(checked.status.success() && String::from_utf8_lossy(&checked.stdout).contains("farthest"));
+    assert!(err(&in_folder(&["rusn"])).contains("did you mean runs?"));
     for (map, seed, updates) in [("trap", "4", "20"), ("fourrooms", "5", "30")] {
         let file = format!("saves/{map}.safetensors");
         let args = ["--no-ui", map, "--seed", seed, "--max-updates", updates, "--eval-tasks", "1", "--save", &file];

@@ -90,9 +90,6 @@ impl GraphState {
     }
 }
 
-/// Exclusive upper bound on the lengths in a stored graph, in steps.
-const MAX_EDGE_STEPS: f32 = 1e4;
-
 /// Cost multiplier of a demoted edge.
 pub(crate) const DEMOTED_FACTOR: f32 = 3.0;
 
@@ -185,7 +182,7 @@ impl BridgeGraph {
         if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
             return Err(StoreError::inconsistent("the stored bridge graph does not fit its candidates"));
         }
-        if !lengths.iter().flatten().all(|length| (0.0..MAX_EDGE_STEPS).contains(length)) {
+        if !lengths.iter().flatten().all(|length| (0.0..f32::INFINITY).contains(length)) {
             return Err(StoreError::inconsistent("the stored bridge graph has edges of impossible length"));
         }
         let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
@@ -293,12 +290,15 @@ mod tests {
 
     /// Returns candidates in a row, each with an edge to the next; the last has no outgoing edge.
     fn row() -> BridgeGraph {
+        row_of_cost(3.0)
+    }
+
+    fn row_of_cost(cost: f32) -> BridgeGraph {
         let (spec, settings) = line(20);
         let mut candidates = Candidates::new(&spec, 1, &settings);
         (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
         let length = 3.0 + settings.hop_steps;
-        let edge =
-            |i: usize| Edge { from: i, to: i + 1, distance: 3.0, length, cost: 3.0, status: EdgeStatus::Untried };
+        let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, length, cost, status: EdgeStatus::Untried };
         let edges = (0..candidates.len() - 1).map(edge).collect();
         BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
     }
@@ -365,6 +365,18 @@ mod tests {
         assert!((0..last).all(|i| route.next[i] as usize == i + 1));
         let route = graph.route_to_candidate(0);
         assert!(route.costs[1..].iter().all(|s| s.is_infinite()), "edges are directed");
+    }
+
+    #[test]
+    fn extreme_costs_add_up_without_cycles_and_are_restored() {
+        // late_slack_steps may be a million, and failures multiply it.
+        let graph = row_of_cost(4e6);
+        let last = graph.candidates().len() - 1;
+        let route = graph.route_to_candidate(last);
+        assert!((0..last).all(|i| route.next[i] as usize == i + 1), "{:?}", route.next);
+        assert!(route.costs[0] > 4e6 * (last as f32 - 0.5), "{:?}", route.costs);
+        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &graph.state()).expect("its own state");
+        assert_eq!(again.edges(), graph.edges());
     }
 
     #[test]

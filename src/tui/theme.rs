@@ -63,6 +63,9 @@ impl ThemeName {
 /// How much lighter distances are in the light theme.
 const LIGHT_TINT: f32 = 0.3;
 
+/// Colours of distances on terminals with 256 colours.
+const INDEXED_DISTANCES: usize = 32;
+
 /// The colours in use.
 #[derive(Clone, Copy, Debug)]
 pub struct Theme {
@@ -98,6 +101,8 @@ pub struct Theme {
     pub search: [Rgb; 2],
     /// From far (0) to near (1).
     distance: Gradient,
+    /// The same from near to far, for terminals with 256 colours.
+    indexed: [Rgb; INDEXED_DISTANCES],
     /// From too short (0) to too long (1).
     error: Gradient,
 }
@@ -137,9 +142,10 @@ impl Theme {
             failure: (255, 100, 90),
             search: [(255, 80, 200), (150, 90, 140)],
             distance: colorous::VIRIDIS,
+            indexed: [(0, 0, 0); INDEXED_DISTANCES],
             error: colorous::SPECTRAL,
         };
-        match name {
+        let theme = match name {
             ThemeName::Dark | ThemeName::Mono => dark,
             ThemeName::Light => Self {
                 page: Some(((30, 30, 34), (252, 252, 252))),
@@ -163,7 +169,26 @@ impl Theme {
                 error: colorous::PURPLE_ORANGE,
                 ..dark
             },
-        }
+        };
+        if depth == ColourDepth::Indexed { Self { indexed: theme.indexed_distances(), ..theme } } else { theme }
+    }
+
+    /// Returns the nearest of a terminal's 256 colours for distances from near to far, none lighter than the one before:
+    /// with the nearest alone, dark blue would be followed by a lighter grey.
+    fn indexed_distances(&self) -> [Rgb; INDEXED_DISTANCES] {
+        let mut lightest = f32::INFINITY;
+        std::array::from_fn(|i| {
+            let (r, g, b) = self.smooth_distance_colour(i as f32 / (INDEXED_DISTANCES - 1) as f32);
+            let off = |colour: &Rgb| {
+                let square = |a: u8, b: u8| (i32::from(a) - i32::from(b)).pow(2);
+                2 * square(colour.0, r) + 4 * square(colour.1, g) + 3 * square(colour.2, b)
+            };
+            // The first 16 depend on the terminal's own palette.
+            let colours = (16..=255).map(rgb_of_indexed).filter(|colour| lightness(*colour) <= lightest);
+            let nearest = colours.min_by_key(off).unwrap_or((r, g, b));
+            lightest = lightness(nearest);
+            nearest
+        })
     }
 
     /// Returns the nearest colour that the terminal has.
@@ -185,6 +210,14 @@ impl Theme {
 
     /// Returns the colour of a distance, given as a share of the farthest shown: near is light, far is dark.
     pub fn distance_colour(&self, share: f32) -> Rgb {
+        if self.depth == ColourDepth::Indexed {
+            let last = (INDEXED_DISTANCES - 1) as f32;
+            return self.indexed[(share.clamp(0.0, 1.0) * last).round() as usize];
+        }
+        self.smooth_distance_colour(share)
+    }
+
+    fn smooth_distance_colour(&self, share: f32) -> Rgb {
         let rgb = distance_colour(self.distance, share);
         if self.name == ThemeName::Light { blend(rgb, (255, 255, 255), LIGHT_TINT) } else { rgb }
     }
@@ -224,6 +257,23 @@ mod tests {
             let theme = Theme::new(name, ColourDepth::True);
             let lights: Vec<f32> = (0..=10).map(|i| lightness(theme.distance_colour(i as f32 / 10.0))).collect();
             assert!(lights.windows(2).all(|pair| pair[0] > pair[1]), "{}: {lights:?}", name.name());
+        }
+    }
+
+    #[test]
+    fn farther_is_never_lighter_with_256_colours() {
+        for name in [ThemeName::Dark, ThemeName::Light, ThemeName::ColourBlindSafe] {
+            let theme = Theme::new(name, ColourDepth::Indexed);
+            let mut shown: Vec<Color> =
+                (0..=100).map(|i| theme.colour(theme.distance_colour(i as f32 / 100.0))).collect();
+            let light = |colour: &Color| match colour {
+                Color::Indexed(index) => lightness(rgb_of_indexed(*index)),
+                _ => panic!("{colour:?} is not one of the 256"),
+            };
+            assert!(shown.windows(2).all(|pair| light(&pair[0]) >= light(&pair[1])), "{}: {shown:?}", name.name());
+            assert!(light(&shown[0]) > light(&shown[100]) + 0.3, "{}: {shown:?}", name.name());
+            shown.dedup();
+            assert!(shown.len() >= 7, "{}: {shown:?}", name.name());
         }
     }
 }

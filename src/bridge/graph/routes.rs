@@ -134,12 +134,13 @@ impl BridgeGraph {
         nearest: Option<usize>,
         links: Vec<(u32, u32)>,
     ) -> Route {
+        // Sums of many costs, each at its limit, fit into 64 bits: with fewer, the paths could have cycles.
         let predecessors = |node: &u32| {
             let from_goal = if *node == GOAL_NODE { &links[..] } else { &[] };
             let node = Some(*node).filter(|node| *node != GOAL_NODE);
             let incoming = node.into_iter().flat_map(|i| self.incoming_to(i));
             let edges = incoming.map(|edge| (edge.from as u32, cost_units(edge.cost)));
-            from_goal.iter().copied().chain(edges).collect::<Vec<_>>()
+            from_goal.iter().copied().chain(edges).map(|(from, cost)| (from, u64::from(cost))).collect::<Vec<_>>()
         };
         let mut costs = vec![f32::INFINITY; self.candidates.len()];
         let mut next: Vec<u32> = (0..costs.len() as u32).collect();

@@ -22,7 +22,7 @@ pub struct Losses {
     pub critic: f32,
     /// |f(s, a) - s'|^2, with each component in units of its change scale.
     pub model: f32,
-    /// D(f(s, mu(s, g)), g) in steps.
+    /// D(f(s, mu(s, g)), w) in steps, with w either g or a waypoint on the way there.
     pub actor: f32,
 }
 

@@ -41,8 +41,8 @@ pub enum Command {
     Save(SaveTo, Vec<LogEntry>),
     /// Save a checkpoint to a separate file named after this one; only the newest few are kept.
     Autosave(PathBuf, Vec<LogEntry>),
-    /// Continue in an edited world.
-    ChangeWorld(MakeWorld),
+    /// Continue in an edited world; the notice of what has changed begins with this text.
+    ChangeWorld(MakeWorld, &'static str),
     /// Continue with other settings, method or preset; keeps the data and, where they fit, the networks.
     Change(Box<Run>),
     /// Start a new run, possibly in another world.
@@ -76,8 +76,8 @@ fn without_autosave_suffix(stem: &str) -> &str {
 }
 
 impl Worker {
-    /// Continues in an edited world and returns a notice for the user.
-    fn change_world(&mut self, world: &dyn Environment) -> Result<String, CommandError> {
+    /// Continues in an edited world and returns a notice for the user, which begins with what was `done`.
+    fn change_world(&mut self, world: &dyn Environment, done: &str) -> Result<String, CommandError> {
         let change = self.trainer.change_world(world)?;
         self.current.title = self.trainer.world().title().into();
         // A running evaluation of the old world says nothing about the new one.
@@ -86,9 +86,9 @@ impl Worker {
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
         let removed = match change.transitions_removed as u64 {
             0 => String::new(),
-            removed => format!("; {} no longer possible", counted(removed, "transition")),
+            removed => format!("; forgot {} that can no longer happen", counted(removed, "transition")),
         };
-        Ok(format!("{}{removed}{warning}", change.summary))
+        Ok(format!("{done}{}{removed}{warning}", change.summary))
     }
 
     /// Continues with other settings and returns a notice of what was kept.
@@ -232,7 +232,7 @@ impl Worker {
             }
             Command::Save(to, log) => self.save(to, log).map(Some),
             Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
-            Command::ChangeWorld(make) => self.change_world(&*make(self.trainer.world())).map(Some),
+            Command::ChangeWorld(make, done) => self.change_world(&*make(self.trainer.world()), done).map(Some),
             Command::Change(run) => self.change(*run).map(Some),
             Command::StartRun(run, make) => self.start_run(*run, &*make(self.trainer.world())).map(Some),
             Command::Load(path) => self.load(path).map(Some),

@@ -102,6 +102,11 @@ impl Setting {
     pub fn named(name: &str) -> Option<&'static Self> {
         SETTINGS.iter().find(|setting| setting.name == name || setting.former == Some(name))
     }
+
+    /// Whether it is either true or false.
+    pub fn is_switch(&self) -> bool {
+        self.range == SWITCH_VALUES
+    }
 }
 
 use Group::{Agents, Batches, Bridges, Exploration, Networks, Optimiser, Planning, Targets};

@@ -51,19 +51,19 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Faster, "faster", &[">"], "", "more updates per second")
                 .also("speed fast quick rate limit unlimited accelerate"),
             bind(Action::Slower, "slower", &["<"], "", "fewer updates per second")
-                .also("speed slow rate limit throttle"),
+                .also("speed slow down rate limit throttle"),
             bind(Action::Freeze, "freeze", &["shift-f"], "", "freeze the screen while training continues")
                 .watching()
                 .also("still hold lock display"),
             bind(Action::Evaluate, "evaluate", &["y"], "", "evaluate now: how many test walks reach their goals")
                 .watching()
-                .also("evaluation test measure score success rate benchmark"),
+                .also("evaluation test measure score success rate benchmark accuracy performance"),
             bind(Action::NewSeed, "new-seed", &["shift-r"], "", "restart with another seed")
                 .watching()
                 .also("reset again scratch random number new run start over"),
             bind(Action::Settings, "settings", &["o"], "", "change a setting during training").watching().also(
                 "options preferences parameters hyperparameters configuration configure learning rate batch size gamma \
-                 discount lr bigger network width",
+                 discount lr bigger network width hidden layers neurons units noise epsilon",
             ),
             bind(Action::ResetSetting, "reset-setting", &["delete", "ctrl-x"], "", "reset the selected setting")
                 .within(When::Settings),
@@ -176,7 +176,7 @@ pub const SECTIONS: &[Section] = &[
                 .also("scroll"),
             bind(Action::Back, "back-in-time", &["["], "", "back in time: what was learned by then")
                 .watching()
-                .also("past history film rewind earlier previous before time travel scrub movie replay"),
+                .also("past history film rewind earlier previous before go time travel scrub movie replay"),
             bind(Action::Forth, "forth-in-time", &["]"], "", "forth in time, and back to the present")
                 .watching()
                 .also("future now present film forward later next time travel movie replay"),
@@ -253,7 +253,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file")
                 .also("save export store world"),
             bind(Action::OpenMap, "open-map", &["shift-o"], "", "open another map")
-                .also("load map file choose switch world fourrooms city trap browse"),
+                .also("load map file choose switch world fourrooms city trap arm robot fetch-reach browse"),
         ],
     },
     Section {
@@ -273,7 +273,7 @@ pub const SECTIONS: &[Section] = &[
                 .watching()
                 .also("screenshot picture image png svg csv figure capture print data"),
             bind(Action::ExportFilm, "export-film", &[], "", "export the film of how distance was learned")
-                .also("animation animate apng gif video movie clip timelapse time lapse record history"),
+                .also("animation animate apng gif video movie clip timelapse time lapse record recording history"),
         ],
     },
     Section {
@@ -288,7 +288,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::EndTour, "end-tour", &["esc"], "", "end the tour").within(When::Touring),
             bind(Action::Palette, "palette", &[":", "ctrl-p"], "all", "find an action by name").also("command search"),
             bind(Action::Help, "help", &["?", "f1"], "help", "show or hide this help")
-                .also("keys shortcuts manual documentation bindings usage"),
+                .also("keys shortcuts manual documentation bindings usage about"),
             bind(Action::SearchHelp, "search-help", &["/"], "", "show only what contains some words")
                 .within(When::Help),
             bind(Action::Close, "close", &["esc"], "", "close the topmost dialog or mode").also("cancel back escape"),

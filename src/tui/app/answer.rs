@@ -9,7 +9,9 @@ use super::files::checkpoint_file;
 use super::{App, maze_on};
 use crate::env::{WORLDS, WorldKind, maze};
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{Command, ConfigError, MakeWorld, Run, Setting, list_settings, settings_in_world, with_setting};
+use crate::train::{
+    Command, ConfigError, Effect, MakeWorld, Run, Setting, list_settings, settings_in_world, with_setting,
+};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 use crate::tui::scene::SceneKind;
@@ -117,7 +119,7 @@ impl App {
             Choice::StartOn(map) => self.start_run_on(map),
             Choice::ContinueOn(map) => {
                 let new = self.screen.maze.editor.record(&self.screen.maze.map.clone(), (*map).clone());
-                self.change_map(new);
+                self.change_map_or_say(new, Some("the map stays as it is"));
             }
             Choice::Load(path) if self.is_worth_saving() => {
                 let key = self.screen.keymap.key_of(Action::Save);
@@ -198,10 +200,19 @@ impl App {
         }
     }
 
+    /// Asks for a setting's new value; a switch that costs nothing is turned over at once.
     fn ask_setting(&mut self, name: String) {
         let value = list_settings(&self.screen.run().settings).into_iter().find(|(known, _)| *known == name);
         let value = value.map(|(_, value)| value).unwrap_or_default();
-        let hint = Setting::named(&name).map_or(String::new(), |setting| {
+        let setting = Setting::named(&name);
+        if setting.is_some_and(|setting| setting.is_switch() && setting.effect == Effect::Immediate) {
+            let other = if value == "true" { "false" } else { "true" };
+            if let Ok(settings) = with_setting(&self.screen.run().settings, &name, other) {
+                self.change_run(|run| run.settings = settings);
+            }
+            return;
+        }
+        let hint = setting.map_or(String::new(), |setting| {
             format!("{}: {}; {}", setting.about, setting.range, setting.effect.about())
         });
         self.open_prompt(Prompt::new(Question::Setting(name.clone()), name, hint, value));

@@ -123,14 +123,16 @@ impl App {
         } else if self.saving.named.is_some() {
             self.save_and_quit();
         } else if self.is_worth_saving() {
-            self.open_picker(lists::quit_choices(
-                self.screen.unsaved_updates(),
-                &self.save_path(),
-                &self.screen.snapshot.autosaves,
-            ));
+            self.open_picker(self.quit_question());
         } else {
             self.done = true;
         }
+    }
+
+    /// Returns the question whether to save before quitting.
+    pub(super) fn quit_question(&self) -> Picker {
+        let (unsaved, autosaves) = (self.screen.unsaved_updates(), &self.screen.snapshot.autosaves);
+        lists::quit_choices(unsaved, &self.save_path(), autosaves)
     }
 
     /// Quits once the run is saved.

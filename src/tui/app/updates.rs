@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::App;
 use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
-use crate::tui::dialog::{Dialog, lists};
+use crate::tui::dialog::{Choice, Dialog, Item, Picker, lists};
 use crate::view::{OnArrival, View};
 
 impl App {
@@ -24,6 +24,7 @@ impl App {
             self.screen.update_changed_settings();
             self.update_settings_list();
         }
+        self.update_quit_question();
         self.on_saving(&before);
         if self.screen.snapshot.evaluations.len() > before.evaluations.len() {
             self.log_evaluation();
@@ -56,6 +57,19 @@ impl App {
             {
                 picker.update(items.clone());
             }
+        }
+    }
+
+    /// Shows what quitting would lose by now in an open question.
+    fn update_quit_question(&mut self) {
+        let asks = |picker: &Picker| picker.items().any(|item| item.choice == Choice::Quit { save: false });
+        let Some(open) = self.screen.dialogs.iter().position(|d| matches!(d, Dialog::Pick(picker) if asks(picker)))
+        else {
+            return;
+        };
+        let items: Vec<Item> = self.quit_question().items().cloned().collect();
+        if let Dialog::Pick(picker) = &mut self.screen.dialogs[open] {
+            picker.update(items);
         }
     }
 

@@ -116,5 +116,11 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
         marker: curve.marker,
         points: &curve.points,
     });
-    chart::draw(frame, body, ([0.0, last], [0.0, 1.0]), ["0.0".to_owned(), "1.0".to_owned()], lines);
+    chart::draw(
+        frame,
+        body,
+        ([0.0, last], [0.0, 1.0]),
+        (comparison.axis.name(), ["0.0".to_owned(), "1.0".to_owned()]),
+        lines,
+    );
 }

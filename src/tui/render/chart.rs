@@ -10,6 +10,9 @@ use ratatui::widgets::{Axis, Chart, Dataset, GraphType, LegendPosition};
 use super::DIM;
 use super::text::short;
 
+/// Least columns of the lines for the x axis to be named.
+const MIN_NAMED_WIDTH: u16 = 20;
+
 /// Maximum lines for a chart's title and the names of its curves.
 const MAX_NAME_LINES: usize = 2;
 
@@ -36,12 +39,13 @@ pub fn heading(title: Span<'static>, names: impl Iterator<Item = Span<'static>>,
     lines
 }
 
-/// Draws lines within the bounds `x` and `y`, the latter labelled with `y_labels`; returns the area of the lines.
+/// Draws lines within the bounds `x` and `y`, the former in `x_unit`, the latter labelled with `y_labels`; returns the area
+/// of the lines.
 pub fn draw<'a>(
     frame: &mut Frame,
     area: Rect,
     (x, y): ([f64; 2], [f64; 2]),
-    y_labels: [String; 2],
+    (x_unit, y_labels): (&str, [String; 2]),
     lines: impl Iterator<Item = Line<'a>>,
 ) -> Rect {
     let inner = lines_area(area, &x.map(short), &y_labels);
@@ -49,7 +53,10 @@ pub fn draw<'a>(
         let set = Dataset::default().marker(line.marker).graph_type(GraphType::Line);
         set.style(line.style).data(line.points)
     };
-    let x_axis = Axis::default().bounds(x).labels(x.map(short)).style(DIM);
+    let [from, to] = x.map(short);
+    let named = inner.width >= MIN_NAMED_WIDTH;
+    let x_labels = if named { vec![from, x_unit.to_owned(), to] } else { vec![from, to] };
+    let x_axis = Axis::default().bounds(x).labels(x_labels).style(DIM);
     let y_axis = Axis::default().bounds(y).labels(y_labels).style(DIM);
     let chart = Chart::new(lines.map(set).collect()).x_axis(x_axis).y_axis(y_axis);
     frame.render_widget(chart.legend_position(None::<LegendPosition>), area);

@@ -45,6 +45,18 @@ struct Plot {
     max: Option<f64>,
     /// Whether it may be drawn on a logarithmic scale.
     log: bool,
+    /// Whether the values are shares, to be labelled in percent.
+    percent: bool,
+}
+
+impl Plot {
+    fn rate(title: &'static str, series: Vec<Series>) -> Self {
+        Self { title, series, max: Some(1.0), log: false, percent: false }
+    }
+
+    fn loss(title: &'static str, series: Series) -> Self {
+        Self { title, series: vec![series], max: None, log: true, percent: false }
+    }
 }
 
 /// Draws as many charts as fit, the most informative first.
@@ -99,12 +111,12 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
     vec![
-        Plot { title: "success", series: success, max: Some(1.0), log: false },
-        Plot { title: "loss of D", series: vec![loss(0)], max: None, log: true },
-        Plot { title: "error of D", series: errors, max: None, log: true },
-        Plot { title: by_unit, series: each.collect(), max: Some(1.0), log: false },
-        Plot { title: "loss of f", series: vec![loss(1)], max: None, log: true },
-        Plot { title: "loss of mu, steps", series: vec![loss(2)], max: None, log: true },
+        Plot::rate("success", success),
+        Plot::loss("loss of D", loss(0)),
+        Plot { title: "error of D", series: errors, max: None, log: true, percent: true },
+        Plot::rate(by_unit, each.collect()),
+        Plot::loss("loss of f", loss(1)),
+        Plot::loss("loss of mu, steps", loss(2)),
     ]
 }
 
@@ -151,7 +163,9 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     let uprights: Vec<[(f64, f64); 2]> = marks.iter().map(|(at, _)| [(*at, low), (*at, high)]).collect();
     let label = |y: f64| {
         let y = if log { 10f64.powf(y) } else { y };
-        if y >= 100.0 {
+        if plot.percent {
+            format!("{:.0} %", 100.0 * y)
+        } else if y >= 100.0 {
             format!("{y:.0}")
         } else if y >= 1.0 || y == 0.0 {
             format!("{y:.1}")
@@ -166,18 +180,26 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     let lines = changes.chain(shown.iter().map(|(i, points)| line(colour(screen, *i), &points[..])));
     let cursor = Style::new().fg(screen.theme.colour(screen.theme.cursor)).add_modifier(Modifier::BOLD);
     let lines = lines.chain(past.iter().map(|upright| line(cursor, &upright[..])));
-    let area = chart::draw(frame, body, ([from, to], [low, high]), [label(low), label(high)], lines);
+    let area = chart::draw(frame, body, ([from, to], [low, high]), (unit(screen), [label(low), label(high)]), lines);
     Some(ChartArea { area, bounds: [from, to] })
 }
 
 /// Returns the place along the curves of a number of updates counted: the updates done by a learner or, in a run
 /// without any, the steps.
 pub fn along(screen: &Screen, updates: u64) -> f64 {
-    let snapshot = &screen.snapshot;
-    if snapshot.updates() > 0 || snapshot.learns {
-        return snapshot.learned(updates) as f64;
+    if has_learned(screen) {
+        return screen.snapshot.learned(updates) as f64;
     }
     (updates * screen.run().settings.train.env_steps_per_update) as f64
+}
+
+/// Returns what [`along`] counts.
+fn unit(screen: &Screen) -> &'static str {
+    if has_learned(screen) { "updates" } else { "steps" }
+}
+
+fn has_learned(screen: &Screen) -> bool {
+    screen.snapshot.updates() > 0 || screen.snapshot.learns
 }
 
 /// Returns where the method changed within the window, and to which.

@@ -20,16 +20,25 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     };
     let speed = screen.snapshot.speed.map_or(String::new(), |speed| format!(" (at most {speed:.0}/s)"));
     let act = |action| Some(Click::Act(action));
-    let mut bar = ClickableLine::default();
-    bar.push(Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), act(Action::Help));
-    bar.push(Span::styled(format!(" {} ", screen.title()), BOLD), act(Action::OpenMap));
-    bar.push(Span::raw(format!("{} ", run.method.name())), act(Action::Method));
     let changed = screen.changed_settings.len();
     let changed = if changed > 0 { format!("({changed} changed) ") } else { String::new() };
-    bar.push(Span::raw(format!("{} {changed}", run.preset.name())), act(Action::Preset));
-    bar.push(Span::raw(format!("seed {} ", run.seed)), act(Action::NewSeed));
-    bar.push(Span::styled(format!(" {}{speed}", screen.phase()), BOLD), act(Action::TogglePause));
-    bar.push(Span::styled(saved, DIM), act(Action::Save));
+    let mut parts = vec![
+        (Span::styled(" gdg-tui ", BOLD.patch(REVERSED)), Action::Help),
+        (Span::styled(format!(" {} ", screen.title()), BOLD), Action::OpenMap),
+        (Span::raw(format!("{} ", run.method.name())), Action::Method),
+        (Span::raw(format!("{} {changed}", run.preset.name())), Action::Preset),
+        (Span::raw(format!("seed {} ", run.seed)), Action::NewSeed),
+        (Span::styled(format!(" {}{speed}", screen.phase()), BOLD), Action::TogglePause),
+        (Span::styled(saved, DIM), Action::Save),
+    ];
+    // Where room is short, what the run is gives way to what it does.
+    for left_out in [Action::NewSeed, Action::Preset, Action::Method] {
+        if parts.iter().map(|(span, _)| span.width()).sum::<usize>() > usize::from(area.width) {
+            parts.retain(|(_, action)| *action != left_out);
+        }
+    }
+    let mut bar = ClickableLine::default();
+    parts.into_iter().for_each(|(span, action)| bar.push(span, act(action)));
     let unsaved = format!("  {unsaved} updates since the last checkpoint");
     if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));

@@ -48,8 +48,9 @@ fn draw_about(
     layout: &mut ScreenLayout,
 ) {
     let width = HELP_WIDTH.min(area.width);
-    let text = lines(screen, usize::from(width.saturating_sub(2)), introduction, modes);
-    let all = if help.search().is_empty() { text.clone() } else { matches(&text, help.search()) };
+    let entries = entries(screen, usize::from(width.saturating_sub(2)), introduction, modes);
+    let text = entries.concat();
+    let all = if help.search().is_empty() { text.clone() } else { matches(&entries, help.search()) };
     // The box keeps its size while lines are searched.
     let dialog_area = middle(area, width, (text.len() as u16 + 2).min(area.height));
     let height = usize::from(dialog_area.height.saturating_sub(2));
@@ -79,50 +80,47 @@ fn draw_about(
     layout.help_lines = Some(first..first + height);
 }
 
-/// Returns the lines that contain the typed words, in reverse, and the titles above them.
-fn matches(lines: &[Line<'static>], typed: &str) -> Vec<Line<'static>> {
+/// Returns the lines of the entries that contain all typed words.
+fn matches(entries: &[Vec<Line<'static>>], typed: &str) -> Vec<Line<'static>> {
     let words: Vec<String> = typed.to_lowercase().split_whitespace().map(str::to_owned).collect();
-    let found = |line: &&Line| {
-        let text = line.to_string().to_lowercase();
+    let found = |entry: &&Vec<Line>| {
+        let text = entry.iter().map(Line::to_string).collect::<Vec<_>>().join(" ").to_lowercase();
         words.iter().all(|word| text.contains(word.as_str()))
     };
-    let found: Vec<Line> = lines.iter().filter(found).cloned().collect();
+    let found: Vec<Line> = entries.iter().filter(found).flatten().cloned().collect();
     if found.is_empty() { vec![Line::styled(" no match", REVERSED)] } else { found }
 }
 
-/// Returns all lines, wrapped to `width`.
-fn lines(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> Vec<Line<'static>> {
+/// Returns all entries and titles, each as its lines, wrapped to `width`.
+fn entries(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> Vec<Vec<Line<'static>>> {
     let kind = screen.scene();
-    let mut lines: Vec<Line> = wrapped(introduction, width.saturating_sub(2).max(8))
-        .into_iter()
-        .map(|line| Line::raw(format!(" {line}")))
-        .collect();
+    let introduction = wrapped(introduction, width.saturating_sub(2).max(8));
+    let mut entries = vec![introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>()];
+    let title = |title: &str| [vec![Line::default()], vec![Line::styled(format!(" {title}"), BOLD)]];
     for section in SECTIONS {
         let active = |b: &&Binding| kind.offers(b.action) && modes.iter().any(|mode| b.is_active(*mode));
         let mut bindings = section.bindings.iter().filter(active).peekable();
         if bindings.peek().is_none() {
             continue;
         }
-        lines.push(Line::default());
-        lines.push(Line::styled(format!(" {}", section.title), BOLD));
+        entries.extend(title(section.title));
         for binding in bindings {
             let keys = screen.keymap.display_keys(binding).join(" ");
             let keys = if keys.is_empty() { screen.keymap.key_of(binding.action) } else { keys };
-            lines.extend(entry(&keys, kind.wording(binding), binding.when.place(), width));
+            entries.push(entry(&keys, kind.wording(binding), binding.when.place(), width));
         }
     }
-    lines.push(Line::default());
-    lines.push(Line::styled(" the numbers", BOLD));
+    entries.extend(title("the numbers"));
     for (name, meaning) in training::MEANINGS {
-        lines.extend(entry(name, meaning, "", width));
+        entries.push(entry(name, meaning, "", width));
     }
-    lines.push(Line::default());
-    lines.extend(scene::legend_lines(screen));
+    entries.push(vec![Line::default()]);
+    entries.extend(scene::legend_lines(screen).into_iter().map(|line| vec![line]));
     if let Some(folder) = crate::logging::folder() {
-        lines.push(Line::default());
-        lines.extend(entry("log files", &folder.display().to_string(), "", width));
+        entries.push(vec![Line::default()]);
+        entries.push(entry("log files", &folder.display().to_string(), "", width));
     }
-    lines
+    entries
 }
 
 /// Returns a name and what it means, wrapped beside the name.

@@ -133,7 +133,7 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         lines.extend(evaluation.planned.as_ref().map(|planned| score("planned", planned)));
         lines.push(score("greedy", &evaluation.greedy));
         if let Some(error) = evaluation.distance_error {
-            let percent = |mape: f64| format!("{:.0} % of the truth", 100.0 * mape);
+            let percent = |mape: f64| format!("off by {:.0} %", 100.0 * mape);
             lines.push(fact("D error", percent(error.mape)));
             lines.extend(error.graph.map(|graph| fact("via graph", percent(graph.mape))));
         }

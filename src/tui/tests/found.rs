@@ -112,17 +112,23 @@ fn what_changes_nothing_is_answered() {
     assert_eq!(notice(&app), "nothing to undo");
     app.act(Action::Redo);
     assert_eq!(notice(&app), "nothing to redo");
-    app.act(Action::ToggleEdit);
-    app.act(Action::Apply);
-    press(&mut app, KeyCode::Char('u'));
-    assert_eq!(notice(&app), "undone: 1 cell");
-    app.act(Action::Redo);
-    assert_eq!(notice(&app), "done again: 1 cell");
-    app.act(Action::ToggleEdit);
     type_text(&mut app, ":qqqzzz");
     press(&mut app, KeyCode::Enter);
     assert_eq!(notice(&app), "nothing in the list fits \"qqqzzz\"");
     assert_eq!(app.screen.dialogs.len(), 1, "the list stays open");
+}
+
+#[test]
+fn undone_and_redone_steps_are_named_with_what_they_change() {
+    let mut app = app();
+    let says = |app: &App, text: &str| app.screen.log.notice().is_some_and(|notice| notice.text.starts_with(text));
+    app.act(Action::ToggleEdit);
+    app.act(Action::Apply);
+    wait_until(&mut app, |app| says(app, "1 cell walled"));
+    press(&mut app, KeyCode::Char('u'));
+    wait_until(&mut app, |app| says(app, "undone: 1 cell opened"));
+    app.act(Action::Redo);
+    wait_until(&mut app, |app| says(app, "done again: 1 cell walled"));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::tui::panes::Pane;
 use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
-const WORDS: [(&str, Action); 74] = [
+const WORDS: [(&str, Action); 83] = [
     ("resume", Action::TogglePause),
     ("pause", Action::TogglePause),
     ("stop", Action::TogglePause),
@@ -82,6 +82,15 @@ const WORDS: [(&str, Action); 74] = [
     ("keys", Action::Help),
     ("exit", Action::Quit),
     ("quit", Action::Quit),
+    ("accuracy", Action::Evaluate),
+    ("slow down", Action::Slower),
+    ("hidden", Action::Settings),
+    ("neurons", Action::Settings),
+    ("noise", Action::Settings),
+    ("epsilon", Action::Settings),
+    ("go back", Action::Back),
+    ("arm", Action::OpenMap),
+    ("about", Action::Help),
 ];
 
 #[test]

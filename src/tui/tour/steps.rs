@@ -234,8 +234,13 @@ fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
         tour.bridge = found_bridge(screen, if tour.elapsed < PATIENCE_SECS { CLEAR_GAIN } else { 1.0 });
     }
     let Some(FoundBridge { stops, distances: [first, second, direct], .. }) = &tour.bridge else {
-        let text = "Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). Wait for a find.";
-        return Caption { text: text.to_owned(), subject: vec![screen.maze.goal.centre()], ..Caption::default() };
+        let end = if tour.elapsed < PATIENCE_SECS {
+            "Wait for a find."
+        } else {
+            "None lately: where D goes the short way already, no bridge makes it shorter."
+        };
+        let text = format!("Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). {end}");
+        return Caption { text, subject: vec![screen.maze.goal.centre()], ..Caption::default() };
     };
     let text = format!(
         "An agent found this bridge B: D(a,B) + D(B,g) was {first:.0} + {second:.0} = {:.0}, less than D(a,g) = {direct:.0}. \

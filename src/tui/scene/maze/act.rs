@@ -70,11 +70,11 @@ impl App {
             }
             Action::Undo => {
                 let new = maze.editor.undo(&map);
-                self.step_through_edits(&map, new, ["undone", "nothing to undo"]);
+                self.step_through_edits(new, "undone: ", "nothing to undo");
             }
             Action::Redo => {
                 let new = maze.editor.redo(&map);
-                self.step_through_edits(&map, new, ["done again", "nothing to redo"]);
+                self.step_through_edits(new, "done again: ", "nothing to redo");
             }
             Action::SaveMap => self.ask_map_file(),
             Action::NewMap => self.ask_size(Question::NewMap),
@@ -112,8 +112,13 @@ impl App {
 
     /// Switches to `map`, if given.
     pub(in crate::tui) fn change_map(&mut self, map: Option<Arc<Grid>>) {
+        self.change_map_as("", map);
+    }
+
+    /// Switches to `map`, if given; the notice of what has changed begins with what was `done`.
+    fn change_map_as(&mut self, done: &'static str, map: Option<Arc<Grid>>) {
         let Some(map) = map else { return };
-        if !self.command(Command::ChangeWorld(maze_on(map.clone()))) {
+        if !self.command(Command::ChangeWorld(maze_on(map.clone()), done)) {
             return;
         }
         self.screen.maze.map = map;
@@ -122,26 +127,20 @@ impl App {
         }
     }
 
-    pub(super) fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: Option<&str>) {
+    /// Switches to `map`, or says why there is none.
+    pub(in crate::tui) fn change_map_or_say(&mut self, map: Option<Arc<Grid>>, otherwise: Option<&str>) {
         if let Some(reason) = otherwise.filter(|_| map.is_none()) {
             self.notify(reason);
         }
         self.change_map(map);
     }
 
-    /// Switches from map `old` to `new`, an earlier or later one, and says so with how many cells differ.
-    fn step_through_edits(&mut self, old: &Grid, new: Option<Arc<Grid>>, [done, nothing]: [&str; 2]) {
-        if let Some(new) = &new {
-            let cells = old.free().iter().zip(new.free()).filter(|(old, new)| old != new).count();
-            let changed = match (cells, (old.width(), old.height()) == (new.width(), new.height())) {
-                (_, false) => "the map's size".to_owned(),
-                (0, _) => "starts and goals".to_owned(),
-                (1, _) => "1 cell".to_owned(),
-                (cells, _) => format!("{cells} cells"),
-            };
-            self.notify(&format!("{done}: {changed}"));
+    /// Switches to `new`, an earlier or later map, and says so; or that there is `nothing`.
+    fn step_through_edits(&mut self, new: Option<Arc<Grid>>, done: &'static str, nothing: &str) {
+        if new.is_none() {
+            self.notify(nothing);
         }
-        self.change_map_or_say(new, Some(nothing));
+        self.change_map_as(done, new);
     }
 
     fn toggle_edit(&mut self) {
