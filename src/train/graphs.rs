@@ -17,6 +17,9 @@ use crate::store::{Store, StoreError};
 /// Number of pairs of candidates per build whose graph distances are distilled, ...
 pub(crate) const DISTILLED_PAIRS: usize = 300_000;
 
+/// ... by following about this many edges: graphs of open maps have hundreds for each candidate, ...
+pub(crate) const DISTILLED_EDGES: usize = 8_000_000;
+
 /// ... to at most as many goals as this, ...
 pub(crate) const MAX_DISTILLED_GOALS: usize = 256;
 
@@ -133,6 +136,7 @@ impl GraphJob {
 impl BuiltGraph {
     fn new(at: u64, graph: BridgeGraph, rng: &mut ChaCha8Rng) -> Self {
         let goals = DISTILLED_PAIRS / graph.candidates().len().max(1);
+        let goals = goals.min(DISTILLED_EDGES / graph.edges().len().max(1));
         let distilled = graph.distil(goals.clamp(MIN_DISTILLED_GOALS, MAX_DISTILLED_GOALS), rng);
         let longest_steps = distilled.longest_steps();
         Self { at, graph: Arc::new(graph), longest_steps, distilled: Arc::new(distilled), changed: None }

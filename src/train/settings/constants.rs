@@ -135,6 +135,12 @@ fn graph_paths() -> Vec<Constant> {
             "pairs of candidates whose graph distances each graph distils, ...",
         ),
         constant(
+            "DISTILLED_EDGES",
+            graphs::DISTILLED_EDGES as f64,
+            "edges",
+            "... by following about this many edges ...",
+        ),
+        constant(
             "MAX_DISTILLED_GOALS",
             graphs::MAX_DISTILLED_GOALS as f64,
             "candidates",
