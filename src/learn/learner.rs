@@ -79,7 +79,7 @@ pub struct KnownPair {
     pub to: u32,
     /// Its length.
     pub steps: f32,
-    /// The first place on it that is at least [`WAYPOINT_STEPS`] from the start, or its end.
+    /// The first place on it that is at least `WAYPOINT_STEPS` from the start, or its end.
     pub waypoint: u32,
 }
 
@@ -97,7 +97,7 @@ pub struct DistancesByGoal {
     /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the first as well; infinite
     /// if unknown.
     pub steps: Vec<f32>,
-    /// For each of these, the first place on the path that is at least [`WAYPOINT_STEPS`] from its start, or its end.
+    /// For each of these, the first place on the path that is at least `WAYPOINT_STEPS` from its start, or its end.
     pub waypoints: Vec<u32>,
 }
 
