@@ -100,9 +100,17 @@ pub struct BridgeGraph {
     settings: BridgeSettings,
     candidates: Arc<Candidates>,
     edges: Vec<Edge>,
-    /// `incoming[first[j]..first[j + 1]]`: indices of the edges that lead to j.
-    incoming: Vec<u32>,
+    /// `incoming[first[j]..first[j + 1]]`: the edges that lead to j.
+    incoming: Vec<Incoming>,
     first: Vec<u32>,
+}
+
+/// An edge as searches backwards from its target see it: side by side in memory, as they pass all edges for each goal.
+#[derive(Clone, Copy, Debug)]
+struct Incoming {
+    from: u32,
+    cost_units: u32,
+    length: f32,
 }
 
 impl BridgeGraph {
@@ -156,8 +164,14 @@ impl BridgeGraph {
         let mut first = vec![0u32; candidates.len() + 1];
         edges.iter().for_each(|e| first[e.to + 1] += 1);
         (1..first.len()).for_each(|i| first[i] += first[i - 1]);
-        let mut incoming: Vec<u32> = (0..edges.len() as u32).collect();
-        incoming.sort_by_key(|i| edges[*i as usize].to);
+        let mut by_target: Vec<&Edge> = edges.iter().collect();
+        by_target.sort_by_key(|edge| edge.to);
+        let incoming = by_target.into_iter().map(|edge| Incoming {
+            from: edge.from as u32,
+            cost_units: routes::cost_units(edge.cost),
+            length: edge.length,
+        });
+        let incoming = incoming.collect();
         Self { spec: spec.clone(), settings: settings.clone(), candidates, edges, incoming, first }
     }
 

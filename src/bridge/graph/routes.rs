@@ -6,7 +6,7 @@ use pathfinding::directed::dijkstra::dijkstra_all;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-use super::{BridgeGraph, Edge, Link};
+use super::{BridgeGraph, Incoming, Link};
 use crate::learn::{ChangedDistances, DistancesByGoal, GoalIndex, KnownPair, Policy, Scratch, WAYPOINT_STEPS};
 
 /// Resolution of path costs: as integers in this many parts of a step, they make shortest paths exact and identical on
@@ -138,8 +138,8 @@ impl BridgeGraph {
         let predecessors = |node: &u32| {
             let from_goal = if *node == GOAL_NODE { &links[..] } else { &[] };
             let node = Some(*node).filter(|node| *node != GOAL_NODE);
-            let incoming = node.into_iter().flat_map(|i| self.incoming_to(i));
-            let edges = incoming.map(|edge| (edge.from as u32, cost_units(edge.cost)));
+            let incoming = node.map_or(&[][..], |i| self.incoming_to(i));
+            let edges = incoming.iter().map(|edge| (edge.from, edge.cost_units));
             from_goal.iter().copied().chain(edges).map(|(from, cost)| (from, u64::from(cost))).collect::<Vec<_>>()
         };
         let mut costs = vec![f32::INFINITY; self.candidates.len()];
@@ -166,7 +166,7 @@ impl BridgeGraph {
             }
             let mut length = *lengths[at as usize].get_or_insert_with(|| last(at));
             while let Some(from) = path.pop() {
-                length += self.incoming_to(at).find(|edge| edge.from as u32 == from).map_or(0.0, |edge| edge.length);
+                length += self.incoming_to(at).iter().find(|edge| edge.from == from).map_or(0.0, |edge| edge.length);
                 lengths[from as usize] = Some(length);
                 at = from;
             }
@@ -175,9 +175,8 @@ impl BridgeGraph {
     }
 
     /// Returns the edges that lead to candidate `i`.
-    fn incoming_to(&self, i: u32) -> impl Iterator<Item = &Edge> {
-        let own = self.first[i as usize] as usize..self.first[i as usize + 1] as usize;
-        self.incoming[own].iter().map(|e| &self.edges[*e as usize])
+    fn incoming_to(&self, i: u32) -> &[Incoming] {
+        &self.incoming[self.first[i as usize] as usize..self.first[i as usize + 1] as usize]
     }
 
     /// Returns D(s, g) along the bridge graph for each of `states` `(rows, state_dim)`: the shortest path that starts
@@ -310,6 +309,7 @@ impl BridgeGraph {
     }
 }
 
-fn cost_units(cost: f32) -> u32 {
+/// Returns `cost`, in steps, as a whole number of [`COST_UNITS_PER_STEP`].
+pub(super) fn cost_units(cost: f32) -> u32 {
     (cost * COST_UNITS_PER_STEP) as u32
 }
