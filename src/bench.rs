@@ -13,6 +13,7 @@ use std::fmt::Display;
 use std::process::{Command, Stdio};
 use std::time::Instant;
 
+use clap::ValueEnum;
 use miette::{IntoDiagnostic, Report};
 use serde::Serialize;
 
@@ -27,6 +28,23 @@ const MAPS: [&str; 2] = ["fourrooms", "city"];
 /// Environment variable from which candle reads its number of threads.
 const CANDLE_THREADS: &str = "RAYON_NUM_THREADS";
 
+/// A part of the benchmark.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Part {
+    /// One update of critic, model and actor, against plain candle-nn
+    Updates,
+    /// One update of the default preset, against candle's tape
+    Default,
+    /// Updates per second on built-in maps
+    Training,
+    /// Time to a success rate
+    TimeTo,
+    /// What the interface costs
+    Interface,
+    /// Single operations
+    Other,
+}
+
 /// All measurements; times are medians in microseconds.
 #[derive(Debug, Serialize)]
 struct Measurements {
@@ -34,7 +52,7 @@ struct Measurements {
     /// Peak multiply-add rate of one core, in GFLOP/s (two operations each).
     peak_gflops: f64,
     updates: Vec<UpdateTimes>,
-    default_update: DefaultUpdateTimes,
+    default_update: Option<DefaultUpdateTimes>,
     default_preset: Vec<DefaultTimes>,
     time_to_success: Vec<TimeToSuccess>,
     /// For each kind of screen; none if this was built without the interface.
@@ -126,11 +144,11 @@ struct TimedOperation {
     runs: usize,
 }
 
-/// Runs all measurements and returns a table, or JSON.
+/// Runs the measurements of some parts, of all if none are given, and returns a table, or JSON.
 ///
 /// # Errors
 /// Fails if candle or the benchmark process does.
-pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
+pub fn run(only: &[Part], json: bool, threads: usize, runs: usize) -> Result<String, Report> {
     // Compare one thread to one thread, which is also candle at its best: it would spread its operations over spinning
     // threads. Candle reads the number of threads from the environment, which can be set safely only for a new process.
     if std::env::var_os(CANDLE_THREADS).is_none() {
@@ -139,6 +157,11 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
         again
             .args(["bench", "--threads", &threads, "--runs", &runs.to_string()])
             .args(json.then_some("--json"))
+            .args(
+                only.iter()
+                    .filter_map(ValueEnum::to_possible_value)
+                    .flat_map(|part| ["--only".to_owned(), part.get_name().to_owned()]),
+            )
             .env(CANDLE_THREADS, "1");
         let output = again.stderr(Stdio::inherit()).output().into_diagnostic()?;
         if !output.status.success() {
@@ -147,19 +170,27 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
         return String::from_utf8(output.stdout).into_diagnostic();
     }
     let peak_gflops = median((0..9).map(|_| crate::learn::kernel::multiply_add_gflops()).collect());
-    let updates = SHAPES.iter().map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));
+    let wanted = |part| only.is_empty() || only.contains(&part);
+    let shapes = SHAPES.iter().filter(|_| wanted(Part::Updates));
+    let updates = shapes.map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));
+    let updates = updates.collect::<Result<_, _>>().into_diagnostic()?;
+    let default_update = wanted(Part::Default).then(|| cases::default_update((threads, runs)));
     let found = Measurements {
         threads,
         peak_gflops,
-        updates: updates.collect::<Result<_, _>>().into_diagnostic()?,
-        default_update: cases::default_update((threads, runs)).into_diagnostic()?,
-        default_preset: of_maps(&|map| cases::default_preset(map, (threads, runs)))?,
-        time_to_success: of_maps(&|map| time_to::measure(map, (threads, runs)))?,
+        updates,
+        default_update: default_update.transpose().into_diagnostic()?,
+        default_preset: of_maps(wanted(Part::Training), &|map| cases::default_preset(map, (threads, runs)))?,
+        time_to_success: of_maps(wanted(Part::TimeTo), &|map| time_to::measure(map, (threads, runs)))?,
         #[cfg(feature = "tui")]
-        interface: interface::measure((threads, runs)).into_diagnostic()?,
+        interface: if wanted(Part::Interface) {
+            interface::measure((threads, runs)).into_diagnostic()?
+        } else {
+            Vec::new()
+        },
         #[cfg(not(feature = "tui"))]
         interface: Vec::new(),
-        other: cases::other().into_diagnostic()?,
+        other: if wanted(Part::Other) { cases::other().into_diagnostic()? } else { Vec::new() },
     };
     if json {
         return Ok(serde_json::to_string_pretty(&found).into_diagnostic()? + "\n");
@@ -167,27 +198,30 @@ pub fn run(json: bool, threads: usize, runs: usize) -> Result<String, Report> {
     Ok(found.table())
 }
 
-/// Measures each of [`MAPS`].
-fn of_maps<T>(measure: &dyn Fn(&'static str) -> Result<T, TrainError>) -> Result<Vec<T>, Report> {
-    MAPS.iter().map(|map| measure(map)).collect::<Result<_, _>>().into_diagnostic()
+/// Measures each of [`MAPS`], if `wanted`.
+fn of_maps<T>(wanted: bool, measure: &dyn Fn(&'static str) -> Result<T, TrainError>) -> Result<Vec<T>, Report> {
+    MAPS.iter().filter(|_| wanted).map(|map| measure(map)).collect::<Result<_, _>>().into_diagnostic()
 }
 
 impl Measurements {
     fn table(&self) -> String {
         let mut out = format!("multiply-add peak of one core: {:.0} GFLOP/s\n\n", self.peak_gflops);
-        out += &format!("{:<12}{:>10}{:>10}{:>8}", "update", "plain", "fused", "ratio");
-        out += &format!("{:>8}{:>12}{:>8}{:>7}\n", "peak", format!("{} threads", self.threads), "ratio", "runs");
+        if !self.updates.is_empty() {
+            out += &format!("{:<12}{:>10}{:>10}{:>8}", "update", "plain", "fused", "ratio");
+            out += &format!("{:>8}{:>12}{:>8}{:>7}\n", "peak", format!("{} threads", self.threads), "ratio", "runs");
+        }
         for u in &self.updates {
             out += &format!("{:<12}", format!("{} x {}", u.batch, u.width));
             out += &format!("{:>7.0} us{:>7.0} us{:>8.2}", u.plain_us, u.fused_us, u.speed_up);
             let share = format!("{:.0} %", 100.0 * u.peak_share);
             out += &format!("{share:>8}{:>9.0} us{:>8.2}{:>7}\n", u.fused_threads_us, u.threads_speed_up, u.runs);
         }
-        let u = &self.default_update;
-        out += &format!("\ndefault preset, one update: {:.0} us on candle's tape, {:.0} us ", u.tape_us, u.kernels_us);
-        out +=
-            &format!("({:.1} times as fast), on {} threads {:.0} us ", u.speed_up, self.threads, u.kernels_threads_us);
-        out += &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
+        if let Some(u) = &self.default_update {
+            let (tape, kernels, both) = (u.tape_us, u.kernels_us, u.kernels_threads_us);
+            out += &format!("\ndefault preset, one update: {tape:.0} us on candle's tape, {kernels:.0} us ");
+            out += &format!("({:.1} times as fast), on {} threads {both:.0} us ", u.speed_up, self.threads);
+            out += &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
+        }
         for d in &self.default_preset {
             out += &format!("\n{}, default preset: {:.0} updates/s on one thread, ", d.map, d.one_thread);
             out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.threads, d.runs);

@@ -14,6 +14,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
+use crate::bench;
 use crate::bridge::Planner;
 use crate::learn::LEARNERS;
 use crate::map::{RANDOM_SIZES, RandomMapKind};
@@ -113,6 +114,9 @@ pub enum Command {
     Film(FilmArgs),
     /// Benchmark the learner on this machine against plain candle-nn
     Bench {
+        /// Measure this part alone; may be given more than once [default: all]
+        #[arg(long, value_name = "PART")]
+        only: Vec<bench::Part>,
         /// Print JSON instead of a table
         #[arg(long)]
         json: bool,

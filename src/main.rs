@@ -70,8 +70,8 @@ fn main() -> ExitCode {
         Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), EXIT_BAD_INPUT),
         Some(Command::ExportPolicy(args)) => printed(export_policy::run(args), EXIT_BAD_INPUT),
         Some(Command::Film(args)) => printed(film::run(args), EXIT_BAD_INPUT),
-        Some(Command::Bench { json, threads, runs }) => {
-            printed(bench::run(*json, setup::threads(*threads), (*runs).into()), EXIT_FAILURE)
+        Some(Command::Bench { only, json, threads, runs }) => {
+            printed(bench::run(only, *json, setup::threads(*threads), (*runs).into()), EXIT_FAILURE)
         }
         None => train(&cli),
     };

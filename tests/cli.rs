@@ -676,6 +676,18 @@ fn bench_reports_every_measurement() {
 }
 
 #[test]
+fn bench_measures_the_parts_asked_for_alone() {
+    let output =
+        gdg().args(["bench", "--runs", "1", "--json", "--only", "default", "--only", "other"]).output().unwrap();
+    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
+    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
+    assert!(found["default_update"]["kernels_us"].is_number() && found["other"][0]["us"].is_number(), "{found:#}");
+    for part in ["updates", "default_preset", "time_to_success", "interface"] {
+        assert_eq!(found[part].as_array().map(Vec::len), Some(0), "{part}");
+    }
+}
+
+#[test]
 fn a_map_can_be_edited_at_a_given_update() {
     let folder = tempfile::tempdir().unwrap();
     let edited = folder.path().join("wider.txt");

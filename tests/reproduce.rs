@@ -319,7 +319,7 @@ fn bad_arguments_are_named_before_anything_runs() {
     let place = Place::new();
     for (args, part) in [
         (&["fig7"][..], "fig6"),
-        (&["fig6", "--set", "gd:hidden=3"], "methods of fig6: default, gdg-bridge"),
+        (&["fig6", "--set", "gd:hidden=3"], "methods of fig6: default, default-gdg, gdg-bridge"),
         (&["fig6", "--set", "her:hidden=3"], "no figure given has a method called \"her\""),
         (&["fig1", "--set", "default:hidden=3"], "methods of fig1: gdg-distance, ddpg-distance, gdg, her"),
         (&["fig6", "--collect"], "out: there is no such folder"),

@@ -15,7 +15,8 @@ const SCREEN_SIZE: (u16, u16) = (200, 60);
 
 /// Measures training on a large map with and without the interface, in turns: with each kind of screen.
 pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, TrainError> {
-    const TURN_DURATION: Duration = Duration::from_secs(1);
+    // Long enough for grounds of pictures that are drawn again and rest for up to two seconds.
+    const TURN_DURATION: Duration = Duration::from_secs(3);
     let map = rooms();
     let trainer = || {
         let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };

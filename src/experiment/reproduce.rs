@@ -292,7 +292,7 @@ mod tests {
             let error = check_prefixes(&[format!("{method}:hidden=17")], &figures).expect_err("no such method");
             assert!(error.to_string().contains(&format!("a method called \"{method}\"")), "{error}");
             let help = error.help().map(|help| help.to_string()).unwrap_or_default();
-            assert_eq!(help, "methods of fig6: default, gdg-bridge, gdg, ddpg, ddpg-distance");
+            assert_eq!(help, "methods of fig6: default, default-gdg, gdg-bridge, gdg, ddpg, ddpg-distance");
         }
     }
 }

@@ -220,7 +220,7 @@ impl Screen {
         self.graphics.filter(|_| wanted).map(|graphics| graphics.character)
     }
 
-    /// Summarises the run in a line, for the terminal after the screen is closed.
+    /// Summarises the run for the terminal after the screen is closed, in lines that fit into 80 columns.
     pub fn summary(&self) -> String {
         let counters = self.snapshot.counters;
         let text = format!(
@@ -234,7 +234,7 @@ impl Screen {
             counters.episodes
         );
         match self.success() {
-            Some(success) => format!("{text}; at update {} success {success}", success.updates),
+            Some(success) => format!("{text}\nat update {}: success {success}", success.updates),
             None => text,
         }
     }

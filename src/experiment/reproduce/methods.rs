@@ -37,6 +37,15 @@ pub const DEFAULT: Entry = Entry {
     colour: (213, 94, 0),
 };
 
+/// The same without bridge points: what the actor alone learns.
+pub const DEFAULT_GDG: Entry = Entry {
+    name: "default-gdg",
+    title: "default, no bridges (ours)",
+    planner: Planner::None,
+    colour: (0, 158, 115),
+    ..DEFAULT
+};
+
 /// The paper's method with bridge points, as published.
 pub const GDG_BRIDGE: Entry =
     Entry { name: "gdg-bridge", title: "GDG, bridges", preset: "paper", set: &[], colour: (0, 114, 178), ..DEFAULT };

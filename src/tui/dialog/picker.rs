@@ -174,6 +174,8 @@ impl Picker {
                 return at.is_some();
             }
             _ if self.is_question() => {}
+            // It starts a search elsewhere; here, typing does.
+            KeyCode::Char('/') if self.typed.value().is_empty() => {}
             _ => {
                 let before = self.typed.value().to_owned();
                 self.typed.handle_event(&Event::Key(key));
@@ -253,6 +255,9 @@ mod tests {
         assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "the exact name comes first");
         press(&mut picker, "zzz");
         assert_eq!(picker.choice(), None);
+        picker.on_key(KeyEvent::new(KeyCode::Char('u'), KeyModifiers::CONTROL));
+        press(&mut picker, "/accuracy");
+        assert_eq!(picker.choice(), Some(&Choice::Setting("loss".to_owned())), "the slash starts the search");
     }
 
     #[test]

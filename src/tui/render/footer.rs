@@ -73,6 +73,29 @@ pub fn keys(screen: &Screen, mode: Mode, width: u16) -> ClickableLine {
 
 /// Returns the editor's tools, followed by as much else as fits. Where room is short, only the selected tool.
 fn editing(screen: &Screen, width: u16) -> ClickableLine {
+    let mut bar = tools(screen, width);
+    if has_room_for_mouse(screen, &bar, width) {
+        bar.push(Span::styled(mouse(screen), DIM), None);
+    }
+    bar
+}
+
+/// Returns what the mouse buttons do with the editor's tool, if the line of its tools has no room to say it.
+pub fn untold_mouse(screen: &Screen, width: u16) -> Option<&'static str> {
+    let editor = &screen.maze.editor;
+    let untold = editor.is_open() && !has_room_for_mouse(screen, &tools(screen, width), width);
+    untold.then(|| editor.tool.mouse())
+}
+
+fn mouse(screen: &Screen) -> String {
+    format!(" {}", screen.maze.editor.tool.mouse())
+}
+
+fn has_room_for_mouse(screen: &Screen, bar: &ClickableLine, width: u16) -> bool {
+    bar.width() + mouse(screen).len() <= usize::from(width)
+}
+
+fn tools(screen: &Screen, width: u16) -> ClickableLine {
     let tools = |tools: &[Tool]| {
         let mut bar = ClickableLine::default();
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);
@@ -93,10 +116,6 @@ fn editing(screen: &Screen, width: u16) -> ClickableLine {
         if bar.width() + label_width(action, label) + after <= width {
             key(&mut bar, screen, action, &format!(" {label} "), Style::new());
         }
-    }
-    let mouse = format!(" {}", screen.maze.editor.tool.mouse());
-    if bar.width() + mouse.len() <= width {
-        bar.push(Span::styled(mouse, DIM), None);
     }
     bar
 }

@@ -1,11 +1,11 @@
-//! The line over the map: a saved run to resume, or what there is to see.
+//! The line over the map: how to draw on it, a saved run to resume, or what there is to see.
 
 use ratatui::Frame;
 use ratatui::layout::Rect;
 use ratatui::text::Span;
 use ratatui::widgets::Clear;
 
-use super::{BOLD, REVERSED};
+use super::{BOLD, REVERSED, footer};
 use crate::runs;
 use crate::text::grouped;
 use crate::tui::action::Action;
@@ -19,9 +19,11 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         return;
     }
     let width = usize::from(area.width);
-    let Some(line) = past(screen, width).or_else(|| offer(screen, width)).or_else(|| what_to_see(screen, width)) else {
-        return;
-    };
+    let line = past(screen, width)
+        .or_else(|| how_to_draw(screen, frame.area().width))
+        .or_else(|| offer(screen, width))
+        .or_else(|| what_to_see(screen, width));
+    let Some(line) = line else { return };
     let width = (line.width() as u16).min(area.width);
     let area = Rect { x: area.x + (area.width - width) / 2, width, height: area.height.min(1), ..area };
     frame.render_widget(Clear, area);
@@ -50,6 +52,14 @@ fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
         line
     });
     fitting(lines, width)
+}
+
+/// Says what the mouse does in the editor, until it has been done, if the bottom line of `width` columns does not.
+fn how_to_draw(screen: &Screen, width: u16) -> Option<ClickableLine> {
+    let mouse = footer::untold_mouse(screen, width).filter(|_| !screen.maze.editor.has_changed)?;
+    let mut line = ClickableLine::default();
+    line.push(Span::styled(format!(" {mouse} "), REVERSED), None);
+    Some(line)
 }
 
 /// Offers the saved run, in at most `width` columns if possible.

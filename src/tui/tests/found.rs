@@ -132,6 +132,25 @@ fn undone_and_redone_steps_are_named_with_what_they_change() {
 }
 
 #[test]
+fn on_narrow_screens_a_line_says_how_to_draw_until_something_is_drawn() {
+    let mut app = app();
+    let hint = "drag: walls, right drag: floor";
+    let rows = |app: &mut App, width| {
+        let shown = text(&draw(app, width, 24));
+        shown.lines().enumerate().filter(|(_, row)| row.contains(hint)).map(|(y, _)| y).collect::<Vec<_>>()
+    };
+    assert_eq!(rows(&mut app, 80), Vec::<usize>::new(), "the editor is closed");
+    app.act(Action::ToggleEdit);
+    assert_eq!((rows(&mut app, 80), rows(&mut app, 140)), (vec![1], vec![23]), "over the map, or beside the tools");
+    app.act(Action::Apply);
+    wait_until(&mut app, |app| app.screen.maze.editor.has_changed);
+    assert_eq!((rows(&mut app, 80), rows(&mut app, 140)), (vec![], vec![23]));
+    app.act(Action::ToggleEdit);
+    app.act(Action::ToggleEdit);
+    assert_eq!(rows(&mut app, 80), vec![1], "again when it is opened again");
+}
+
+#[test]
 fn pausing_and_single_updates_are_answered_exactly() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.rates.0 > 0.0);

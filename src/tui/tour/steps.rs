@@ -242,9 +242,10 @@ fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
         let text = format!("Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). {end}");
         return Caption { text, subject: vec![screen.maze.goal.centre()], ..Caption::default() };
     };
+    let tried = if is_mono(screen) { "The x" } else { "The dots around" };
     let text = format!(
         "An agent found this bridge B: D(a,B) + D(B,g) was {first:.0} + {second:.0} = {:.0}, less than D(a,g) = {direct:.0}. \
-         One hard task becomes two easier ones.",
+         One hard task becomes two easier ones. {tried} are places that saved nothing.",
         first + second
     );
     let subject = [vec![stops[1]], points_along(stops)].concat();

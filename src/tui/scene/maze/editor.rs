@@ -76,6 +76,8 @@ pub struct Editor {
     pub cursor: Option<Cell>,
     /// The selected tool.
     pub tool: Tool,
+    /// Whether the map has been changed since the editor was opened.
+    pub has_changed: bool,
     stroke: Option<Stroke>,
     undone: Vec<Arc<Grid>>,
     done: Vec<Arc<Grid>>,
@@ -105,7 +107,7 @@ impl Editor {
 
     /// Closes the editor and discards any unfinished stroke.
     pub fn close(&mut self) {
-        (self.cursor, self.stroke) = (None, None);
+        (self.cursor, self.stroke, self.has_changed) = (None, None, false);
     }
 
     /// Forgets all edits, because the map was replaced.
@@ -203,6 +205,7 @@ impl Editor {
         }
         self.done.push(map.clone());
         self.undone.clear();
+        self.has_changed = true;
         Some(Arc::new(new))
     }
 
