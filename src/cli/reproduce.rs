@@ -21,7 +21,7 @@ Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad u
 /// How much is trained for the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum BudgetArg {
-    /// All figures in about an hour on two cores
+    /// All figures in 35 to 50 minutes on two cores
     Quick,
     /// As many episodes as in the paper, tested every 20,000, and the arm three times as long: days on one machine
     Paper,
