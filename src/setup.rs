@@ -100,11 +100,15 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     let save = args.save.as_deref().map(|path| save_to(path, resumed.as_deref(), args.overwrite)).transpose()?;
     if let Some(path) = &args.csv {
         refuse_existing(path, args.overwrite)?;
-        refuse_input(path, args, resumed.as_deref())?;
+        refuse_input(("--csv", path), inputs(args, resumed.as_deref()))?;
         files::check_writable(path).map_err(|error| {
             let help = "give --csv a file in a writable folder";
             miette!(help = help, "{}: a table cannot be written here: {error}", path.display())
         })?;
+    }
+    #[cfg(feature = "tui")]
+    if let Some(path) = &args.interface.record {
+        refuse_input(("--record", path), inputs(args, resumed.as_deref()))?;
     }
     let Loaded { mut trainer, warning } = if let Some(path) = &resumed {
         train::load(path, registry, threads).map_err(from_checkpoint_error)?
@@ -219,13 +223,23 @@ fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveT
     Ok(if own || overwrite { SaveTo::Replace(path.to_owned()) } else { SaveTo::CreateNew(path.to_owned()) })
 }
 
-/// Checks that `path` of `--csv` is not a file that the run reads.
-fn refuse_input(path: &Path, args: &TrainArgs, resumed: Option<&Path>) -> Result<(), Report> {
+/// Returns the files that a run reads.
+fn inputs<'a>(args: &'a TrainArgs, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
     let map = args.map.as_deref().map(Path::new);
     let edits = args.edit_at.iter().map(|edit| edit.file.as_path());
-    let mut read = [map, args.scen.as_deref(), args.run.config.as_deref(), resumed].into_iter().flatten().chain(edits);
-    if read.any(|input| is_same_file(input, path)) {
-        let help = "give --csv another name";
+    [map, args.scen.as_deref(), args.run.config.as_deref(), resumed].into_iter().flatten().chain(edits)
+}
+
+/// Checks that the file of an `option` which writes one is not among those that the command reads.
+///
+/// # Errors
+/// It is.
+pub fn refuse_input<'a>(
+    (option, path): (&str, &Path),
+    mut inputs: impl Iterator<Item = &'a Path>,
+) -> Result<(), Report> {
+    if inputs.any(|input| is_same_file(input, path)) {
+        let help = format!("give {option} another name");
         return Err(miette!(help = help, "{}: is read by this run and is not replaced", path.display()));
     }
     Ok(())
@@ -233,7 +247,7 @@ fn refuse_input(path: &Path, args: &TrainArgs, resumed: Option<&Path>) -> Result
 
 /// Returns whether two paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
-    a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b))
+    same_file::is_same_file(a, b).unwrap_or(false)
 }
 
 /// Returns the requested number of threads, else the number of cores.

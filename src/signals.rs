@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
+use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
@@ -15,6 +16,9 @@ use signal_hook::iterator::Signals;
 pub fn survive_file_size_limit() -> std::io::Result<()> {
     signal_hook::flag::register(SIGXFSZ, Arc::default()).map(drop)
 }
+
+/// A signal that arrives again so soon is the same one: `timeout` sends its own to the program and to its group.
+const SAME_SIGNAL: Duration = Duration::from_millis(200);
 
 /// The termination signal received so far, if any.
 #[derive(Clone, Default)]
@@ -34,8 +38,13 @@ impl TerminationSignal {
                 .into_diagnostic()?;
         let first = termination.0.clone();
         let listen = move || {
+            let mut latest: Option<(i32, Instant)> = None;
             for number in signals.forever() {
                 tracing::info!("signal {number}");
+                if latest.is_some_and(|(same, at)| same == number && at.elapsed() < SAME_SIGNAL) {
+                    continue;
+                }
+                latest = Some((number, Instant::now()));
                 if first.swap(number, Ordering::Relaxed) != 0 {
                     restore_terminal();
                     signal_hook::low_level::exit(128 + number);

@@ -198,22 +198,29 @@ fn ablate_prints_a_table_and_writes_json() {
 fn ablate_checks_its_json_path_before_training() {
     let folder = tempfile::tempdir().unwrap();
     std::fs::write(folder.path().join("there.json"), "mine").unwrap();
+    std::fs::write(folder.path().join("map.txt"), "...\n...\n").unwrap();
+    std::fs::hard_link(folder.path().join("map.txt"), folder.path().join("link.json")).unwrap();
     for (json, more, expected) in [
         ("there.json", None, "there.json: the file already exists"),
         ("no/such.json", None, "no/such.json: cannot be written"),
         (".", Some("--overwrite"), ".: cannot be written"),
+        ("map.txt", Some("--overwrite"), "map.txt: is read by this run and is not replaced"),
+        ("link.json", Some("--overwrite"), "link.json: is read by this run and is not replaced"),
+        #[cfg(unix)]
+        ("/dev/full", Some("--overwrite"), "/dev/full: cannot be written"),
     ] {
         let began = Instant::now();
         let mut command = gdg();
         // Training would take hours.
-        command.current_dir(&folder).args(["ablate", "trap", "--updates", "10000000", "--json", json]).args(more);
+        command.current_dir(&folder).args(["ablate", "map.txt", "--updates", "10000000", "--json", json]).args(more);
         let output = command.timeout(Duration::from_mins(1)).output().unwrap();
         let error = String::from_utf8_lossy(&output.stderr).split_whitespace().collect::<Vec<_>>().join(" ");
         assert_eq!(output.status.code(), Some(2), "{json}: {error}");
         assert!(error.contains(expected) && began.elapsed() < Duration::from_secs(30), "{error}");
     }
     assert_eq!(std::fs::read_to_string(folder.path().join("there.json")).unwrap(), "mine");
-    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 1, "nothing is left behind");
+    assert_eq!(std::fs::read_to_string(folder.path().join("map.txt")).unwrap(), "...\n...\n");
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 3, "nothing is left behind");
 }
 
 #[test]

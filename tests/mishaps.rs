@@ -397,6 +397,20 @@ fn a_second_signal_exits_immediately() {
     assert!(status == 130 && took < TIMEOUT, "{status} after {took:?}");
 }
 
+#[test]
+fn a_signal_that_arrives_twice_at_once_is_one() {
+    // `timeout` sends its signal to the program, and then to its group.
+    let folder = folder();
+    let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "kept.safetensors"]));
+    run.wait_for("progress");
+    let twice = format!("kill -TERM {id}; kill -TERM {id}", id = run.child.id());
+    assert!(Command::new("sh").args(["-c", &twice]).status().unwrap().success());
+    let mut rest = String::new();
+    run.out.read_to_string(&mut rest).unwrap();
+    assert_eq!(run.child.wait().unwrap().code(), Some(143));
+    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn ignored_signals_stay_ignored() {

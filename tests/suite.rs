@@ -294,3 +294,29 @@ fn damaged_results_and_checkpoints_are_made_again() {
     assert_eq!(without_times(place.results("out")), without_times(good));
     assert_eq!(place.files("out/jobs").len(), 1);
 }
+
+#[test]
+fn what_another_process_runs_has_not_reached_the_required_success() {
+    let place = Place::new();
+    let args = ["maps/open.map", "--seeds", "1", "--out", "out"];
+    let listed = place.run(&[&args[..], &["--list"]].concat());
+    let name = listed.out.split_whitespace().next().unwrap().to_owned();
+    std::fs::create_dir_all(place.path("out/jobs")).unwrap();
+    let lock = std::fs::File::create(place.path(&format!("out/jobs/{name}.lock"))).unwrap();
+    lock.lock().unwrap();
+    let ran = place.run(&[&args[..], &["--require-success", "0"]].concat());
+    has_parts(&ran.err, &[&format!("{name}: another process runs it")]);
+    assert_eq!(ran.status, Some(3), "{}", ran.err);
+    drop(lock);
+    assert_eq!(place.run(&[&args[..], &["--require-success", "0"]].concat()).status, Some(0));
+}
+
+#[test]
+fn files_of_others_are_not_replaced() {
+    let place = Place::new();
+    std::fs::create_dir_all(place.path("out/pictures")).unwrap();
+    std::fs::write(place.path("out/pictures/mine.png"), "mine").unwrap();
+    let ran = place.run(&["maps/open.map", "--seeds", "1", "--out", "out"]);
+    assert_eq!(ran.status, Some(2), "{}", ran.err);
+    has_parts(&ran.err, &["pictures: is not of gdg-tui and is not replaced", "a folder of its own"]);
+}

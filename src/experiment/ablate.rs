@@ -1,21 +1,21 @@
 //! `gdg-tui ablate`: measures the effect of switching off each component of the default preset, or of adding one after the
 //! other to the preset `paper`.
 
-use std::fs::OpenOptions;
 use std::io::Write;
 use std::path::Path;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use miette::{IntoDiagnostic, Report, WrapErr};
+use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use parking_lot::Mutex;
 use serde::Serialize;
 
 use crate::cli::AblateArgs;
 use crate::env::PointMaze;
+use crate::files::{check_writable, write_atomically};
 use crate::map::Grid;
 use crate::report::from_config_error;
-use crate::setup::{create, find_map, refuse_existing, threads};
+use crate::setup::{find_map, refuse_existing, refuse_input, threads};
 use crate::text::{counted, eprint_line};
 use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Settings, Trainer, settings_from};
 
@@ -126,7 +126,7 @@ struct Outcome {
 /// Fails if the map is invalid, if the JSON file already exists or cannot be written, or if candle fails.
 pub fn run(args: &AblateArgs) -> Result<String, Report> {
     if let Some(path) = &args.json {
-        check_can_create(path, args.overwrite)?;
+        check_json(path, args)?;
     }
     let map = Arc::new(find_map(&args.map, &Registry::builtin())?);
     let world = PointMaze::new(map.clone(), 0);
@@ -165,18 +165,24 @@ pub fn run(args: &AblateArgs) -> Result<String, Report> {
     Ok(table)
 }
 
-/// Checks that a file can be created, to fail before hours of training instead of after.
-fn check_can_create(path: &Path, overwrite: bool) -> Result<(), Report> {
-    refuse_existing(path, overwrite)?;
+/// Checks that the results can be written, to fail before hours of training instead of after.
+fn check_json(path: &Path, args: &AblateArgs) -> Result<(), Report> {
+    refuse_existing(path, args.overwrite)?;
+    refuse_input(("--json", path), std::iter::once(Path::new(&args.map)))?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let tried = if path.exists() { OpenOptions::new().write(true).open(path) } else { tempfile::tempfile_in(folder) };
-    tried.map(drop).into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))
+    if !folder.is_dir() {
+        return Err(miette!("{}: cannot be written: there is no folder {}", path.display(), folder.display()));
+    }
+    check_writable(path).into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))
 }
 
 fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), Report> {
     let json = serde_json::to_string_pretty(outcomes).into_diagnostic()? + "\n";
-    let problem = || format!("{}: cannot be written", path.display());
-    create(path, overwrite)?.write_all(json.as_bytes()).into_diagnostic().wrap_err_with(problem)
+    // Another program may have made one in the meantime.
+    refuse_existing(path, overwrite)?;
+    write_atomically(path, json.as_bytes())
+        .into_diagnostic()
+        .wrap_err_with(|| format!("{}: cannot be written", path.display()))
 }
 
 /// Returns the settings of `case`.

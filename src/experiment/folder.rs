@@ -78,10 +78,14 @@ impl Folder {
     /// # Errors
     /// They cannot.
     pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
-        let report = self.0.join("report.md");
-        if report.exists() && !self.0.join("jobs").exists() {
+        let first_part = |name: &&str| Path::new(*name).components().next().map(|part| self.0.join(part));
+        let is_used =
+            |path: &PathBuf| path.is_file() || path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
+        if !self.0.join("jobs").exists()
+            && let Some(other) = names.iter().filter_map(|name| first_part(&name)).find(is_used)
+        {
             let help = "give --out a folder of its own";
-            return Err(miette!(help = help, "{}: is not of gdg-tui and is not replaced", report.display()));
+            return Err(miette!(help = help, "{}: is not of gdg-tui and is not replaced", other.display()));
         }
         let paths: Vec<PathBuf> = names.iter().map(|name| self.0.join(name)).collect();
         paths.iter().try_for_each(|path| files::check_writable(path)).map_err(|error| {
@@ -163,11 +167,14 @@ impl Folder {
     /// # Errors
     /// Something that is not a file is in its place, or a file that cannot be replaced.
     pub fn check_result_writable(&self, job: &Job) -> Result<(), Report> {
-        let path = self.result(job);
-        files::check_writable(&path).map_err(|error| {
-            let help = "move it away, or give --out another folder";
-            miette!(help = help, "{}: the result cannot be saved: {error}", path.display())
-        })
+        let check = |path: PathBuf, what: &str| {
+            files::check_writable(&path).map_err(|error| {
+                let help = "move it away, or give --out another folder";
+                miette!(help = help, "{}: the {what} cannot be saved: {error}", path.display())
+            })
+        };
+        check(self.result(job), "result")?;
+        check(self.checkpoint(job), "checkpoint")
     }
 
     /// Returns the job's result, if it is done.

@@ -109,8 +109,8 @@ fn jobs(
     let own = entry.set.iter().map(|text| (*text).to_owned());
     let set: Vec<String> = own.chain(settings_of(entry.name, &args.set)).collect();
     let defaults = registry.world_opened_by(figure.world).map_or(&[][..], |kind| kind.defaults);
-    let settings =
-        settings_from(preset, &Overrides { defaults, config: None, set: &set }).map_err(from_config_error)?;
+    let settings = settings_from(preset, &Overrides { defaults, config: None, set: &set })
+        .map_err(|error| from_config_error(error).wrap_err(format!("the settings of {} cannot be used", entry.name)))?;
     let mut plan = figure.plan(args.budget, entry.name);
     let lengths =
         [args.updates.map(Length::Updates), args.episodes.map(Length::Episodes), args.steps.map(Length::Steps)];
@@ -218,7 +218,7 @@ impl Reproduction<'_> {
     /// Draws all figures from the results that there are and writes the report; returns the exit status.
     fn draw(&self) -> Result<u8, Report> {
         let mut missing = BTreeSet::new();
-        let mut sections = Vec::new();
+        let (mut sections, mut charts) = (Vec::new(), String::new());
         for FigureJobs { figure, methods } in &self.figures {
             let mut found = Vec::new();
             for MethodJobs { entry, jobs } in methods {
@@ -244,13 +244,14 @@ impl Reproduction<'_> {
             } else {
                 let drawn = output::Drawn::new(figure, &found)?;
                 drawn.write(&self.folder, &self.arguments())?;
-                print_raw(&drawn.for_terminal())?;
+                charts += &drawn.for_terminal();
                 sections.push(report::section(figure, &found, &drawn));
             }
         }
         let missing: Vec<String> = missing.into_iter().collect();
         let text = report::report(&self.arguments(), &sections, &missing, &self.unavailable);
         self.folder.write("report.md", text.as_bytes())?;
+        print_raw(&charts)?;
         eprint_line(&format!("report: {}", self.folder.path("report.md").display()));
         if !missing.is_empty() {
             eprint_line(&format!("{} missing: {}", counted(missing.len() as u64, "job"), missing.join(", ")));

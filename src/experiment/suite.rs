@@ -18,7 +18,7 @@ use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
 use crate::env::maze;
 use crate::map::{Grid, builtin};
 use crate::setup::{self, find_map, threads};
-use crate::text::{counted, eprint_line, sanitized_lines};
+use crate::text::{counted, eprint_line, sanitized, sanitized_lines};
 use crate::train::Registry;
 
 /// Default budgets: maximum number of free cells, and updates.
@@ -126,7 +126,7 @@ impl Suite<'_> {
         match outcome.interrupted {
             Some(status) => Ok(status),
             None if failed => Ok(EXIT_FAILURE),
-            None => Ok(self.required_success(&rows)),
+            None => Ok(self.required_success(&rows, &outcome)),
         }
     }
 
@@ -140,7 +140,7 @@ impl Suite<'_> {
                 State::Begun(updates) => format!("begun, {updates} updates done"),
                 State::Done(_) => "done".to_owned(),
             };
-            let (name, map, seed) = (&job.name, job.world.name(), job.run.seed);
+            let (name, map, seed) = (&job.name, sanitized(job.world.name()), job.run.seed);
             let cells = job.world.map().map_or(0, |map| map.free_count());
             let updates = job.plan.length.amount();
             format!("{name:<wide$}  {map:<wide_map$}  {cells:>8} cells  seed {seed}  {updates:>7} updates  {state}\n")
@@ -163,9 +163,11 @@ impl Suite<'_> {
         self.groups.iter().filter_map(row).collect()
     }
 
-    /// Returns the exit status that `--require-success` gives, and says which maps are below it.
-    fn required_success(&self, rows: &[Row]) -> u8 {
+    /// Returns the exit status that `--require-success` gives, and says which maps are below it. Jobs that other processes
+    /// run have not reached anything yet.
+    fn required_success(&self, rows: &[Row], Outcome { ends, .. }: &Outcome) -> u8 {
         let Some(required) = self.args.require_success else { return 0 };
+        let elsewhere = ends.contains(&End::Elsewhere);
         let results = rows.iter().flat_map(|row| &row.results);
         let rate = |result: &super::job::JobResult| result.last().and_then(crate::train::Evaluation::success_rate);
         let below: Vec<_> = results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
@@ -173,7 +175,7 @@ impl Suite<'_> {
             let rate = rate(result).map_or("-".to_owned(), |rate| format!("{rate:.3}"));
             eprint_line(&format!("{}: success rate {rate} is below the required {required}", result.name));
         }
-        if below.is_empty() { 0 } else { EXIT_NOT_REACHED }
+        if below.is_empty() && !elsewhere { 0 } else { EXIT_NOT_REACHED }
     }
 }
 

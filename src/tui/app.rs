@@ -182,6 +182,7 @@ impl App {
     }
 
     fn on_key(&mut self, key: KeyEvent) {
+        self.screen.log.dismiss();
         let interrupt = key.code == KeyCode::Char('c') && key.modifiers == KeyModifiers::CONTROL;
         if interrupt && !self.screen.dialogs.is_empty() {
             // A second Ctrl-C quits without further questions.

@@ -92,6 +92,11 @@ impl Log {
         Some(Notice { text: &entry.text, fades, is_error: self.is_error })
     }
 
+    /// Takes the notice away, unless something went wrong: the user goes on.
+    pub fn dismiss(&mut self) {
+        self.notice.take_if(|_| !self.is_error);
+    }
+
     /// Returns how long the notice is shown before it fades.
     fn duration(&self) -> Duration {
         if self.is_error { ERROR_DURATION } else { NOTICE_DURATION }

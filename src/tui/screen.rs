@@ -204,7 +204,7 @@ impl Screen {
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
             Phase::Running if !self.snapshot.learns => "random steps".to_owned(),
             Phase::Running => match self.snapshot.counters.relearning() {
-                Some(left) => format!("relearning: {} updates left", grouped(left)),
+                Some(left) => format!("relearning ({} updates to go)", grouped(left)),
                 None => "training".to_owned(),
             },
             Phase::Stepping(_) => "stepping".to_owned(),
@@ -224,17 +224,17 @@ impl Screen {
     pub fn summary(&self) -> String {
         let counters = self.snapshot.counters;
         let text = format!(
-            "{} on {}, seed {}: {} updates and {} steps in {:.0} s, {} episodes",
+            "{} on {}, seed {}: {} updates, {} steps, {} episodes in {:.0} s",
             self.run().method.name(),
             self.title(),
             self.run().seed,
-            self.snapshot.updates(),
-            counters.env_steps,
-            self.snapshot.seconds,
-            counters.episodes
+            grouped(self.snapshot.updates()),
+            grouped(counters.env_steps),
+            grouped(counters.episodes),
+            self.snapshot.seconds
         );
         match self.success() {
-            Some(success) => format!("{text}\nat update {}: success {success}", success.updates),
+            Some(success) => format!("{text}\nat update {}: success {success}", grouped(success.updates)),
             None => text,
         }
     }

@@ -26,7 +26,7 @@ pub struct Drawing<'a> {
 
 /// Sizes in pixels: of a chart, of the legend beside the charts, of margins and of lines of text.
 const CHART: (u32, u32) = (680, 440);
-const LEGEND: u32 = 170;
+const LEGEND: u32 = 240;
 const MARGIN: u32 = 14;
 const LINE: u32 = 22;
 

@@ -18,7 +18,7 @@ use crate::view::Rgb;
 const SIZE: (u16, u16) = (100, 22);
 
 /// Columns of the names of methods.
-const LEGEND: u16 = 20;
+const LEGEND: u16 = 31;
 
 /// Draws charts one below the other, in colours if standard output is a terminal.
 pub fn charts(panels: &[Panel]) -> String {

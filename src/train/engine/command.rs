@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
 use crate::env::Environment;
-use crate::text::{counted, sanitized};
+use crate::text::{counted, grouped, sanitized};
 use crate::train::checkpoint::{self, CheckpointError, Loaded, SaveTo};
 use crate::train::error::TrainError;
 use crate::train::history::LogEntry;
@@ -136,7 +136,7 @@ impl Worker {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
-        let mut text = format!("saved {} at update {}", path.display(), self.trainer.learned_updates());
+        let mut text = format!("saved {} at update {}", path.display(), grouped(self.trainer.learned_updates()));
         if to.path() != path {
             text += &format!(" ({} belongs to another run)", to.path().display());
         }
@@ -154,7 +154,7 @@ impl Worker {
         let updates = self.trainer.counters().updates;
         let requested = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
         let path = self.write(&SaveTo::CreateNew(requested), log)?;
-        let text = format!("autosaved {} at update {}", path.display(), self.trainer.learned_updates());
+        let text = format!("autosaved {} at update {}", path.display(), grouped(self.trainer.learned_updates()));
         self.autosaved.push(path);
         while self.autosaved.len() > MAX_AUTOSAVES {
             // Ignored: the file may already have been removed by someone else.

@@ -122,7 +122,7 @@ impl App {
             SceneKind::Maze => SceneKind::Arm,
             SceneKind::Arm => SceneKind::Maze,
         };
-        self.notify(&format!("{name} does nothing here: {} has no {}", self.screen.title(), other.noun()));
+        self.notify(&format!("{} has no {}, which \"{name}\" is for", self.screen.title(), other.noun()));
     }
 
     fn toggle_pause(&mut self) {

@@ -114,7 +114,9 @@ impl App {
                 let seed = self.rng.random_range(0..1_000);
                 self.offer_map(&Arc::new(crate::map::random(kind, None, seed)));
             }
-            Choice::OpenWorld(name) => self.open_picker(lists::world_switch_choices(name)),
+            Choice::OpenWorld(name) => {
+                self.open_picker(lists::world_switch_choices(name, self.key_to_save().as_deref()))
+            }
             Choice::StartIn(name) => self.start_run_in(name),
             Choice::StartOn(map) => self.start_run_on(map),
             Choice::ContinueOn(map) => {
@@ -171,10 +173,16 @@ impl App {
         Run { settings: settings_in_world(run.preset, kind.defaults), ..run }
     }
 
+    /// Returns the key that saves, if there is training worth saving.
+    fn key_to_save(&self) -> Option<String> {
+        self.is_worth_saving().then(|| self.screen.keymap.key_of(Action::Save).to_string())
+    }
+
     /// Asks the user how to switch to another map.
     pub(super) fn offer_map(&mut self, map: &Arc<Grid>) {
+        let key = self.key_to_save();
         if self.screen.scene() != SceneKind::Maze {
-            return self.open_picker(lists::map_switch_choices(map, None, None));
+            return self.open_picker(lists::map_switch_choices(map, None, None, key.as_deref()));
         }
         let (width, height) = (self.screen.maze.map.width(), self.screen.maze.map.height());
         // Cells beyond the new map become walls, to keep agents out.
@@ -182,7 +190,7 @@ impl App {
             let walls: Vec<_> = fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        self.open_picker(lists::map_switch_choices(map, Some(&self.screen.maze.map), fitted));
+        self.open_picker(lists::map_switch_choices(map, Some(&self.screen.maze.map), fitted, key.as_deref()));
     }
 
     /// Gives the setting selected in the list the value of the run's preset.

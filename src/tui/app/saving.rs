@@ -10,6 +10,7 @@ use crate::logging;
 use crate::report::from_checkpoint_error;
 use crate::runs::{self, SAVES};
 use crate::setup::save_elsewhere;
+use crate::text::grouped;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
 use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
 
@@ -243,14 +244,17 @@ impl App {
                 let problem = "the trainer hung or crashed: progress since the last checkpoint is lost";
                 saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
             }
-            Some(_) if worth_saving && is_kept => {
+            Some(_) if is_kept && (worth_saving || snapshot.saved.is_some()) => {
                 let saved = snapshot.saved.as_ref().map_or(0, |(updates, _)| *updates);
-                summary += &format!("\nnot saved: {} updates", snapshot.counters.updates.saturating_sub(saved));
+                let unsaved = snapshot.counters.updates.saturating_sub(saved);
+                if unsaved > 0 {
+                    summary += &format!("\nnot saved: {} updates", grouped(unsaved));
+                }
             }
             _ => {}
         }
         if let Some((updates, path)) = &snapshot.saved {
-            summary += &format!("\nsaved {} at update {}", path.display(), snapshot.learned(*updates));
+            summary += &format!("\nsaved {} at update {}", path.display(), grouped(snapshot.learned(*updates)));
         }
         let kept_by_user = saved.is_ok() && !failed && (wanted || (snapshot.saved.is_some() && !worth_saving));
         for path in snapshot.autosaves.iter() {

@@ -11,7 +11,7 @@ use crate::bridge::Planner;
 use crate::env::WORLDS;
 use crate::learn::LEARNERS;
 use crate::map::{BUILTIN, Grid, RandomMapKind};
-use crate::text::truncated;
+use crate::text::{grouped, truncated};
 use crate::train::{
     CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, list_settings,
 };
@@ -127,7 +127,7 @@ pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }).on('y'),
         Item::new(
             "quit without saving",
-            format!("{unsaved_updates} unsaved updates are lost{autosaved}"),
+            format!("{} unsaved updates are lost{autosaved}", grouped(unsaved_updates)),
             Choice::Quit { save: false },
         )
         .on('n'),
@@ -140,8 +140,12 @@ pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
 pub fn load_choices(unsaved_updates: u64, file: PathBuf, save_key: &str) -> Picker {
     let items = vec![
         Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
-        Item::new("yes, load it", format!("{unsaved_updates} unsaved updates are lost"), Choice::LoadUnsaved(file))
-            .on('y'),
+        Item::new(
+            "yes, load it",
+            format!("{} unsaved updates are lost", grouped(unsaved_updates)),
+            Choice::LoadUnsaved(file),
+        )
+        .on('y'),
     ];
     Picker::new("load a checkpoint although this run is not saved?", items)
 }
@@ -151,8 +155,12 @@ pub fn method_choices(unsaved_updates: u64, method: Method, save_key: &str) -> P
     let yes = format!("yes, continue with {}", method.name());
     let items = vec![
         Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
-        Item::new(yes, format!("what {unsaved_updates} unsaved updates taught is lost"), Choice::MethodUnsaved(method))
-            .on('y'),
+        Item::new(
+            yes,
+            format!("what {} unsaved updates taught is lost", grouped(unsaved_updates)),
+            Choice::MethodUnsaved(method),
+        )
+        .on('y'),
     ];
     Picker::new("discard the networks, which are not saved?", items)
 }
@@ -161,7 +169,7 @@ pub fn method_choices(unsaved_updates: u64, method: Method, save_key: &str) -> P
 pub fn tour_choices(unsaved_updates: u64, save_key: &str) -> Picker {
     let lost = match unsaved_updates {
         0 => "a new run on the four rooms, about 90 seconds".to_owned(),
-        n => format!("a new run on the four rooms, about 90 seconds; {n} unsaved updates are lost"),
+        n => format!("a new run on the four rooms, about 90 seconds; {} unsaved updates are lost", grouped(n)),
     };
     let items = vec![
         Item::new("take the tour", lost, Choice::Tour).on('y'),
@@ -181,14 +189,16 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     Picker::new(title, items)
 }
 
-/// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of `now`.
-pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Grid>) -> Picker {
+/// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of `now`. Where unsaved
+/// training may be lost, staying comes first and names the key that saves, `save_key`.
+pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Grid>, save_key: Option<&str>) -> Picker {
     let mut items = vec![
         Item::new("start a new run on it", "new networks; unsaved training is lost", Choice::StartOn(map.clone()))
             .on('s'),
     ];
     let size = now.map(|now| (now.width(), now.height()));
-    if size == Some((map.width(), map.height())) {
+    let loses_nothing = size == Some((map.width(), map.height()));
+    if loses_nothing {
         let same = Choice::ContinueOn(map.clone());
         items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same).on('c'));
     } else if let (Some((width, height)), Some(fitted)) = (size, fitted) {
@@ -196,18 +206,27 @@ pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Gr
         let fitted = Choice::ContinueOn(Arc::new(fitted));
         items.push(Item::new(label, "the networks expect a map of this size", fitted).on('c'));
     }
-    items.push(Item::new("cancel", "", Choice::Nothing).on('n'));
-    Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
+    let title = format!("{} ({} x {})", map.name(), map.width(), map.height());
+    Picker::new(title, with_stay(items, save_key, loses_nothing))
 }
 
-/// Asks whether to start a new run in the world called `name`.
-pub fn world_switch_choices(name: &'static str) -> Picker {
+/// Asks whether to start a new run in the world called `name`; staying comes first if `save_key` names how to save what
+/// would be lost.
+pub fn world_switch_choices(name: &'static str, save_key: Option<&str>) -> Picker {
     let start = Item::new(
         "start a new run in it",
         "new networks, the preset's settings; unsaved training is lost",
         Choice::StartIn(name),
     );
-    Picker::new(name, vec![start, Item::new("cancel", "", Choice::Nothing)])
+    Picker::new(name, with_stay(vec![start.on('s')], save_key, false))
+}
+
+/// Adds an item that changes nothing: the first one if there is something to save, unless the first one loses nothing.
+fn with_stay(mut items: Vec<Item>, save_key: Option<&str>, loses_nothing: bool) -> Vec<Item> {
+    let detail = save_key.map_or(String::new(), |key| format!("{key} saves this run first"));
+    let at = if save_key.is_some() && !loses_nothing { 0 } else { items.len() };
+    items.insert(at, Item::new("no, stay", detail, Choice::Nothing).on('n'));
+    items
 }
 
 /// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is given, recent and

@@ -5,6 +5,7 @@ use ratatui::layout::Rect;
 use ratatui::text::Span;
 
 use super::{BOLD, DIM, REVERSED};
+use crate::text::grouped;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
@@ -39,7 +40,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     }
     let mut bar = ClickableLine::default();
     parts.into_iter().for_each(|(span, action)| bar.push(span, act(action)));
-    let unsaved = format!("  {unsaved} updates since the last checkpoint");
+    let unsaved = format!("  {} updates since the last checkpoint", grouped(unsaved));
     if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));
     }

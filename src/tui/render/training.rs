@@ -139,7 +139,9 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         }
         lines.push(fact("evaluated", format!("at update {}", short(screen.snapshot.learned(*updates) as f64))));
         lines.push(next(screen));
-        lines.extend(evaluation.coverage.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))));
+        // Coverage is known between evaluations, too.
+        let seen = screen.snapshot.coverage().last().map(|(_, seen)| *seen).or(evaluation.coverage);
+        lines.extend(seen.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))));
     } else {
         lines.push(Line::styled(" success", BOLD));
         lines.push(next(screen));
@@ -200,7 +202,8 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
         return Vec::new();
     }
     let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
-        Some(bridge) => format!("{} tried, saves {:.0}", s.tried(), bridge.gain),
+        // Less than a step is not nothing.
+        Some(bridge) => format!("{} tried, saves {:.*}", s.tried(), usize::from(bridge.gain < 1.0), bridge.gain),
         None => format!("{} tried, none", s.tried()),
     });
     let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();

@@ -210,7 +210,7 @@ fn what_needs_a_map_is_not_offered_and_says_why() {
     for action in [Action::ToggleEdit, Action::SaveMap, Action::NewMap, Action::Inspect, Action::Undo] {
         app.act(action);
         let notice = app.screen.log.notice().expect("a notice").text;
-        assert!(notice.ends_with("fetch-reach has no map"), "{notice}");
+        assert!(notice.starts_with("fetch-reach has no map, "), "{notice}");
         assert!(app.screen.dialogs.is_empty());
     }
     app.act(Action::Palette);

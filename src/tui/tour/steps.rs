@@ -142,7 +142,7 @@ fn bending(screen: &Screen, tour: &mut Tour) -> Caption {
     if seen {
         keep_clearest_bridge(screen, tour);
     }
-    let then = if seen { "D has learned to go round the wall." } else { "Watch it learn of the wall." };
+    let then = if seen { "D has learned to go round the wall." } else { "Watch it learn about the wall." };
     let text = format!(
         "From P, G would be {straight:.0} steps away, were there no wall. Learned so far: D = {learned:.0}. {then}"
     );
@@ -322,7 +322,12 @@ fn open_door(app: &mut App) {
 fn opened(screen: &Screen, tour: &mut Tour) -> Caption {
     let (place, before) = tour.watched;
     let now = distance_to_goal(screen, place);
-    let text = format!("The door is open again. The plan may use it, and D falls: from P it is {now:.0}.");
+    let followed = if now <= BACK * before {
+        format!("D has fallen again: from P it is {now:.0}.")
+    } else {
+        format!("D will fall: from P it is still {now:.0}.")
+    };
+    let text = format!("The door is open again. The plan may use it at once. {followed}");
     let subject = around_door(screen, tour);
     Caption { text, subject, marks: vec![(place, 'P')], seen: now <= BACK * before }
 }
