@@ -121,7 +121,7 @@ async fn event_loop(
                         app.on_event(&event);
                         timer.immediate = true;
                         if !is_hovering(&event) {
-                            terminal.wake_pictures();
+                            terminal.expect_answer();
                         }
                     }
                 }

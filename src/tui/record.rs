@@ -22,10 +22,14 @@ pub const LARGEST_SCREEN: (u16, u16) = (1000, 500);
 
 /// Average size of a recording; frames are left out where it would grow faster. With the first and the last screen, 2 MB in
 /// the first minute.
-const BYTES_PER_SECOND: f64 = 26_000.0;
+const BYTES_PER_SECOND: f64 = 24_000.0;
 
 /// Bytes that a recording may be ahead of that: the first screen is drawn at once.
 const BYTES_AHEAD: f64 = 100_000.0;
+
+/// Bytes that it may be ahead by what the user has asked for: a dialog that is not recorded is missed more than a step of
+/// training.
+const ANSWER_BYTES_AHEAD: f64 = 400_000.0;
 
 /// Minimum time between two recorded frames.
 const FRAME_INTERVAL: Duration = Duration::from_millis(100);
@@ -46,6 +50,8 @@ pub struct Recorder {
     recorded: Buffer,
     /// The latest frame, if it has not been recorded, and its time.
     pending: Option<(Duration, Buffer)>,
+    /// Whether the next frame answers the user.
+    answers: bool,
     /// Time of the latest recorded frame.
     latest: Option<Duration>,
     /// Bytes of all frames, and of the latest: the next one will probably be as large.
@@ -76,6 +82,7 @@ impl Recorder {
             began: Instant::now(),
             recorded: Buffer::empty(Rect::new(0, 0, width, height)),
             pending: None,
+            answers: false,
             latest: None,
             written: 0,
             latest_size: 0,
@@ -102,21 +109,27 @@ impl Recorder {
         if self.is_due(now) { self.write_pending() } else { Ok(()) }
     }
 
+    /// Has the next frame recorded though the recording grows fast, as it answers the user.
+    pub fn expect_answer(&mut self) {
+        self.answers = true;
+    }
+
     /// Returns the file.
     pub fn path(&self) -> &Path {
         &self.path
     }
 
     fn is_due(&self, now: Duration) -> bool {
-        let affordable = BYTES_AHEAD + BYTES_PER_SECOND * now.as_secs_f64();
-        self.latest.is_none_or(|latest| {
-            now >= latest + FRAME_INTERVAL && (self.written + self.latest_size) as f64 <= affordable
-        })
+        // A dialog changes less than a step of training, which the latest frame may have been.
+        let (ahead, size) = if self.answers { (ANSWER_BYTES_AHEAD, 0) } else { (BYTES_AHEAD, self.latest_size) };
+        let affordable = ahead + BYTES_PER_SECOND * now.as_secs_f64();
+        self.latest.is_none_or(|latest| now >= latest + FRAME_INTERVAL && (self.written + size) as f64 <= affordable)
     }
 
     /// Writes the pending frame, if there is one, as one event.
     fn write_pending(&mut self) -> std::io::Result<()> {
         let Some((at, mut screen)) = self.pending.take() else { return Ok(()) };
+        self.answers = false;
         let mut text = String::new();
         if self.latest.is_none() || screen.area != self.recorded.area {
             let (width, height) = (screen.area.width, screen.area.height);
@@ -268,6 +281,33 @@ mod tests {
         assert!((1_000_000..2_500_000).contains(&bytes), "{bytes} in a minute");
         let (before, last) = (events(&path), 59.9);
         assert!((before.last().expect("frames").0 - last).abs() < 1e-9, "the last frame is recorded");
+    }
+
+    #[test]
+    fn what_answers_the_user_is_recorded_where_training_is_left_out() {
+        let size = (200, 60);
+        let (_folder, path, mut recorder) = recorder(size);
+        let all = |frame: u16| {
+            let mut all = Buffer::empty(Rect::new(0, 0, size.0, size.1));
+            for (i, cell) in all.content.iter_mut().enumerate() {
+                cell.set_char('x').set_fg(Color::Rgb((i as u16 * 40 + frame * 16) as u8, (i * 24) as u8, 0));
+            }
+            all
+        };
+        let mut frame = |at: u64, screen: &Buffer, answers: bool| {
+            if answers {
+                recorder.expect_answer();
+            }
+            recorder.frame_at(Duration::from_millis(at), screen).expect("written");
+        };
+        // One frame is more than may be recorded at once.
+        (0..10).for_each(|i| frame(i * 150, &all(i as u16), false));
+        frame(1500, &screen(size, "a dialog", 80), true);
+        (11..20).for_each(|i| frame(i * 150, &all(i as u16), false));
+        drop(recorder);
+        let events = events(&path);
+        assert!(events.len() < 8, "{} of 20 frames", events.len());
+        assert!(events.iter().any(|(at, _, text)| *at == 1.5 && text.contains("a dialog")));
     }
 
     #[test]

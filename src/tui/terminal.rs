@@ -129,9 +129,10 @@ impl Terminal {
         self.late_answer.has(event)
     }
 
-    /// Has the next frame show the pictures as they are: the user has done something.
-    pub fn wake_pictures(&mut self) {
+    /// Has the next frame show the pictures as they are, and be recorded: the user has done something.
+    pub fn expect_answer(&mut self) {
         self.patches.iter_mut().for_each(Patches::wake);
+        self.recorder.iter_mut().for_each(Recorder::expect_answer);
     }
 
     /// Returns whether the pictures on the screen are out of date, as the terminal could not follow.

@@ -2,7 +2,7 @@
 
 use ratatui::Frame;
 use ratatui::layout::{Constraint, Layout, Rect};
-use ratatui::style::{Modifier, Style};
+use ratatui::style::{Color, Modifier, Style};
 use ratatui::symbols::Marker;
 use ratatui::text::Span;
 use ratatui::widgets::Paragraph;
@@ -13,7 +13,10 @@ use crate::train::Evaluation;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::render::{BOLD, DIM, chart, curves};
-use crate::tui::theme::ColourDepth;
+use crate::tui::theme::{ColourDepth, blend};
+
+/// How far the colour of the actor alone is from its method's to the page's.
+const FAINT: f32 = 0.5;
 
 /// What the curves are drawn over.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -77,8 +80,14 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     // Without colours, other characters tell the sides apart.
     let marker = if mono && own == 1 { Marker::Dot } else { Marker::Braille };
     let style = if mono { Style::new() } else { curves::colour(&app.screen, own) };
+    // Not every terminal draws colours faintly by itself.
+    let page = app.screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
+    let fainter = match style.fg {
+        Some(Color::Rgb(r, g, b)) => style.fg(app.screen.theme.colour(blend((r, g, b), page, FAINT))),
+        _ => style,
+    };
     let name = format!("{} {}", LETTERS[own], run.method.name());
-    let faint = style.add_modifier(Modifier::DIM);
+    let faint = fainter.add_modifier(Modifier::DIM);
     let actor = Curve { name: "actor alone".to_owned(), style: faint, marker, points: points(&|e| e.greedy.success) };
     if run.method.plans() {
         let planned = points(&|e| e.planned.as_ref()?.success);
@@ -93,7 +102,6 @@ pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut
     let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
     let sign = |curve: &Curve| match curve.marker {
         Marker::Dot => '\u{2022}',
-        _ if curve.style.add_modifier.contains(Modifier::DIM) => '\u{2504}',
         _ => '\u{2500}',
     };
     let names = all.iter().map(|curve| Span::styled(format!("  {} {}", sign(curve), curve.name), curve.style));

@@ -49,7 +49,8 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     layout.tour = Some((tour.step(), place));
     let keys = draw_box(frame, place, screen, tour, layout);
     if let Some(target) = subject.first() {
-        point_at(frame, place, *target, keys, border(screen));
+        let title = title(tour).chars().count() as u16;
+        point_at(frame, place, *target, (title, keys), border(screen));
     }
 }
 
@@ -114,9 +115,13 @@ fn gaps(rect: Rect, at: Position) -> (i16, i16) {
     (gap(at.x, rect.x, rect.right()), gap(at.y, rect.y, rect.bottom()))
 }
 
+fn title(tour: &Tour) -> String {
+    format!(" {} ", tour.title())
+}
+
 /// Draws the box with text and keys; returns where the keys are.
 fn draw_box(frame: &mut Frame, area: Rect, screen: &Screen, tour: &Tour, layout: &mut ScreenLayout) -> Rect {
-    let title = Line::styled(format!(" {} ", tour.title()), BOLD.patch(REVERSED));
+    let title = Line::styled(title(tour), BOLD.patch(REVERSED));
     let block = Block::bordered().border_style(border(screen)).title(title).padding(Padding::horizontal(1));
     let inner = block.inner(area);
     frame.render_widget(Clear, area);
@@ -135,8 +140,8 @@ fn draw_box(frame: &mut Frame, area: Rect, screen: &Screen, tour: &Tour, layout:
     bar
 }
 
-/// Draws an arrow on the border that faces `target`, beside the keys.
-fn point_at(frame: &mut Frame, area: Rect, target: Position, keys: Rect, style: Style) {
+/// Draws an arrow on the border that faces `target`, beside the keys and the title of `title` columns.
+fn point_at(frame: &mut Frame, area: Rect, target: Position, (title, keys): (u16, Rect), style: Style) {
     let (across, down) = gaps(area, target);
     let x = target.x.clamp(area.x + 1, area.right() - 2);
     let y = target.y.clamp(area.y + 1, area.bottom() - 2);
@@ -146,7 +151,8 @@ fn point_at(frame: &mut Frame, area: Rect, target: Position, keys: Rect, style: 
             ..0 => (Position::new(area.x, y), '\u{25c0}'),
             _ => (Position::new(area.right() - 1, y), '\u{25b6}'),
         },
-        (_, ..0) => (Position::new(x, area.y), '\u{25b2}'),
+        // Right of the title.
+        (_, ..0) => (Position::new(x.max(area.x + 1 + title).min(area.right() - 2), area.y), '\u{25b2}'),
         _ => (Position::new(x.min(keys.x - 1), area.bottom() - 1), '\u{25bc}'),
     };
     if let Some(cell) = frame.buffer_mut().cell_mut(at) {
