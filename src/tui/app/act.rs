@@ -162,11 +162,16 @@ impl App {
 
     fn follow_next(&mut self) {
         let agents = self.screen.run().settings.train.agents;
-        self.screen.following = match self.screen.following {
+        self.follow(match self.screen.following {
             None => Some(0),
             Some(agent) if agent + 1 < agents => Some(agent + 1),
             Some(_) => None,
-        };
+        });
+    }
+
+    /// Follows an exploring agent, or the walking one again.
+    fn follow(&mut self, agent: Option<usize>) {
+        self.screen.following = agent;
         self.command(Command::Follow(self.screen.following));
         let who =
             self.screen.following.map_or("the walking agent @".to_owned(), |agent| format!("exploring agent {agent}"));
@@ -200,6 +205,8 @@ impl App {
         }
         if self.screen.first_run {
             self.on_first_use();
+        } else if self.screen.following.is_some() {
+            self.follow(None);
         } else {
             self.act_in_scene(Action::ZoomOff);
         }

@@ -32,6 +32,10 @@ pub fn pursuit(
         fact("D to it", format_steps(followed.distances.0)),
         fact("path", if followed.planned { "through bridges" } else { "actor alone" }),
         Line::default(),
-        Line::from(format!(" {}: next agent", screen.keymap.key_of(Action::Follow))),
+        Line::from(format!(
+            " {}: next, {}: back to @",
+            screen.keymap.key_of(Action::Follow),
+            screen.keymap.key_of(Action::Close)
+        )),
     ]
 }

@@ -151,6 +151,28 @@ fn on_narrow_screens_a_line_says_how_to_draw_until_something_is_drawn() {
 }
 
 #[test]
+fn escape_leads_back_from_an_explorer_to_the_walking_agent() {
+    let mut app = app();
+    press(&mut app, KeyCode::Char('f'));
+    press(&mut app, KeyCode::Char('f'));
+    assert_eq!(app.screen.following, Some(1));
+    press(&mut app, KeyCode::Esc);
+    assert_eq!(app.screen.following, None);
+    assert!(app.screen.log.notice().is_some_and(|notice| notice.text == "following the walking agent @"));
+}
+
+#[test]
+fn a_key_takes_the_last_message_away_but_no_error() {
+    let mut app = app();
+    app.screen.log.add("done", 1, false);
+    press(&mut app, KeyCode::Char('~'));
+    assert!(app.screen.log.notice().is_none());
+    app.screen.log.add("the disk is full", 1, true);
+    press(&mut app, KeyCode::Char('~'));
+    assert!(app.screen.log.notice().is_some_and(|notice| notice.is_error));
+}
+
+#[test]
 fn pausing_and_single_updates_are_answered_exactly() {
     let mut app = app();
     wait_until(&mut app, |app| app.screen.snapshot.rates.0 > 0.0);
