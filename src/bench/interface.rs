@@ -7,7 +7,7 @@ use super::cases::OPEN_MAP_SIDE;
 use super::{InterfaceTimes, median, quantile};
 use crate::env::PointMaze;
 use crate::map::Grid;
-use crate::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
+use crate::train::{Command, Engine, Limits, Method, Phase, Preset, Registry, Run, Settings, TrainError, Trainer};
 use crate::tui::{MeasuredInterface, MeasuredScreen};
 
 /// Columns and rows of the screen for the interface.
@@ -22,18 +22,16 @@ pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, T
         let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
         Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), threads)
     };
-    let mut alone = trainer()?;
+    // Trains and evaluates in the background, as the interface has it do.
+    let alone = Alone(Engine::start(trainer()?, Limits::default())?);
+    alone.command(Command::Pause, &Phase::Paused);
     let mut rates = Vec::new();
     let mut screens = Vec::new();
     for screen in MeasuredScreen::ALL {
         screens.push((MeasuredInterface::open(trainer()?, SCREEN_SIZE, screen)?, Vec::new(), Vec::new()));
     }
     for turn in 0..=runs {
-        let (began, mut updates) = (Instant::now(), 0);
-        while began.elapsed() < TURN_DURATION {
-            updates += u64::from(alone.tick()? == Tick::Update);
-        }
-        let rate = f64::from(updates as u32) / began.elapsed().as_secs_f64();
+        let rate = alone.measure(TURN_DURATION);
         for (measured, ratios, frames) in &mut screens {
             let measurement = measured.measure(TURN_DURATION)?;
             if turn > 0 {
@@ -55,6 +53,31 @@ pub fn measure((threads, runs): (usize, usize)) -> Result<Vec<InterfaceTimes>, T
         slow_frame_us: quantile(frames, 0.95),
     };
     Ok(MeasuredScreen::ALL.into_iter().zip(screens).map(times).collect())
+}
+
+/// Training that nobody watches.
+struct Alone(Engine);
+
+impl Alone {
+    /// Sends a command and waits until training is in phase `then`; returns the updates by then.
+    fn command(&self, command: Command, then: &Phase) -> u64 {
+        let snapshots = self.0.snapshots();
+        self.0.send(command);
+        while snapshots.borrow().phase != *then {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        snapshots.borrow().counters.updates
+    }
+
+    /// Trains for `time`; returns updates per second.
+    fn measure(&self, time: Duration) -> f64 {
+        let before = self.command(Command::Resume, &Phase::Running);
+        let began = Instant::now();
+        std::thread::sleep(time);
+        let took = began.elapsed().as_secs_f64();
+        let updates = self.command(Command::Pause, &Phase::Paused) - before;
+        updates as f64 / took
+    }
 }
 
 /// Returns a map as large as the open one, of 31 x 31 rooms with doors.

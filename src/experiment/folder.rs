@@ -82,7 +82,7 @@ impl Folder {
         let is_used =
             |path: &PathBuf| path.is_file() || path.read_dir().is_ok_and(|mut entries| entries.next().is_some());
         if !self.0.join("jobs").exists()
-            && let Some(other) = names.iter().filter_map(|name| first_part(&name)).find(is_used)
+            && let Some(other) = names.iter().filter_map(first_part).find(is_used)
         {
             let help = "give --out a folder of its own";
             return Err(miette!(help = help, "{}: is not of gdg-tui and is not replaced", other.display()));

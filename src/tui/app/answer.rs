@@ -115,7 +115,7 @@ impl App {
                 self.offer_map(&Arc::new(crate::map::random(kind, None, seed)));
             }
             Choice::OpenWorld(name) => {
-                self.open_picker(lists::world_switch_choices(name, self.key_to_save().as_deref()))
+                self.open_picker(lists::world_switch_choices(name, self.key_to_save().as_deref()));
             }
             Choice::StartIn(name) => self.start_run_in(name),
             Choice::StartOn(map) => self.start_run_on(map),
@@ -175,7 +175,7 @@ impl App {
 
     /// Returns the key that saves, if there is training worth saving.
     fn key_to_save(&self) -> Option<String> {
-        self.is_worth_saving().then(|| self.screen.keymap.key_of(Action::Save).to_string())
+        self.is_worth_saving().then(|| self.screen.keymap.key_of(Action::Save))
     }
 
     /// Asks the user how to switch to another map.
