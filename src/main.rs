@@ -3,8 +3,6 @@
 
 #[cfg(feature = "tui")]
 use std::io::IsTerminal;
-#[cfg(feature = "tui")]
-use std::path::Path;
 use std::process::ExitCode;
 #[cfg(feature = "tui")]
 use std::sync::Arc;
@@ -95,13 +93,7 @@ fn run_comparison(args: &CompareArgs) -> u8 {
         help = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
         "a comparison is something to watch: it needs a terminal"
     );
-    let prepare = |registry: &Arc<Registry>| {
-        if let Some(path) = &args.screen.interface.record {
-            setup::refuse_input(("--record", path), std::iter::once(Path::new(&args.map)))?;
-        }
-        tui::prepare_comparison(args, registry)
-    };
-    watch(&args.screen, needs_terminal, prepare, tui::compare)
+    watch(&args.screen, needs_terminal, |registry| tui::prepare_comparison(args, registry), tui::compare)
 }
 
 /// Prepares and shows something that makes no sense without a terminal; without one, reports `needs_terminal`.

@@ -76,7 +76,7 @@ impl Folder {
     /// Checks that files called `names` can be written to it; creates it if needed.
     ///
     /// # Errors
-    /// They cannot.
+    /// They cannot, or it has never had jobs and others have files where those would be.
     pub fn check_writable(&self, names: &[&str]) -> Result<(), Report> {
         let first_part = |name: &&str| Path::new(*name).components().next().map(|part| self.0.join(part));
         let is_used =

@@ -212,6 +212,15 @@ mod tests {
         screen
     }
 
+    /// Returns a screen that differs everywhere from that of any other frame nearby.
+    fn busy_screen(size: (u16, u16), frame: u16) -> Buffer {
+        let mut screen = Buffer::empty(Rect::new(0, 0, size.0, size.1));
+        for (i, cell) in screen.content.iter_mut().enumerate() {
+            cell.set_char('x').set_fg(Color::Rgb((i as u16 * 40 + frame * 16) as u8, (i * 24) as u8, 0));
+        }
+        screen
+    }
+
     /// Returns the events of a recording: time, kind, text.
     fn events(path: &Path) -> Vec<(f64, String, String)> {
         let text = std::fs::read_to_string(path).expect("a recording");
@@ -268,12 +277,10 @@ mod tests {
     fn a_recording_stays_below_its_rate_however_much_changes() {
         let size = (200, 60);
         let (_folder, path, mut recorder) = recorder(size);
-        for frame in 0..600u16 {
-            let mut all = Buffer::empty(Rect::new(0, 0, size.0, size.1));
-            for (i, cell) in all.content.iter_mut().enumerate() {
-                cell.set_char('x').set_fg(Color::Rgb((i as u16 * 40 + frame * 16) as u8, (i * 24) as u8, 0));
-            }
-            recorder.frame_at(Duration::from_millis(100) * u32::from(frame), &all).expect("written");
+        for frame in 0..600 {
+            recorder
+                .frame_at(Duration::from_millis(100) * u32::from(frame), &busy_screen(size, frame))
+                .expect("written");
         }
         drop(recorder);
         let bytes = std::fs::metadata(&path).expect("a file").len();
@@ -287,13 +294,6 @@ mod tests {
     fn what_answers_the_user_is_recorded_where_training_is_left_out() {
         let size = (200, 60);
         let (_folder, path, mut recorder) = recorder(size);
-        let all = |frame: u16| {
-            let mut all = Buffer::empty(Rect::new(0, 0, size.0, size.1));
-            for (i, cell) in all.content.iter_mut().enumerate() {
-                cell.set_char('x').set_fg(Color::Rgb((i as u16 * 40 + frame * 16) as u8, (i * 24) as u8, 0));
-            }
-            all
-        };
         let mut frame = |at: u64, screen: &Buffer, answers: bool| {
             if answers {
                 recorder.expect_answer();
@@ -301,9 +301,9 @@ mod tests {
             recorder.frame_at(Duration::from_millis(at), screen).expect("written");
         };
         // One frame is more than may be recorded at once.
-        (0..10).for_each(|i| frame(i * 150, &all(i as u16), false));
+        (0..10).for_each(|i| frame(i * 150, &busy_screen(size, i as u16), false));
         frame(1500, &screen(size, "a dialog", 80), true);
-        (11..20).for_each(|i| frame(i * 150, &all(i as u16), false));
+        (11..20).for_each(|i| frame(i * 150, &busy_screen(size, i as u16), false));
         drop(recorder);
         let events = events(&path);
         assert!(events.len() < 8, "{} of 20 frames", events.len());

@@ -165,7 +165,7 @@ impl Figure {
             BudgetArg::Quick if ["gdg", "gdg-bridge"].contains(&method) => Length::Updates(4 * updates),
             BudgetArg::Quick => Length::Updates(updates),
             // Our default needs a small part of what the paper's methods train for.
-            BudgetArg::Paper if method.starts_with("default") => Length::Updates(5 * updates),
+            BudgetArg::Paper if ["default", "default-gdg"].contains(&method) => Length::Updates(5 * updates),
             BudgetArg::Paper => Length::Episodes(episodes),
         };
         // The paper tests every 20,000 episodes.

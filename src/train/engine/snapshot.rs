@@ -257,4 +257,12 @@ impl Snapshot {
         all.sort_by_key(|(updates, _)| *updates);
         all
     }
+
+    /// Returns the fraction of the world explored by now: the last of [`Self::coverage`].
+    pub fn latest_coverage(&self) -> Option<f64> {
+        let point = self.curve.iter().rev().find_map(|point| Some((point.updates, f64::from(point.coverage?))));
+        let evaluated = self.evaluations.iter().rev().find_map(|(updates, e)| Some((*updates, e.coverage?)));
+        // Of two as of the same update, the evaluation comes last.
+        point.into_iter().chain(evaluated).max_by_key(|(updates, _)| *updates).map(|(_, seen)| seen)
+    }
 }

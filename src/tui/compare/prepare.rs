@@ -1,5 +1,6 @@
 //! The two runs, prepared from the command line.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use miette::{Report, miette};
@@ -29,6 +30,9 @@ pub fn prepare(args: &CompareArgs, registry: &Arc<Registry>) -> Result<[Contesta
             let help = "A:NAME=VALUE changes the left side, B:NAME=VALUE the right one, NAME=VALUE both";
             return Err(miette!(help = help, "--set {setting}: there is no side called {prefix:?}"));
         }
+    }
+    if let Some(path) = &args.screen.interface.record {
+        setup::refuse_input(("--record", path), std::iter::once(Path::new(&args.map)))?;
     }
     let [a, b] =
         [(&args.a, &sides[0]), (&args.b, &sides[1])].map(|(method, side)| contestant(method, side, args, registry));

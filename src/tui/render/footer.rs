@@ -71,9 +71,9 @@ pub fn keys(screen: &Screen, mode: Mode, width: u16) -> ClickableLine {
     line(&keys)
 }
 
-/// Returns the editor's tools, followed by as much else as fits. Where room is short, only the selected tool.
+/// Returns the editor's tools, and what the mouse does with the selected one if there is room.
 fn editing(screen: &Screen, width: u16) -> ClickableLine {
-    let mut bar = tools(screen, width);
+    let mut bar = tool_bar(screen, width);
     if has_room_for_mouse(screen, &bar, width) {
         bar.push(Span::styled(mouse(screen), DIM), None);
     }
@@ -83,7 +83,7 @@ fn editing(screen: &Screen, width: u16) -> ClickableLine {
 /// Returns what the mouse buttons do with the editor's tool, if the line of its tools has no room to say it.
 pub fn untold_mouse(screen: &Screen, width: u16) -> Option<&'static str> {
     let editor = &screen.maze.editor;
-    let untold = editor.is_open() && !has_room_for_mouse(screen, &tools(screen, width), width);
+    let untold = editor.is_open() && !has_room_for_mouse(screen, &tool_bar(screen, width), width);
     untold.then(|| editor.tool.mouse())
 }
 
@@ -95,7 +95,8 @@ fn has_room_for_mouse(screen: &Screen, bar: &ClickableLine, width: u16) -> bool 
     bar.width() + mouse(screen).len() <= usize::from(width)
 }
 
-fn tools(screen: &Screen, width: u16) -> ClickableLine {
+/// Returns the editor's tools, followed by as many keys as fit. Where room is short, only the selected tool.
+fn tool_bar(screen: &Screen, width: u16) -> ClickableLine {
     let tools = |tools: &[Tool]| {
         let mut bar = ClickableLine::default();
         bar.push(Span::styled(" EDIT ", BOLD.patch(REVERSED)), None);

@@ -91,17 +91,17 @@ fn what_to_see(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let long = if mono { "@ walks to G as far as it has learned" } else { "light = few steps to G" };
     let short = if mono { "@ walks to G" } else { "light = near G" };
     let texts = [
-        (long, "click anywhere: a new goal", Some(("gdg-tui tour", Action::Tour))),
-        (long, "click anywhere: a new goal", None),
-        (short, "click: a new goal", None),
-        (short, "click: goal", None),
+        (long, "click anywhere: a new goal", true),
+        (long, "click anywhere: a new goal", false),
+        (short, "click: a new goal", false),
+        (short, "click: goal", false),
     ];
-    let lines = texts.map(|(colours, click, tour)| {
+    let lines = texts.map(|(colours, click, names_tour)| {
         let mut line = ClickableLine::default();
         line.push(Span::styled(format!(" {colours} \u{b7} {click} \u{b7}"), REVERSED), None);
         push_key(&mut line, screen, Action::Help, "help");
-        if let Some((command, action)) = tour {
-            line.push(Span::styled(format!("\u{b7} new here? {command} "), REVERSED), Click::Act(action));
+        if names_tour {
+            line.push(Span::styled("\u{b7} new here? gdg-tui tour ", REVERSED), Click::Act(Action::Tour));
         }
         line
     });

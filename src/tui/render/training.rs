@@ -140,7 +140,7 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         lines.push(fact("evaluated", format!("at update {}", short(screen.snapshot.learned(*updates) as f64))));
         lines.push(next(screen));
         // Coverage is known between evaluations, too.
-        let seen = screen.snapshot.coverage().last().map(|(_, seen)| *seen).or(evaluation.coverage);
+        let seen = screen.snapshot.latest_coverage();
         lines.extend(seen.map(|seen| fact("explored", format!("{:.0} % within reach", 100.0 * seen))));
     } else {
         lines.push(Line::styled(" success", BOLD));
