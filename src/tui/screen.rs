@@ -220,18 +220,19 @@ impl Screen {
         self.graphics.filter(|_| wanted).map(|graphics| graphics.character)
     }
 
-    /// Summarises the run for the terminal after the screen is closed, in lines that fit into 80 columns.
+    /// Summarises the run for the terminal after the screen is closed, in lines that fit into 80 columns unless the map's
+    /// name is long.
     pub fn summary(&self) -> String {
         let counters = self.snapshot.counters;
         let text = format!(
-            "{} on {}, seed {}: {} updates, {} steps, {} episodes in {:.0} s",
+            "{} on {}, seed {}: {} updates in {:.0} s\n{} steps, {} episodes",
             self.run().method.name(),
             self.title(),
             self.run().seed,
             grouped(self.snapshot.updates()),
+            self.snapshot.seconds,
             grouped(counters.env_steps),
-            grouped(counters.episodes),
-            self.snapshot.seconds
+            grouped(counters.episodes)
         );
         match self.success() {
             Some(success) => format!("{text}\nat update {}: success {success}", grouped(success.updates)),

@@ -203,10 +203,10 @@ impl App {
         if self.close_in_scene() || std::mem::take(&mut self.screen.maximised) || self.screen.offer.take().is_some() {
             return;
         }
-        if self.screen.first_run {
-            self.on_first_use();
-        } else if self.screen.following.is_some() {
+        if self.screen.following.is_some() {
             self.follow(None);
+        } else if self.screen.first_run {
+            self.on_first_use();
         } else {
             self.act_in_scene(Action::ZoomOff);
         }

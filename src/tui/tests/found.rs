@@ -153,12 +153,23 @@ fn on_narrow_screens_a_line_says_how_to_draw_until_something_is_drawn() {
 #[test]
 fn escape_leads_back_from_an_explorer_to_the_walking_agent() {
     let mut app = app();
+    app.screen.first_run = true;
     press(&mut app, KeyCode::Char('f'));
     press(&mut app, KeyCode::Char('f'));
     assert_eq!(app.screen.following, Some(1));
     press(&mut app, KeyCode::Esc);
     assert_eq!(app.screen.following, None);
     assert!(app.screen.log.notice().is_some_and(|notice| notice.text == "following the walking agent @"));
+}
+
+#[test]
+fn the_summary_fits_into_80_columns() {
+    let mut app = app();
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+    let summary = app.screen.summary();
+    assert!(summary.starts_with("gdg-bridge on rooms, seed ") && summary.contains(" updates in "), "{summary}");
+    // Enough room for millions of updates on a map with a longer name.
+    assert!(summary.lines().all(|line| line.len() < 60), "{summary}");
 }
 
 #[test]
