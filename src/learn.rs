@@ -44,17 +44,18 @@ pub use learner::{
 };
 pub use networks::encoder::Encoder;
 pub use networks::export::{ActorExport, ActorInputs, NamedTensor};
-pub(crate) use networks::lookahead::{MIN_GAIN_STEPS, axis_actions};
+pub(crate) use networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS, axis_actions};
 pub use networks::network::Network;
 pub use networks::policy::{FrozenNets, Nets, Policy, Scratch, look_ahead};
 pub use networks::state::NetworkState;
 pub use settings::{Auto, Backend, LearnSettings, LossScale, OutOfRange};
 pub(crate) use update::adam::EPSILON;
 pub use update::gradient::FullGradient;
-pub(crate) use update::losses::EXCESS_WEIGHT;
 pub use update::losses::Losses;
+pub(crate) use update::losses::{EXCESS_WEIGHT, WAY_OUT_OUTPUT, WAY_OUT_WEIGHT};
 pub use update::profile::{Profile, Stage};
 pub use update::reference::{Layers, Reference};
+pub(crate) use update::rows::{MISPREDICTED_ERROR, MISPREDICTED_FACTOR};
 
 /// The built-in learners.
 pub const LEARNERS: [LearnerKind; 6] =

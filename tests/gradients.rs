@@ -5,7 +5,10 @@
 use candle_core::backprop::GradStore;
 use candle_core::{Device, Tensor};
 use gdg_tui::env::Spec;
-use gdg_tui::learn::{Backend, Batch, Gdg, Layers, LearnSettings, LossScale, Network, Policy, Profile, Scratch};
+use gdg_tui::learn::{
+    Backend, Batch, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile, Scratch,
+};
+use gdg_tui::store::Store;
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -59,21 +62,31 @@ fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
     (difference, autograd.iter().map(|g| g.abs()).fold(0.0, f32::max))
 }
 
-/// Updates before gradients are compared.
-const UPDATES_BEFORE: usize = 20;
-
 fn check(spec: &Spec, settings: &LearnSettings) {
+    check_on((batch, 20), spec, settings);
+}
+
+/// Makes a batch of a number of rows.
+type MakeBatch = fn(&Spec, usize, &mut ChaCha8Rng) -> Batch;
+
+/// Compares gradients on a batch after a number of updates on such batches.
+fn check_on(batches: (MakeBatch, usize), spec: &Spec, settings: &LearnSettings) {
     for layers in [Layers::Linear, Layers::Fused] {
         for frees_stuck_actor in [false, true] {
-            check_against(spec, settings, layers, frees_stuck_actor);
+            check_against(batches, spec, settings, (layers, frees_stuck_actor));
         }
     }
 }
 
-fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers, frees_stuck_actor: bool) {
+fn check_against(
+    (make_batch, updates_before): (MakeBatch, usize),
+    spec: &Spec,
+    settings: &LearnSettings,
+    (layers, frees_stuck_actor): (Layers, bool),
+) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = Gdg::new(spec, settings, 2, &mut rng).unwrap();
-    let mut batch = batch(spec, settings.batch_size, &mut rng);
+    let mut batch = make_batch(spec, settings.batch_size, &mut rng);
     batch.greedy_targets = settings.greedy_targets;
     batch.frees_stuck_actor = frees_stuck_actor;
     let tensor = |numbers: &[f32], width: usize| {
@@ -83,8 +96,8 @@ fn check_against(spec: &Spec, settings: &LearnSettings, layers: Layers, frees_st
     let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
     let towards = tensor(&batch.actor_goals, g);
     // Averages start equal to what they average: some updates move them apart.
-    for _ in 0..UPDATES_BEFORE {
-        let mut other = self::batch(spec, settings.batch_size, &mut rng);
+    for _ in 0..updates_before {
+        let mut other = make_batch(spec, settings.batch_size, &mut rng);
         other.greedy_targets = settings.greedy_targets;
         learner.update_on(&other, &mut Profile::default()).unwrap();
     }
@@ -138,6 +151,50 @@ fn settings(batch: usize, hidden: usize, layers: usize) -> LearnSettings {
 #[test]
 fn gradients_of_the_default_preset_match_autograd() {
     check(&spec(2, 2, true), &LearnSettings::default());
+}
+
+/// Returns pairs that begin with their own steps: small actions are blocked, and the last step of each part jumps.
+fn blocked(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
+    let mut batch = batch(spec, rows, rng);
+    batch.from.clone_from(&batch.states);
+    batch.next.clone_from(&batch.states);
+    let steps = batch.next.chunks_exact_mut(spec.state_dim()).zip(batch.actions.chunks_exact(spec.action_dim));
+    for (row, (next, action)) in steps.enumerate() {
+        let jump = if row % 32 == 31 { 3.0 } else { 0.0 };
+        for ((next, action), scale) in next.iter_mut().zip(action).zip(&spec.change_scale) {
+            *next += scale * (jump + if action.abs() > 0.5 { 2.0 * action } else { 0.0 });
+        }
+        (batch.bootstrap[row], batch.bound[row], batch.lower[row]) = (1.0, f32::INFINITY, 0.0);
+    }
+    batch
+}
+
+#[test]
+fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
+    let spec = spec(2, 2, true);
+    let default = LearnSettings { actor_bound: 0.1, ..LearnSettings::default() };
+    let updates_before = 100;
+    check_on((blocked, updates_before), &spec, &default);
+    // Both make a difference to such a batch.
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut trained = Gdg::new(&spec, &default, 1, &mut rng).unwrap();
+    let mut next_batch = || Batch { greedy_targets: true, ..blocked(&spec, default.batch_size, &mut rng) };
+    for _ in 0..updates_before {
+        trained.update_on(&next_batch(), &mut Profile::default()).unwrap();
+    }
+    let (batch, mut store) = (next_batch(), Store::default());
+    trained.save(&mut store).unwrap();
+    let gradients = |settings: &LearnSettings| {
+        let mut learner = Gdg::new(&spec, settings, 1, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+        learner.load(&store).unwrap();
+        let (_, found) = learner.gradients(&batch).unwrap();
+        [0, 2].map(|network| found[network].0.clone())
+    };
+    let [critic, actor] = gradients(&default);
+    let [unchecked, _] = gradients(&LearnSettings { model_check: false, ..default.clone() });
+    let [_, still_blocked] = gradients(&LearnSettings { unblock_actor: false, ..default.clone() });
+    assert!(critic != unchecked, "the model mispredicts a step");
+    assert!(actor != still_blocked, "lookahead finds a way out");
 }
 
 #[test]

@@ -140,6 +140,20 @@ fn a_resumed_run_without_waypoints_for_the_actor_continues_bitwise() {
     });
 }
 
+#[test]
+fn a_resumed_run_without_checks_of_the_model_and_ways_out_continues_bitwise() {
+    continues_bitwise_otherwise(|| {
+        let mut settings = settings();
+        settings.learn.unblock_actor = false;
+        settings
+    });
+    continues_bitwise_otherwise(|| {
+        let mut settings = settings();
+        settings.learn.model_check = false;
+        settings
+    });
+}
+
 /// Checks that runs with `other` settings resume exactly, and that these settings make a difference.
 fn continues_bitwise_otherwise(other: impl Fn() -> Settings) {
     continues_bitwise(&other);
@@ -632,6 +646,45 @@ fn waypoints_on_the_way_through_the_graph_lead_the_actor() {
     };
     let (with, without) = (greedy(true), greedy(false));
     assert!(without < with - 0.1, "with waypoints {with}, without {without}");
+}
+
+/// Clutter of single cells.
+const CLUTTER: &str = "
+#.......##...#.....#
+#.....#........#...#
+..#.............#...
+#..........##....#..
+...........#........
+#..#........#.#.....
+...###..#..##.#.....
+#..##.....###.#.....
+........#..........#
+.#...#.........##...
+...#................
+##............#.###.
+........#........###
+#.#...##..#.......#.
+##.....#...#........
+..#.................
+.###.##.....#..#.#..
+..#....#.#.......#.#
+...#.........#...#.#
+#......#............
+";
+
+#[test]
+fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
+    let map = Arc::new(parse_map("clutter", CLUTTER.trim().as_bytes()).unwrap());
+    let greedy = |helped: bool| {
+        let mut settings = Settings::default();
+        (settings.learn.unblock_actor, settings.learn.model_check) = (helped, helped);
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
+        let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+        train_to(&mut run, 6_000);
+        run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
+    };
+    let (with, without) = (greedy(true), greedy(false));
+    assert!(without < with - 0.05, "with ways out {with}, without {without}");
 }
 
 #[test]

@@ -29,11 +29,12 @@ struct Case {
 }
 
 /// The default with one thing changed: settings as `--set` takes them, separated by spaces.
-const VARIANTS: [(&str, &str); 26] = [
+const VARIANTS: [(&str, &str); 28] = [
     ("default", ""),
     ("1-step targets", "n_step=1"),
     ("targets from behaviour alone", "greedy_targets=false"),
     ("... and an expectile of 0.95", "greedy_targets=false expectile=0.95"),
+    ("no check of the model before targets", "model_check=false"),
     ("no hindsight bound", "hindsight_bound=false"),
     ("one critic", "critics=1"),
     ("squared error of D", "loss=squared"),
@@ -45,6 +46,7 @@ const VARIANTS: [(&str, &str); 26] = [
     ("no distillation", "distillation=0"),
     ("no bounds by the graph on other pairs", "graph_bounds=false"),
     ("no waypoints for the actor", "actor_waypoints=false"),
+    ("no ways out for a blocked actor", "unblock_actor=false"),
     ("waypoints cost a step", "hop_steps=1"),
     ("unverified edges", "verify_edges=false"),
     ("no edges from trajectories alone", "keep_observed_edges=false"),
@@ -66,7 +68,7 @@ const METHOD: &str = "gdg-bridge";
 
 /// The components between the presets `paper` and `default`, each on top of those before it. The world is the same for
 /// all, without noise.
-const LADDER: [(&str, &str); 13] = [
+const LADDER: [(&str, &str); 14] = [
     ("preset paper, without noise", "env_noise=0"),
     (
         "+ hindsight goals instead of near ones",
@@ -92,6 +94,7 @@ const LADDER: [(&str, &str); 13] = [
     ("+ distillation, plans in exploration", "distillation=0.3 planned_episodes=0.7"),
     ("+ bounds by the graph on other pairs", "graph_bounds=true"),
     ("+ waypoints for the actor", "actor_waypoints=true"),
+    ("+ checks of the model, ways out for a blocked actor", "model_check=true unblock_actor=true"),
     ("+ lookahead", "lookahead=true"),
     ("+ one start, excursions: the default", "restart=auto frontier_epsilon=auto"),
 ];

@@ -352,12 +352,13 @@ impl Shared {
         let (model, actor) = (self.model.lock(), self.actor.lock());
         let (batch, mut part) = (self.batch.read(), self.parts[i].lock());
         let (rows, part) = (Rows::new(&self.shapes, &batch, i), &mut *part);
-        part.targets(&self.shapes, &rows, (actor.weights(true)?, model.weights(false)?, &targets));
-        part.critic_gradients(&self.shapes, &rows, &current);
         part.model.prepare(self.shapes.model.parameters());
         let transitions = (rows.from, rows.actions, rows.next);
         let (gradient, ws) = (&mut part.model, &mut part.buffers.model);
         part.losses.model = self.shapes.model_gradient(model.weights(false)?, transitions, rows.share, gradient, ws);
+        part.check_model(&self.shapes, &rows);
+        part.targets(&self.shapes, &rows, (actor.weights(true)?, model.weights(false)?, &targets));
+        part.critic_gradients(&self.shapes, &rows, &current);
         Ok(())
     }
 

@@ -27,7 +27,7 @@ use crate::learn::networks::touched::TouchedCorners;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::features::{Pairs, SharedFeatures};
 use crate::learn::update::gradient::{Gradient, LearningRates};
-use crate::learn::update::losses::{Losses, MAX_STATE_DIM, Shapes, Workspaces, check_state_dim};
+use crate::learn::update::losses::{Losses, MAX_STATE_DIM, Shapes, SpecialRows, Workspaces, check_state_dim};
 use crate::learn::update::pool::ThreadPool;
 use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of};
@@ -114,7 +114,8 @@ impl Objective {
                 *next = share * scale * d;
             }
         }
-        self.shapes.actor_gradient_through_model((actor, model), pairs, (d_change, share, None), gradient, buffers);
+        let special = SpecialRows::default();
+        self.shapes.actor_gradient_through_model((actor, model), pairs, (d_change, share, special), gradient, buffers);
         buffers.model.y = next;
         loss
     }

@@ -93,6 +93,10 @@ pub struct LearnSettings {
     /// whereas the behaviour alone (Algorithm 1) makes detours. An expectile of 0.95 also corrects for detours, but
     /// makes distances that are too short hardly grow.
     pub greedy_targets: bool,
+    /// Whether a pair whose own step the dynamics model mispredicts is left out of `greedy_targets`: where the model takes
+    /// a wall for open ground, the lookahead makes D too short.
+    #[serde(default)]
+    pub model_check: bool,
     /// Updates after an edit during which distances that have changed are relearned: those that are far longer or shorter
     /// along the bridge graph are bounded by it, the dynamics model sees more recent transitions (it has yet to learn
     /// that new walls block the path), and a stuck actor is freed. Without a graph, targets follow the behaviour
@@ -140,6 +144,10 @@ pub struct LearnSettings {
     /// Whether the actor is led by waypoints on paths through the bridge graph, once there is one.
     #[serde(default)]
     pub actor_waypoints: bool,
+    /// Whether the actor is pulled towards what lookahead finds where its own action changes nothing: there, the gradient
+    /// of Algorithm 1 vanishes.
+    #[serde(default)]
+    pub unblock_actor: bool,
     /// Number of transitions kept for replay.
     #[serde(alias = "replay_capacity")]
     pub buffer_size: usize,
@@ -182,6 +190,7 @@ impl Default for LearnSettings {
             n_step: 3,
             expectile: 0.55,
             greedy_targets: true,
+            model_check: true,
             relearn_updates: 3_000,
             hindsight_bound: true,
             max_distance_steps: 0.0,
@@ -200,6 +209,7 @@ impl Default for LearnSettings {
             distillation: 0.3,
             graph_bounds: true,
             actor_waypoints: true,
+            unblock_actor: true,
             buffer_size: 1_000_000,
             discount: 0.99,
             actor_l2: 0.0,
@@ -218,6 +228,7 @@ impl LearnSettings {
             tau: 0.01,
             expectile: 0.5,
             greedy_targets: false,
+            model_check: false,
             relearn_updates: 0,
             hindsight_bound: false,
             max_distance_steps: 20.0,
@@ -231,6 +242,7 @@ impl LearnSettings {
             distillation: 0.0,
             graph_bounds: false,
             actor_waypoints: false,
+            unblock_actor: false,
             ..Self::default()
         }
     }
@@ -239,6 +251,7 @@ impl LearnSettings {
     pub fn tuned() -> Self {
         Self {
             batch_size: 256,
+            model_check: false,
             goal_hindsight: 0.8,
             goal_geometric: 0.0,
             goal_random: 0.0,
@@ -248,6 +261,7 @@ impl LearnSettings {
             distillation: 0.0,
             graph_bounds: false,
             actor_waypoints: false,
+            unblock_actor: false,
             ..Self::default()
         }
     }

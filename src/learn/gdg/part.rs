@@ -4,7 +4,7 @@ use crate::learn::networks::network::Weights;
 use crate::learn::update::features::{Pairs, SharedFeatures};
 use crate::learn::update::gradient::Gradient;
 use crate::learn::update::losses::{Losses, Shapes, Workspaces};
-use crate::learn::update::rows::Rows;
+use crate::learn::update::rows::{Rows, mispredicted};
 
 /// Buffers of one task of an update.
 #[derive(Default)]
@@ -13,6 +13,8 @@ pub struct Part {
     plain_ahead: SharedFeatures,
     targets: Vec<f32>,
     after_actor: Vec<f32>,
+    /// Whether the model mispredicts the step of each row, `(rows)`.
+    mispredicted: Vec<bool>,
     pub critics: Vec<Gradient>,
     pub model: Gradient,
     pub actor: Gradient,
@@ -26,9 +28,16 @@ impl Part {
         Self { critics: vec![Gradient::default(); critics], ..Self::default() }
     }
 
+    /// Finds the rows whose own step the model mispredicts, after [`Shapes::model_gradient`].
+    pub fn check_model(&mut self, shapes: &Shapes, rows: &Rows) {
+        let errors: Vec<f32> = shapes.model_errors(rows.steps.len(), rows.share, &self.buffers.model).collect();
+        let s = shapes.encoder.spec().state_dim();
+        self.mispredicted = mispredicted(&errors, (rows.from, rows.states), s);
+    }
+
     /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
-    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]). Both are kept within the
-    /// bounds that hindsight or the bridge graph give. D' and mu' use running averages.
+    /// D'(f(s, mu'(s, g)), g) (see [`crate::learn::LearnSettings::greedy_targets`]) unless the model mispredicts the row's
+    /// own step. Both are kept within the bounds that hindsight or the bridge graph give. D' and mu' use running averages.
     pub fn targets(&mut self, shapes: &Shapes, rows: &Rows, (actor, model, critics): (Weights, Weights, &[Weights])) {
         shapes.encoder.plain_pairs(rows.states, rows.goals, &mut self.plain);
         shapes.encoder.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
@@ -41,7 +50,12 @@ impl Part {
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
             let buffers = &mut self.buffers;
             shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
-            self.targets.iter_mut().zip(&self.after_actor).for_each(|(x, d)| *x = x.min(1.0 + d));
+            let caps = self.after_actor.iter().zip(&self.mispredicted);
+            for (x, (d, mispredicted)) in self.targets.iter_mut().zip(caps) {
+                if !(shapes.model_check && *mispredicted) {
+                    *x = x.min(1.0 + d);
+                }
+            }
         }
         for (i, x) in self.targets.iter_mut().enumerate() {
             let known = rows.bootstrap[i] == 0.0;

@@ -1,14 +1,17 @@
 //! One step of lookahead: the action of a fixed set after which the critics expect the shortest distance.
 
 use crate::learn::networks::network::Weights;
-use crate::learn::update::features::{Pairs, SharedFeatures};
-use crate::learn::update::losses::{Shapes, Workspaces};
+use crate::learn::update::features::{Pairs, SharedFeatures, Workspace};
+use crate::learn::update::losses::Shapes;
 
 /// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
 const MAX_COMBINED_DIM: usize = 4;
 
 /// Steps by which another action must be better than the actor's: differences below this are noise of D.
 pub const MIN_GAIN_STEPS: f32 = 0.1;
+
+/// An action is blocked if it changes every component by less than this, as a share of its change scale.
+pub const BLOCKED_CHANGE: f32 = 0.5;
 
 /// Pairs whose actions are tried at a time, few enough for the activations to stay in the cache.
 const PAIRS: usize = 8;
@@ -22,7 +25,21 @@ pub struct LookaheadBuffers {
     next: Vec<f32>,
     distances: Vec<f32>,
     plain: SharedFeatures,
-    passes: Workspaces,
+    model: Workspace,
+    critic: Workspace,
+}
+
+/// Actions out of the places where the actor's own change nothing (see [`Shapes::find_ways_out`]).
+#[derive(Clone, Debug, Default)]
+pub struct WaysOut {
+    rows: Vec<usize>,
+    states: Vec<f32>,
+    goals: Vec<f32>,
+    own: Vec<f32>,
+    best: Vec<f32>,
+    lookahead: LookaheadBuffers,
+    /// `(rows, action_dim)`; NaN in rows without.
+    pub actions: Vec<f32>,
 }
 
 /// Returns the actions to try, `(actions, dim)`: full steps along every combination of axes. (Half steps as well are no
@@ -61,7 +78,7 @@ impl Shapes {
         let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
         let chunks = states.chunks(PAIRS * s).zip(goals.chunks(PAIRS * g)).zip(actions.chunks_mut(PAIRS * a));
         for ((states, goals), actions) in chunks {
-            let LookaheadBuffers { states: from, goals: to, actions: tried, next, distances, plain, passes } = buffers;
+            let LookaheadBuffers { states: from, goals: to, actions: tried, next, distances, plain, .. } = buffers;
             [&mut *from, to, tried].into_iter().for_each(Vec::clear);
             for ((state, goal), own) in states.chunks_exact(s).zip(goals.chunks_exact(g)).zip(actions.chunks_exact(a)) {
                 let count = 1 + self.tried_actions.len() / a;
@@ -74,10 +91,10 @@ impl Shapes {
             }
             let rows = tried.len() / a;
             next.resize(rows * s, 0.0);
-            self.next_states(model, (from, tried), next, &mut passes.model);
+            self.next_states(model, (from, tried), next, &mut buffers.model);
             self.encoder.plain_pairs(next, to, plain);
             distances.resize(rows, 0.0);
-            self.joint_distances(critics, Pairs { plain, states: next, goals: to }, distances, &mut passes.critic);
+            self.joint_distances(critics, Pairs { plain, states: next, goals: to }, distances, &mut buffers.critic);
             let count = rows / (actions.len() / a);
             let tried = tried.chunks_exact(count * a).zip(distances.chunks_exact(count));
             for (action, (tried, distances)) in actions.chunks_exact_mut(a).zip(tried) {
@@ -88,6 +105,40 @@ impl Shapes {
                         action.copy_from_slice(other);
                     }
                 }
+            }
+        }
+    }
+
+    /// Finds what lookahead does better in the rows whose `actions` are blocked according to their predicted `next` states:
+    /// no action that differs little from a blocked one changes anything, so that the gradient of Algorithm 1 vanishes.
+    pub fn find_ways_out(
+        &self,
+        (model, critic): (Weights, Weights),
+        (states, goals): (&[f32], &[f32]),
+        (actions, next): (&[f32], &[f32]),
+        ways: &mut WaysOut,
+    ) {
+        let spec = self.encoder.spec();
+        let (s, g, a) = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+        let is_blocked = |row: &usize| {
+            let at = row * s..(row + 1) * s;
+            let changes = next[at.clone()].iter().zip(&states[at]).map(|(next, state)| (next - state).abs());
+            changes.zip(&spec.change_scale).all(|(change, scale)| change <= BLOCKED_CHANGE * scale)
+        };
+        let WaysOut { rows, states: from, goals: to, own, best, lookahead, actions: found } = ways;
+        rows.clear();
+        rows.extend((0..states.len() / s).filter(is_blocked));
+        for (chosen, all, width) in [(&mut *from, states, s), (to, goals, g), (own, actions, a)] {
+            chosen.clear();
+            rows.iter().for_each(|row| chosen.extend(&all[row * width..(row + 1) * width]));
+        }
+        best.clone_from(own);
+        self.improve_actions((model, &[critic]), (from, to), best, lookahead);
+        found.clear();
+        found.resize(actions.len(), f32::NAN);
+        for ((row, own), best) in rows.iter().zip(own.chunks_exact(a)).zip(best.chunks_exact(a)) {
+            if own != best {
+                found[row * a..(row + 1) * a].copy_from_slice(best);
             }
         }
     }

@@ -8,7 +8,7 @@ use crate::env::Spec;
 use crate::learn::data::batch::{STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::GridReads;
-use crate::learn::networks::lookahead::tried_actions;
+use crate::learn::networks::lookahead::{WaysOut, tried_actions};
 use crate::learn::networks::mlp::{GradientRequest, Mlp};
 use crate::learn::networks::network::Weights;
 use crate::learn::settings::{LearnSettings, LossScale};
@@ -59,12 +59,23 @@ pub struct Shapes {
     pub expectile: f32,
     /// Bound of the actor's outputs before tanh; infinite for none.
     pub actor_bound: f32,
+    /// Whether greedy targets leave out the pairs whose own step the model mispredicts.
+    pub model_check: bool,
+    /// Whether the actor is pulled out of where its action is blocked.
+    pub unblock_actor: bool,
     /// Actions that lookahead tries besides the actor's, `(actions, action_dim)`.
     pub tried_actions: Vec<f32>,
 }
 
 /// Weight of the squared excess of the actor's outputs over their bound.
 pub const EXCESS_WEIGHT: f32 = 0.1;
+
+/// Weight of the squared difference between the actor's outputs before tanh and those that lead out of where its action is
+/// blocked: [`WAY_OUT_OUTPUT`] for a full step, at most the actor's bound.
+pub const WAY_OUT_WEIGHT: f32 = 0.3;
+
+/// See [`WAY_OUT_WEIGHT`].
+pub const WAY_OUT_OUTPUT: f32 = 2.0;
 
 impl Shapes {
     /// Returns the shapes of the networks that `settings` specify.
@@ -80,6 +91,8 @@ impl Shapes {
             pessimism: settings.pessimism,
             expectile: settings.expectile,
             actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
+            model_check: settings.model_check,
+            unblock_actor: settings.unblock_actor,
             tried_actions: tried_actions(spec.action_dim),
             encoder,
         }
@@ -118,6 +131,17 @@ pub struct Workspaces {
     pub critic: Workspace,
     /// D(s, g) of each row, then the bound of its actor's outputs.
     before: Vec<f32>,
+    ways_out: WaysOut,
+}
+
+/// What is special in some rows of the actor's gradient.
+#[derive(Clone, Copy, Default)]
+pub struct SpecialRows<'a> {
+    /// The bound of the outputs, `(rows)`; the actor's for all if empty.
+    pub bounds: &'a [f32],
+    /// Actions that the actor is pulled towards instead of following the gradient, `(rows, action_dim)`, NaN in rows
+    /// without; none if empty.
+    pub ways_out: &'a [f32],
 }
 
 impl Shapes {
@@ -310,9 +334,17 @@ impl Shapes {
         loss
     }
 
+    /// Returns the squared errors of the predictions in each row, after [`Self::model_gradient`].
+    pub fn model_errors(&self, rows: usize, share: f32, ws: &Workspace) -> impl Iterator<Item = f32> {
+        let s = self.encoder.spec().state_dim();
+        // What is left of the predictions is the gradient with respect to the model's outputs.
+        ws.y[..rows * s].chunks_exact(s).map(move |d| d.iter().map(|d| (d / (2.0 * share)).powi(2)).sum())
+    }
+
     /// Computes the actor's goal-distance gradient (Algorithm 1) into `gradient`: that of mean D(f(s, mu(s, g)), w), with
     /// w either g or a waypoint on the way there, which flows through the frozen critic and model into the actor, plus that
-    /// of the excess of the actor's outputs over their bound. Returns the part's contribution to mean D.
+    /// of the excess of the actor's outputs over their bound. A blocked actor is pulled towards what lookahead finds
+    /// instead. Returns the part's contribution to mean D.
     pub fn actor_gradient(
         &self,
         path: &ActorLossNetworks,
@@ -329,6 +361,11 @@ impl Shapes {
         // Forward: a = mu(s, g), s' = f(s, a), z with D = scale softplus(z).
         let mut next = std::mem::take(&mut buffers.model.y);
         self.step_with_actor((actor, model), pairs, &mut next, buffers);
+        let mut ways_out = std::mem::take(&mut buffers.ways_out);
+        if self.unblock_actor {
+            let own = (&buffers.actor.y[..rows * spec.action_dim], &next[..rows * s]);
+            self.find_ways_out((model, critic), (states, towards), own, &mut ways_out);
+        }
         let mut before = std::mem::take(&mut buffers.before);
         if frees_stuck {
             let mut plain = std::mem::take(&mut buffers.critic.plain);
@@ -369,21 +406,33 @@ impl Shapes {
                 *next = scale * d;
             }
         }
-        let bounds = frees_stuck.then_some(&before[..]);
-        self.actor_gradient_through_model((actor, model), pairs, (&next[..rows * s], share, bounds), gradient, buffers);
+        let bounds = if frees_stuck { &before[..] } else { &[] };
+        let special = SpecialRows { bounds, ways_out: &ways_out.actions };
+        self.actor_gradient_through_model(
+            (actor, model),
+            pairs,
+            (&next[..rows * s], share, special),
+            gradient,
+            buffers,
+        );
         buffers.model.y = next;
-        buffers.before = before;
+        (buffers.before, buffers.ways_out) = (before, ways_out);
         loss
+    }
+
+    /// Returns the output before tanh that `action` asks for.
+    pub fn way_out_output(&self, action: f32) -> f32 {
+        action * WAY_OUT_OUTPUT.min(self.actor_bound)
     }
 
     /// Computes the actor's gradient into `gradient`, after [`Self::step_with_actor`]: that of a loss whose gradient with
     /// respect to the model's outputs is `d_change` `(rows, state_dim)`, through the frozen model, plus that of the
-    /// excess of the actor's outputs over their bound, or over `bounds` `(rows)`; `share` is 1 / batch size.
+    /// excess of the actor's outputs over their bound, but for what is `special`; `share` is 1 / batch size.
     pub fn actor_gradient_through_model(
         &self,
         (actor, model): (Weights, Weights),
         pairs: Pairs,
-        (d_change, share, bounds): (&[f32], f32, Option<&[f32]>),
+        (d_change, share, special): (&[f32], f32, SpecialRows),
         gradient: &mut Gradient,
         buffers: &mut Workspaces,
     ) {
@@ -397,9 +446,12 @@ impl Shapes {
         for (i, ((action, d), z)) in
             action[..rows * a].iter_mut().zip(&*d_action).zip(&buffers.actor.outputs).enumerate()
         {
-            let bound = bounds.map_or(self.actor_bound, |bounds| bounds[i / a]);
+            let bound = special.bounds.get(i / a).copied().unwrap_or(self.actor_bound);
             let excess = z - z.clamp(-bound, bound);
-            *action = d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess;
+            *action = match special.ways_out.get(i) {
+                Some(way) if !way.is_nan() => 2.0 * WAY_OUT_WEIGHT * share * (z - self.way_out_output(*way)),
+                _ => d * (1.0 - *action * *action) + 2.0 * EXCESS_WEIGHT * share * excess,
+            };
         }
         let from = self.encoder.plain_pair_width();
         let dx = (from < self.actor.inputs)

@@ -8,10 +8,12 @@ use crate::learn::data::batch::{Batch, STUCK_BOUND, STUCK_PROGRESS_STEPS};
 use crate::learn::kernels::fused::fused_mlp;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::GridShape;
+use crate::learn::networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS};
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
 use crate::learn::settings::LossScale;
-use crate::learn::update::losses::{EXCESS_WEIGHT, Shapes};
+use crate::learn::update::losses::{EXCESS_WEIGHT, Shapes, WAY_OUT_WEIGHT};
+use crate::learn::update::rows::{mispredicted, parts_of, rows_of_part};
 
 /// A network's parameters as tensors.
 #[derive(Clone, Debug)]
@@ -148,11 +150,29 @@ impl<'a> Reference<'a> {
         let mut far = (&steps + self.joint_distances(&ahead, &goals)?)?;
         if batch.greedy_targets {
             let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
-            far = far.minimum(&(self.joint_distances(&next, &goals)? + 1.0)?)?;
+            let capped = far.minimum(&(self.joint_distances(&next, &goals)? + 1.0)?)?;
+            far = self.mispredicted(batch, device)?.where_cond(&far, &capped)?;
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
         let targets = known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?;
         Ok(targets.maximum(&column(&batch.lower)?)?.detach())
+    }
+
+    /// Returns 1 where greedy targets leave a pair out because the model mispredicts its own step, otherwise 0, `(rows)`.
+    fn mispredicted(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
+        let spec = self.shapes().encoder.spec();
+        let s = spec.state_dim();
+        let tensor = |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), device);
+        let (from, actions) = (tensor(&batch.from, s)?, tensor(&batch.actions, spec.action_dim)?);
+        let errors: Vec<f32> = self.model_errors(&from, &actions, &tensor(&batch.next, s)?)?.to_vec1()?;
+        let of_part = |part| {
+            let rows = rows_of_part(batch.len(), part);
+            let at = rows.start * s..rows.end * s;
+            mispredicted(&errors[rows], (&batch.from[at.clone()], &batch.states[at]), s)
+        };
+        let found = (0..parts_of(batch.len())).flat_map(of_part);
+        let found: Vec<u8> = found.map(|found| u8::from(found && self.shapes().model_check)).collect();
+        Tensor::from_vec(found, batch.len(), device)
     }
 
     /// Returns D(s, g) by one or two critics, `(rows)`: between their mean and their maximum.
@@ -188,14 +208,20 @@ impl<'a> Reference<'a> {
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
     pub fn model_loss(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
-        let scale = row(&zero_to_infinity(&self.shapes().encoder.spec().change_scale), states.device())?;
-        let error = (self.predictions(states, actions)? - next)?.broadcast_div(&scale)?;
-        error.sqr()?.sum(D::Minus1)?.mean_all()
+        self.model_errors(states, actions, next)?.mean_all()
     }
 
-    /// Returns the actor's loss, mean D(f(s, mu(s, g)), g) by the first critic, and separately the weighted squared
+    /// Returns the squared errors of the predictions, `(rows)`, with each component in units of its change scale.
+    fn model_errors(&self, states: &Tensor, actions: &Tensor, next: &Tensor) -> Result<Tensor> {
+        let scale = row(&zero_to_infinity(&self.shapes().encoder.spec().change_scale), states.device())?;
+        let error = (self.predictions(states, actions)? - next)?.broadcast_div(&scale)?;
+        error.sqr()?.sum(D::Minus1)
+    }
+
+    /// Returns the actor's loss, mean D(f(s, mu(s, g)), w) by the first critic, and separately the weighted squared
     /// excess of its outputs over their bound, which is lower for a stuck actor if `frees_stuck` (see
-    /// [`Batch::frees_stuck_actor`]).
+    /// [`Batch::frees_stuck_actor`]). Where the actor is blocked and lookahead finds a way out, the former has no gradient,
+    /// and the latter is the weighted squared difference from that action's outputs.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
@@ -205,9 +231,10 @@ impl<'a> Reference<'a> {
         [goals, towards]: [&Tensor; 2],
         frees_stuck: bool,
     ) -> Result<(Tensor, Tensor)> {
-        let next = self.predictions(states, &self.actions(states, goals)?)?;
+        let own_outputs = self.actor_outputs(states, goals)?;
+        let next = self.predictions(states, &own_outputs.tanh()?)?;
         let after = self.distances(0, &next, towards)?;
-        let outputs = self.actor_outputs(states, goals)?.abs()?;
+        let outputs = own_outputs.abs()?;
         let bound = self.shapes().actor_bound;
         let excess = if frees_stuck {
             let progress = (self.distances(0, states, towards)? - &after)?.detach();
@@ -217,8 +244,43 @@ impl<'a> Reference<'a> {
         } else {
             (outputs - f64::from(bound))?
         };
-        let excess = (excess.relu()?.sqr()?.sum(D::Minus1)?.mean_all()? * f64::from(EXCESS_WEIGHT))?;
-        Ok((after.mean_all()?, excess))
+        let excess = (excess.relu()?.sqr()?.sum(D::Minus1)? * f64::from(EXCESS_WEIGHT))?;
+        if !self.shapes().unblock_actor {
+            return Ok((after.mean_all()?, excess.mean_all()?));
+        }
+        let (found, ways) = self.ways_out(states, towards, (&next, &after))?;
+        let off = (own_outputs - ways)?.sqr()?.sum(D::Minus1)?;
+        let excess = found.where_cond(&(off * f64::from(WAY_OUT_WEIGHT))?, &excess)?;
+        Ok((found.where_cond(&after.detach(), &after)?.mean_all()?, excess.mean_all()?))
+    }
+
+    /// Returns where the actor's action is blocked and lookahead finds a way out, `(rows)`, and the outputs before tanh that
+    /// lead there, `(rows, action_dim)`: `next` `(rows, state_dim)` and `after` `(rows)` follow the actor's action.
+    fn ways_out(
+        &self,
+        states: &Tensor,
+        towards: &Tensor,
+        (next, after): (&Tensor, &Tensor),
+    ) -> Result<(Tensor, Tensor)> {
+        let (shapes, device) = (self.shapes(), states.device());
+        let spec = shapes.encoder.spec();
+        let scale = row(&spec.change_scale, device)?.affine(f64::from(BLOCKED_CHANGE), 0.0)?;
+        let moved = (next - states)?.abs()?.broadcast_gt(&scale)?.to_dtype(after.dtype())?.sum(D::Minus1)?;
+        let (rows, a) = (states.dim(0)?, spec.action_dim);
+        let mut shortest = (after - f64::from(MIN_GAIN_STEPS))?.detach();
+        let mut found = moved.gt(f64::INFINITY)?;
+        let mut ways = Tensor::zeros((rows, a), after.dtype(), device)?;
+        for tried in shapes.tried_actions.chunks_exact(a) {
+            let outputs: Vec<f32> = tried.iter().map(|action| shapes.way_out_output(*action)).collect();
+            let actions = row(tried, device)?.broadcast_as((rows, a))?.contiguous()?;
+            let distances = self.distances(0, &self.predictions(states, &actions)?, towards)?.detach();
+            let better = distances.lt(&shortest)?;
+            shortest = shortest.minimum(&distances)?;
+            found = found.maximum(&better)?;
+            let outputs = row(&outputs, device)?.broadcast_as((rows, a))?.contiguous()?;
+            ways = better.unsqueeze(1)?.broadcast_as((rows, a))?.where_cond(&outputs, &ways)?;
+        }
+        Ok((found.mul(&moved.eq(0.0)?)?, ways))
     }
 }
 

@@ -90,6 +90,22 @@ impl<'a> Rows<'a> {
     }
 }
 
+/// A model mispredicts a step if its squared error, with each component in units of its change scale, exceeds this ...
+pub const MISPREDICTED_ERROR: f32 = 0.01;
+
+/// ... and this multiple of the mean over the part of the batch: where steps are random, or nothing has been learned yet,
+/// all are off.
+pub const MISPREDICTED_FACTOR: f32 = 3.0;
+
+/// Returns the rows of a part whose pair begins with a step that the model mispredicts: of squared `errors` `(rows)` on
+/// transitions that begin in `from` `(rows, state_dim)`, for pairs that begin in `states` `(rows, state_dim)`.
+pub fn mispredicted(errors: &[f32], (from, states): (&[f32], &[f32]), state_dim: usize) -> Vec<bool> {
+    let mean = errors.iter().sum::<f32>() / errors.len() as f32;
+    let most = MISPREDICTED_ERROR.max(MISPREDICTED_FACTOR * mean);
+    let own = from.chunks_exact(state_dim).zip(states.chunks_exact(state_dim)).map(|(from, state)| from == state);
+    errors.iter().zip(own).map(|(error, own)| own && *error > most).collect()
+}
+
 /// Finds the table corners that the batch's pairs touch.
 pub fn find_corners_of_pairs(shapes: &Shapes, batch: &Batch, touched: &mut TouchedCorners) {
     let parts = (0..parts_of(batch.len())).map(|i| Rows::new(shapes, batch, i));

@@ -50,6 +50,31 @@ fn learning() -> Vec<Constant> {
         constant("EPSILON", learn::EPSILON, "", "Adam's addend to the denominator"),
         constant("EXCESS_WEIGHT", learn::EXCESS_WEIGHT, "", "weight of squared actor outputs beyond actor_bound"),
         constant(
+            "MISPREDICTED_ERROR",
+            learn::MISPREDICTED_ERROR,
+            "",
+            "squared error, in units of change, above which model_check doubts the model, but at least ...",
+        ),
+        constant(
+            "MISPREDICTED_FACTOR",
+            learn::MISPREDICTED_FACTOR,
+            "",
+            "... this multiple of the mean over the part of a batch that one task computes",
+        ),
+        constant(
+            "BLOCKED_CHANGE",
+            learn::BLOCKED_CHANGE,
+            "",
+            "unblock_actor helps actions that change the state by less than this share of a usual change",
+        ),
+        constant(
+            "WAY_OUT_WEIGHT",
+            learn::WAY_OUT_WEIGHT,
+            "",
+            "weight of the squared difference from the outputs that unblock_actor asks for, ...",
+        ),
+        constant("WAY_OUT_OUTPUT", learn::WAY_OUT_OUTPUT, "", "... this before tanh for a full step"),
+        constant(
             "MIN_REMAINING",
             learn::MIN_REMAINING,
             "",

@@ -119,7 +119,7 @@ const PROBABILITY_RANGE: &str = "a probability from 0 to 1";
 const SWITCH_VALUES: &str = "true or false";
 
 /// All settings, group by group.
-pub const SETTINGS: [Setting; 64] = [
+pub const SETTINGS: [Setting; 66] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
     Setting::new(Networks, "critics", "", "1 or 2", "number of critics; pessimism combines them").for_networks(),
@@ -195,6 +195,13 @@ pub const SETTINGS: [Setting; 64] = [
     ),
     Setting::new(
         Targets,
+        "model_check",
+        "",
+        SWITCH_VALUES,
+        "leave pairs out of greedy_targets whose own step the dynamics model mispredicts",
+    ),
+    Setting::new(
+        Targets,
         "hindsight_bound",
         "",
         SWITCH_VALUES,
@@ -213,6 +220,13 @@ pub const SETTINGS: [Setting; 64] = [
         "",
         SWITCH_VALUES,
         "lead the actor to far goals by the next waypoint on the path through the bridge graph",
+    ),
+    Setting::new(
+        Targets,
+        "unblock_actor",
+        "",
+        SWITCH_VALUES,
+        "pull the actor towards what lookahead finds where its own action changes nothing",
     ),
     Setting::new(
         Targets,
