@@ -77,7 +77,11 @@ impl App {
             Action::NextPane => self.show_next(),
             Action::Maximise => self.screen.maximised = !self.screen.maximised,
             Action::Scroll(by) => self.screen.scrolled = self.screen.scrolled.saturating_add_signed(-by),
-            Action::LogScale => self.screen.log_scale = !self.screen.log_scale,
+            Action::LogScale => {
+                self.screen.log_scale = !self.screen.log_scale;
+                let scale = if self.screen.log_scale { "logarithmic scales" } else { "linear scales" };
+                self.notify(&format!("curves of losses and distances on {scale}"));
+            }
             Action::OpenMap => self.pick_map(None),
             Action::RandomMap => self.open_picker(lists::random_maps()),
             Action::Save => {

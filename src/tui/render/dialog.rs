@@ -27,7 +27,9 @@ const KEY_MARGIN: usize = 2;
 
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the list.
 pub fn draw_picker(frame: &mut Frame, area: Rect, screen: &Screen, picker: &Picker, layout: &mut ScreenLayout) {
-    let width = list_width(picker, area.width.saturating_sub(2));
+    let width = list_width(picker, area.width);
+    // No slivers of what is behind it.
+    let width = if width + 2 >= usize::from(area.width) { usize::from(area.width) } else { width };
     let columns = width.saturating_sub(2);
     let labels = label_width(picker, columns);
     let rows = picker.rows();
@@ -172,11 +174,19 @@ fn draw_box(
     buttons: Vec<(String, Click)>,
     layout: &mut ScreenLayout,
 ) -> Rect {
+    let room = usize::from(dialog_area.width.saturating_sub(2));
+    // Without what is in brackets if there is no room for it.
+    let title = if title.chars().count() + 2 > room { title.split(" (").next().unwrap_or(title) } else { title };
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(dialog_area);
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
+    let mut buttons = buttons;
+    // How to accept and how to close are the last to go.
+    while buttons.len() > 2 && buttons.iter().map(|(label, _)| label.chars().count() + 1).sum::<usize>() > room + 1 {
+        buttons.remove(1);
+    }
     for (n, (label, click)) in buttons.into_iter().enumerate() {
         bar.push(Span::raw(if n > 0 { " " } else { "" }), None);
         bar.push(Span::raw(label), click);

@@ -47,7 +47,8 @@ fn draw_about(
     (help, introduction, modes): (&Help, &str, &[Mode]),
     layout: &mut ScreenLayout,
 ) {
-    let width = HELP_WIDTH.min(area.width);
+    // No slivers of what is behind it.
+    let width = if area.width <= HELP_WIDTH + 2 { area.width } else { HELP_WIDTH };
     let entries = entries(screen, usize::from(width.saturating_sub(2)), introduction, modes);
     let text = entries.concat();
     let all = if help.search().is_empty() { text.clone() } else { matches(&entries, help.search()) };
@@ -88,13 +89,16 @@ fn matches(entries: &[Vec<Line<'static>>], typed: &str) -> Vec<Line<'static>> {
         words.iter().all(|word| text.contains(word.as_str()))
     };
     let found: Vec<Line> = entries.iter().filter(found).flatten().cloned().collect();
-    if found.is_empty() { vec![Line::styled(" no match", REVERSED)] } else { found }
+    if found.is_empty() { vec![Line::styled(" no match: Esc shows everything", REVERSED)] } else { found }
 }
 
 /// Returns all entries and titles, each as its lines, wrapped to `width`.
 fn entries(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> Vec<Vec<Line<'static>>> {
     let kind = screen.scene();
-    let introduction = wrapped(introduction, width.saturating_sub(2).max(8));
+    let key = screen.keymap.key_of(Action::Palette);
+    let introduction =
+        format!("{introduction} Where the help shows \"{key} ...\" instead of a key, type {key} and some letters.");
+    let introduction = wrapped(&introduction, width.saturating_sub(2).max(8));
     let mut entries = vec![introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>()];
     let title = |title: &str| [vec![Line::default()], vec![Line::styled(format!(" {title}"), BOLD)]];
     for section in SECTIONS {

@@ -98,6 +98,17 @@ impl App {
         }
     }
 
+    /// Says where the goal is if it is not at the cell that was `wanted`.
+    pub(in crate::tui) fn say_where_the_goal_is(&mut self, wanted: Cell) {
+        let goal = self.screen.maze.goal;
+        if goal != wanted {
+            self.notify(&format!(
+                "{},{} is a wall: G is at the nearest free cell, {},{}",
+                wanted.x, wanted.y, goal.x, goal.y
+            ));
+        }
+    }
+
     /// Puts the walking agent at a cell, or at a random place.
     pub(in crate::tui) fn place_walker(&mut self, cell: Option<Cell>) {
         self.return_to_present();

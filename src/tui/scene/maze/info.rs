@@ -26,8 +26,8 @@ fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static
     let interval = contour_text(screen, layout);
     let texts = [[&*long, &interval], [&short, &interval], [&long, ""], [&short, ""], [&interval, ""]]
         .map(|texts| texts.concat());
-    let bars = [BAR_WIDTH, SHORT_BAR_WIDTH];
-    let options = texts.iter().flat_map(|text| bars.map(|bar| (text, bar)));
+    let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
+    let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
     let lines = options.map(|(text, bar)| {
         let mut line = scale(screen, bar);
         // Without a bar, a blank ends the line.
@@ -48,8 +48,10 @@ fn cell_facts(screen: &Screen) -> Line<'static> {
     let learned = facts.learned;
     let visits = facts.visits.map_or(String::new(), |visits| format!(", {} visits", short(f64::from(visits))));
     Line::from(match facts.truth {
+        // A share of nothing says nothing.
+        Some(0) => format!("{place}: D {learned:.1}, true 0 ({learned:+.1} steps){visits}"),
         Some(truth) => {
-            let error = 100.0 * (learned - truth as f32) / (truth as f32).max(1.0);
+            let error = 100.0 * (learned - truth as f32) / truth as f32;
             format!("{place}: D {learned:.1}, true {truth} ({error:+.0} %){visits}")
         }
         None => format!("{place}: D {learned:.1}, no path to G"),

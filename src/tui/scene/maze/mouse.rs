@@ -56,6 +56,7 @@ impl App {
                     self.on_first_use();
                     if self.screen.maze.goal != cell {
                         self.set_goal(cell);
+                        self.say_where_the_goal_is(cell);
                     }
                 }
             }
