@@ -226,14 +226,8 @@ pub const SECTIONS: &[Section] = &[
     Section {
         title: "map editor",
         bindings: &[
-            bind(
-                Action::ToggleEdit,
-                "edit",
-                &["e"],
-                "edit",
-                "open or close the editor: draw walls, make and close doors",
-            )
-            .also("draw walls change map modify doors"),
+            bind(Action::ToggleEdit, "edit", &["e"], "edit", "open or close the editor")
+                .also("draw walls change map modify doors"),
             bind(Action::Tool(Tool::Pencil), "pencil", &["1"], "", "draw walls (drag; right-drag: floor)")
                 .editing()
                 .also("block obstacle"),
