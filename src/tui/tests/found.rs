@@ -229,3 +229,31 @@ fn random_steps_are_no_updates_and_their_success_is_not_the_methods() {
     app.command(run("gdg-bridge"));
     wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
 }
+
+#[test]
+fn clicks_on_walls_and_scales_of_curves_are_answered() {
+    let mut app = app();
+    draw(&mut app, 80, 24);
+    let map = app.screen.maze.map.clone();
+    let wall = (0..map.width() * map.height()).map(|i| map.cell(i)).find(|cell| !map.is_free(*cell)).expect("a wall");
+    let at = character_of(&app, wall);
+    mouse(&mut app, MouseEventKind::Down(MouseButton::Left), at);
+    let notice = |app: &App| app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
+    let goal = app.screen.maze.goal;
+    assert!(map.is_free(goal));
+    assert!(notice(&app).ends_with(&format!("is a wall: G is at the nearest free cell, {},{}", goal.x, goal.y)));
+    press(&mut app, KeyCode::Char('g'));
+    assert_eq!(notice(&app), "curves of losses and distances on logarithmic scales");
+}
+
+#[test]
+fn at_the_goal_the_error_of_d_is_in_steps() {
+    let mut app = app();
+    draw(&mut app, 120, 40);
+    press(&mut app, KeyCode::Char('i'));
+    let goal = app.screen.maze.goal;
+    wait_until(&mut app, |app| app.screen.maze.view.inspected.is_some_and(|facts| facts.cell == goal));
+    let shown = text(&draw(&mut app, 120, 40));
+    let line = shown.lines().find(|line| line.contains("true 0")).expect("a line about the cell");
+    assert!(line.contains("true 0 (+") && line.contains(" steps)"), "{line}");
+}
