@@ -9,7 +9,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use gdg_tui::env::{PointMaze, Restart};
-use gdg_tui::learn::{Auto, Scratch};
+use gdg_tui::learn::{Auto, LearnSettings, Scratch};
 use gdg_tui::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
 use gdg_tui::store::{Array, Store};
 use gdg_tui::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
@@ -124,39 +124,28 @@ fn a_resumed_run_continues_bitwise() {
 
 #[test]
 fn a_resumed_run_without_bounds_from_the_graph_continues_bitwise() {
-    continues_bitwise_otherwise(|| {
-        let mut settings = settings();
-        settings.learn.graph_bounds = false;
-        settings
-    });
+    continues_bitwise_with(|learn| learn.graph_bounds = false);
 }
 
 #[test]
 fn a_resumed_run_without_waypoints_for_the_actor_continues_bitwise() {
-    continues_bitwise_otherwise(|| {
-        let mut settings = settings();
-        settings.learn.actor_waypoints = false;
-        settings
-    });
+    continues_bitwise_with(|learn| learn.actor_waypoints = false);
 }
 
 #[test]
-fn a_resumed_run_without_checks_of_the_model_and_ways_out_continues_bitwise() {
-    continues_bitwise_otherwise(|| {
-        let mut settings = settings();
-        settings.learn.unblock_actor = false;
-        settings
-    });
-    continues_bitwise_otherwise(|| {
-        let mut settings = settings();
-        settings.learn.model_check = false;
-        settings
-    });
+fn a_resumed_run_without_checks_of_the_model_or_ways_out_continues_bitwise() {
+    continues_bitwise_with(|learn| learn.unblock_actor = false);
+    continues_bitwise_with(|learn| learn.model_check = false);
 }
 
-/// Checks that runs with `other` settings resume exactly, and that these settings make a difference.
-fn continues_bitwise_otherwise(other: impl Fn() -> Settings) {
-    continues_bitwise(&other);
+/// Checks that runs resume exactly after a `change` of their settings, and that it makes a difference.
+fn continues_bitwise_with(change: impl Fn(&mut LearnSettings)) {
+    let other = || {
+        let mut settings = settings();
+        change(&mut settings.learn);
+        settings
+    };
+    continues_bitwise(other);
     let mut runs = [trainer(settings(), 5, 1), trainer(other(), 5, 1)];
     runs.iter_mut().for_each(|run| train_to(run, 700));
     assert!(full_state(&runs[0]) != full_state(&runs[1]), "there are far pairs");
@@ -633,17 +622,20 @@ fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
     assert!(planned >= 0.85, "planned {planned}");
 }
 
+/// Returns the success rate of the actor alone on `map` after `updates` with the default preset and a `change`.
+fn greedy_after(updates: u64, map: &Arc<Grid>, change: impl Fn(&mut LearnSettings)) -> f64 {
+    let mut settings = Settings::default();
+    change(&mut settings.learn);
+    let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
+    let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+    train_to(&mut run, updates);
+    run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
+}
+
 #[test]
 fn waypoints_on_the_way_through_the_graph_lead_the_actor() {
     let map = Arc::new(builtin("fourrooms").unwrap());
-    let greedy = |actor_waypoints: bool| {
-        let mut settings = Settings::default();
-        settings.learn.actor_waypoints = actor_waypoints;
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
-        let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
-        train_to(&mut run, 4_000);
-        run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
-    };
+    let greedy = |led| greedy_after(4_000, &map, |learn| learn.actor_waypoints = led);
     let (with, without) = (greedy(true), greedy(false));
     assert!(without < with - 0.1, "with waypoints {with}, without {without}");
 }
@@ -675,14 +667,8 @@ const CLUTTER: &str = "
 #[test]
 fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
     let map = Arc::new(parse_map("clutter", CLUTTER.trim().as_bytes()).unwrap());
-    let greedy = |helped: bool| {
-        let mut settings = Settings::default();
-        (settings.learn.unblock_actor, settings.learn.model_check) = (helped, helped);
-        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
-        let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
-        train_to(&mut run, 6_000);
-        run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
-    };
+    let greedy =
+        |helped| greedy_after(6_000, &map, |learn| (learn.unblock_actor, learn.model_check) = (helped, helped));
     let (with, without) = (greedy(true), greedy(false));
     assert!(without < with - 0.05, "with ways out {with}, without {without}");
 }

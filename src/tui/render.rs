@@ -157,6 +157,11 @@ impl Panel {
     }
 }
 
+/// Returns `width`, or the whole width of `area` if only slivers of what is behind would stay in view.
+fn without_slivers(area: Rect, width: u16) -> u16 {
+    if width.saturating_add(2) >= area.width { area.width } else { width }
+}
+
 /// Returns the middle of `area`, at most `width` by `height`.
 fn middle(area: Rect, width: u16, height: u16) -> Rect {
     area.centered(Constraint::Length(width.min(area.width)), Constraint::Length(height.min(area.height)))

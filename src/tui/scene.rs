@@ -82,8 +82,8 @@ impl SceneKind {
         match self {
             Self::Maze => {
                 "Colours show the learned distance D to the goal G: light near, dark far. The agents see no walls and get no \
-                 reward. @ walks to G with what it has learned so far; click on the map to set another goal. The editor draws walls and \
-                 closes doors."
+                 reward. @ walks to G with what it has learned so far; click on the map to set another goal. The editor \
+                 draws walls and closes doors."
             }
             Self::Arm => {
                 "Colours show the learned distance D to the goal G: light near, dark far. The agents do not see joints and get \

@@ -13,8 +13,10 @@ pub struct Part {
     plain_ahead: SharedFeatures,
     targets: Vec<f32>,
     after_actor: Vec<f32>,
-    /// Whether the model mispredicts the step of each row, `(rows)`.
-    mispredicted: Vec<bool>,
+    /// Squared errors of the model, `(rows)`.
+    model_errors: Vec<f32>,
+    /// Whether each row is left out of greedy targets as the model mispredicts its step, `(rows)`.
+    left_out: Vec<bool>,
     pub critics: Vec<Gradient>,
     pub model: Gradient,
     pub actor: Gradient,
@@ -28,11 +30,16 @@ impl Part {
         Self { critics: vec![Gradient::default(); critics], ..Self::default() }
     }
 
-    /// Finds the rows whose own step the model mispredicts, after [`Shapes::model_gradient`].
+    /// Finds the rows to leave out of greedy targets, after [`Shapes::model_gradient`].
     pub fn check_model(&mut self, shapes: &Shapes, rows: &Rows) {
-        let errors: Vec<f32> = shapes.model_errors(rows.steps.len(), rows.share, &self.buffers.model).collect();
+        self.left_out.clear();
+        if !(rows.greedy_targets && shapes.model_check) {
+            return self.left_out.resize(rows.steps.len(), false);
+        }
+        self.model_errors.clear();
+        self.model_errors.extend(shapes.model_errors(rows.steps.len(), rows.share, &self.buffers.model));
         let s = shapes.encoder.spec().state_dim();
-        self.mispredicted = mispredicted(&errors, (rows.from, rows.states), s);
+        self.left_out.extend(mispredicted(&self.model_errors, (rows.from, rows.states), s));
     }
 
     /// Computes the targets of the part's rows: d if the goal was reached, otherwise d + D'(s', g), capped at 1 +
@@ -50,9 +57,9 @@ impl Part {
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
             let buffers = &mut self.buffers;
             shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
-            let caps = self.after_actor.iter().zip(&self.mispredicted);
-            for (x, (d, mispredicted)) in self.targets.iter_mut().zip(caps) {
-                if !(shapes.model_check && *mispredicted) {
+            let caps = self.after_actor.iter().zip(&self.left_out);
+            for (x, (d, left_out)) in self.targets.iter_mut().zip(caps) {
+                if !left_out {
                     *x = x.min(1.0 + d);
                 }
             }

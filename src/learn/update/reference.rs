@@ -151,14 +151,15 @@ impl<'a> Reference<'a> {
         if batch.greedy_targets {
             let next = self.predictions(&states, &self.actions(&states, &goals)?)?;
             let capped = far.minimum(&(self.joint_distances(&next, &goals)? + 1.0)?)?;
-            far = self.mispredicted(batch, device)?.where_cond(&far, &capped)?;
+            let has_check = self.shapes().model_check;
+            far = if has_check { self.mispredicted(batch, device)?.where_cond(&far, &capped)? } else { capped };
         }
         let known = column(&batch.bootstrap)?.eq(0.0)?;
         let targets = known.where_cond(&steps, &far)?.minimum(&column(&batch.bound)?)?;
         Ok(targets.maximum(&column(&batch.lower)?)?.detach())
     }
 
-    /// Returns 1 where greedy targets leave a pair out because the model mispredicts its own step, otherwise 0, `(rows)`.
+    /// Returns 1 where the model mispredicts a pair's own step, otherwise 0, `(rows)`.
     fn mispredicted(&self, batch: &Batch, device: &Device) -> Result<Tensor> {
         let spec = self.shapes().encoder.spec();
         let s = spec.state_dim();
@@ -168,10 +169,9 @@ impl<'a> Reference<'a> {
         let of_part = |part| {
             let rows = rows_of_part(batch.len(), part);
             let at = rows.start * s..rows.end * s;
-            mispredicted(&errors[rows], (&batch.from[at.clone()], &batch.states[at]), s)
+            mispredicted(&errors[rows], (&batch.from[at.clone()], &batch.states[at]), s).map(u8::from)
         };
-        let found = (0..parts_of(batch.len())).flat_map(of_part);
-        let found: Vec<u8> = found.map(|found| u8::from(found && self.shapes().model_check)).collect();
+        let found: Vec<u8> = (0..parts_of(batch.len())).flat_map(of_part).collect();
         Tensor::from_vec(found, batch.len(), device)
     }
 
@@ -267,8 +267,8 @@ impl<'a> Reference<'a> {
         let scale = row(&spec.change_scale, device)?.affine(f64::from(BLOCKED_CHANGE), 0.0)?;
         let moved = (next - states)?.abs()?.broadcast_gt(&scale)?.to_dtype(after.dtype())?.sum(D::Minus1)?;
         let (rows, a) = (states.dim(0)?, spec.action_dim);
-        let mut shortest = (after - f64::from(MIN_GAIN_STEPS))?.detach();
-        let mut found = moved.gt(f64::INFINITY)?;
+        let enough = (after - f64::from(MIN_GAIN_STEPS))?.detach();
+        let mut shortest = enough.clone();
         let mut ways = Tensor::zeros((rows, a), after.dtype(), device)?;
         for tried in shapes.tried_actions.chunks_exact(a) {
             let outputs: Vec<f32> = tried.iter().map(|action| shapes.way_out_output(*action)).collect();
@@ -276,11 +276,10 @@ impl<'a> Reference<'a> {
             let distances = self.distances(0, &self.predictions(states, &actions)?, towards)?.detach();
             let better = distances.lt(&shortest)?;
             shortest = shortest.minimum(&distances)?;
-            found = found.maximum(&better)?;
             let outputs = row(&outputs, device)?.broadcast_as((rows, a))?.contiguous()?;
             ways = better.unsqueeze(1)?.broadcast_as((rows, a))?.where_cond(&outputs, &ways)?;
         }
-        Ok((found.mul(&moved.eq(0.0)?)?, ways))
+        Ok((shortest.lt(&enough)?.mul(&moved.eq(0.0)?)?, ways))
     }
 }
 

@@ -99,11 +99,11 @@ pub const MISPREDICTED_FACTOR: f32 = 3.0;
 
 /// Returns the rows of a part whose pair begins with a step that the model mispredicts: of squared `errors` `(rows)` on
 /// transitions that begin in `from` `(rows, state_dim)`, for pairs that begin in `states` `(rows, state_dim)`.
-pub fn mispredicted(errors: &[f32], (from, states): (&[f32], &[f32]), state_dim: usize) -> Vec<bool> {
+pub fn mispredicted(errors: &[f32], (from, states): (&[f32], &[f32]), state_dim: usize) -> impl Iterator<Item = bool> {
     let mean = errors.iter().sum::<f32>() / errors.len() as f32;
     let most = MISPREDICTED_ERROR.max(MISPREDICTED_FACTOR * mean);
     let own = from.chunks_exact(state_dim).zip(states.chunks_exact(state_dim)).map(|(from, state)| from == state);
-    errors.iter().zip(own).map(|(error, own)| own && *error > most).collect()
+    errors.iter().zip(own).map(move |(error, own)| own && *error > most)
 }
 
 /// Finds the table corners that the batch's pairs touch.

@@ -7,7 +7,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph};
 
 use super::text::wrapped;
-use super::{BOLD, DIM, REVERSED, middle};
+use super::{BOLD, DIM, REVERSED, middle, without_slivers};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Item, Picker, Prompt, Row};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -27,9 +27,7 @@ const KEY_MARGIN: usize = 2;
 
 /// Draws a list. If any item is too long for its row, the selected item is shown in full below the list.
 pub fn draw_picker(frame: &mut Frame, area: Rect, screen: &Screen, picker: &Picker, layout: &mut ScreenLayout) {
-    let width = list_width(picker, area.width);
-    // No slivers of what is behind it.
-    let width = if width + 2 >= usize::from(area.width) { usize::from(area.width) } else { width };
+    let width = usize::from(without_slivers(area, list_width(picker, area.width) as u16));
     let columns = width.saturating_sub(2);
     let labels = label_width(picker, columns);
     let rows = picker.rows();
@@ -171,7 +169,7 @@ fn draw_box(
     frame: &mut Frame,
     dialog_area: Rect,
     title: &str,
-    buttons: Vec<(String, Click)>,
+    mut buttons: Vec<(String, Click)>,
     layout: &mut ScreenLayout,
 ) -> Rect {
     let room = usize::from(dialog_area.width.saturating_sub(2));
@@ -182,7 +180,6 @@ fn draw_box(
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
-    let mut buttons = buttons;
     // How to accept and how to close are the last to go.
     while buttons.len() > 2 && buttons.iter().map(|(label, _)| label.chars().count() + 1).sum::<usize>() > room + 1 {
         buttons.remove(1);

@@ -6,7 +6,7 @@ use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::text::wrapped;
-use super::{BOLD, DIM, REVERSED, middle, training};
+use super::{BOLD, DIM, REVERSED, middle, training, without_slivers};
 use crate::tui::action::{Action, Binding, Mode, SECTIONS};
 use crate::tui::dialog::Help;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -47,8 +47,7 @@ fn draw_about(
     (help, introduction, modes): (&Help, &str, &[Mode]),
     layout: &mut ScreenLayout,
 ) {
-    // No slivers of what is behind it.
-    let width = if area.width <= HELP_WIDTH + 2 { area.width } else { HELP_WIDTH };
+    let width = without_slivers(area, HELP_WIDTH);
     let entries = entries(screen, usize::from(width.saturating_sub(2)), introduction, modes);
     let text = entries.concat();
     let all = if help.search().is_empty() { text.clone() } else { matches(&entries, help.search()) };

@@ -98,14 +98,13 @@ impl App {
         }
     }
 
-    /// Says where the goal is if it is not at the cell that was `wanted`.
-    pub(in crate::tui) fn say_where_the_goal_is(&mut self, wanted: Cell) {
+    /// Puts the goal where the user has clicked, and says where it is if that is a wall.
+    pub(in crate::tui) fn set_goal_by_click(&mut self, clicked: Cell) {
+        self.set_goal(clicked);
         let goal = self.screen.maze.goal;
-        if goal != wanted {
-            self.notify(&format!(
-                "{},{} is a wall: G is at the nearest free cell, {},{}",
-                wanted.x, wanted.y, goal.x, goal.y
-            ));
+        if goal != clicked {
+            let wall = format!("{},{} is a wall", clicked.x, clicked.y);
+            self.notify(&format!("{wall}: G is at the nearest free cell, {},{}", goal.x, goal.y));
         }
     }
 

@@ -55,8 +55,7 @@ impl App {
                     self.screen.maze.hovered = None;
                     self.on_first_use();
                     if self.screen.maze.goal != cell {
-                        self.set_goal(cell);
-                        self.say_where_the_goal_is(cell);
+                        self.set_goal_by_click(cell);
                     }
                 }
             }
