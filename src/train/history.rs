@@ -40,7 +40,7 @@ pub struct CurvePoint {
 /// An event.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct LogEntry {
-    /// Seconds since the run was started or resumed.
+    /// Training time by then, in seconds.
     pub seconds: f64,
     /// Updates done by then.
     pub updates: u64,

@@ -20,13 +20,13 @@ use ratatui::Frame;
 use ratatui::layout::Position;
 use tokio::sync::watch;
 
-use super::action::Mode;
+use super::action::{Action, Mode};
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
 use super::event_loop::Interface;
 use super::export;
 use super::graphics::{Graphics, Picture, Redraw};
-use super::keymap::Keymap;
+use super::keymap::{self, Keymap};
 use super::layout::ScreenLayout;
 use super::output::ExportKind;
 use super::render::{self, Cache};
@@ -190,17 +190,26 @@ impl App {
             return;
         }
         match self.screen.dialogs.last_mut() {
-            None => {
-                if let Some(action) = self.screen.keymap.action(key, self.screen.mode()) {
-                    self.act(action);
-                }
-            }
+            None => match self.screen.keymap.action(key, self.screen.mode()) {
+                Some(action) => self.act(action),
+                None => self.on_unbound_key(key),
+            },
             Some(Dialog::Help(_)) => self.on_key_in_help(key),
             Some(_) if key.code == KeyCode::Esc => self.dismiss(),
             Some(_) if key.code == KeyCode::Enter => self.answer(),
             Some(Dialog::Pick(_)) => self.on_key_in_list(key),
             Some(Dialog::Ask(prompt)) => prompt.on_key(key),
         }
+    }
+
+    fn on_unbound_key(&mut self, key: KeyEvent) {
+        if self.screen.log.notice().is_some() {
+            return;
+        }
+        let keymap = &self.screen.keymap;
+        let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
+        let text = format!("{} does nothing here   {help} help   {find} all commands", keymap::name_of(key));
+        self.screen.log.show(&text, false);
     }
 
     fn on_key_in_list(&mut self, key: KeyEvent) {
@@ -245,12 +254,12 @@ impl App {
 
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
-        self.screen.log.add(text, self.screen.snapshot.updates(), false);
+        self.screen.log.add(text, self.screen.snapshot.moment(), false);
     }
 
     /// Shows an error and logs it.
     pub fn report(&mut self, text: &str) {
-        self.screen.log.add(text, self.screen.snapshot.updates(), true);
+        self.screen.log.add(text, self.screen.snapshot.moment(), true);
     }
 
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its pixels show.

@@ -158,7 +158,7 @@ impl Comparison {
 
     /// Shows a notice.
     fn notify(&mut self, text: &str) {
-        self.log.add(text, 0, false);
+        self.log.show(text, false);
     }
 
     /// Returns the text of the current notice, and the notice: of the comparison, or of its runs.
@@ -175,7 +175,7 @@ impl Comparison {
 
     fn on_failures(&mut self) {
         for failure in crate::faults::take_failures() {
-            self.log.add(&format!("internal error in thread {}: {}", failure.thread, failure.message), 0, true);
+            self.log.add(&format!("internal error in thread {}: {}", failure.thread, failure.message), (0.0, 0), true);
             self.failed = true;
         }
     }
@@ -250,7 +250,7 @@ impl Interface for Comparison {
     }
 
     fn report(&mut self, problem: &str) {
-        self.log.add(problem, 0, true);
+        self.log.add(problem, (0.0, 0), true);
     }
 
     fn pictures(&self) -> Vec<&Picture> {

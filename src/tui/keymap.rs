@@ -91,14 +91,22 @@ impl Keymap {
 
     /// Returns the keys of `binding` for display.
     pub fn display_keys(&self, binding: &Binding) -> Vec<String> {
-        // Shift goes without saying only for characters: A, but Shift-Left.
-        let format = |key: KeyCombination| match key.codes {
-            OneToThree::One(KeyCode::Char(_)) => KeyCombinationFormat::default().with_implicit_shift(),
-            _ => KeyCombinationFormat::default(),
-        };
-        let own = self.keys.iter().filter(|(_, b)| b.name == binding.name);
-        own.map(|(key, _)| short_name(&format(*key).to_string(*key))).collect()
+        self.keys.iter().filter(|(_, b)| b.name == binding.name).map(|(key, _)| display_name(*key)).collect()
     }
+}
+
+/// Returns what to call a key that was pressed.
+pub fn name_of(key: KeyEvent) -> String {
+    display_name(normalised(KeyCombination::from(key)))
+}
+
+fn display_name(key: KeyCombination) -> String {
+    // Shift goes without saying only for characters: A, but Shift-Left.
+    let format = match key.codes {
+        OneToThree::One(KeyCode::Char(_)) => KeyCombinationFormat::default().with_implicit_shift(),
+        _ => KeyCombinationFormat::default(),
+    };
+    short_name(&format.to_string(key))
 }
 
 /// Bindings that have been renamed: the old name, and the new one.

@@ -20,35 +20,16 @@ pub struct Notice<'a> {
     pub is_error: bool,
 }
 
-/// The event log.
-#[derive(Debug)]
+/// The event log, in training time: pauses do not count.
+#[derive(Debug, Default)]
 pub struct Log {
-    began: Instant,
-    /// Seconds covered by the run's log before this program resumed it.
-    before: f64,
     entries: Vec<LogEntry>,
-    /// Number of entries ever made.
-    count: usize,
-    /// Since when a notice is shown, and the number of entries including it.
-    notice: Option<(Instant, usize)>,
+    /// The notice, and since when it is shown.
+    notice: Option<(Instant, String)>,
     /// Whether the notice is an error.
     is_error: bool,
     /// Whether the notice was fading at the last tick.
     fading: bool,
-}
-
-impl Default for Log {
-    fn default() -> Self {
-        Self {
-            began: Instant::now(),
-            before: 0.0,
-            entries: Vec::new(),
-            count: 0,
-            notice: None,
-            is_error: false,
-            fading: false,
-        }
-    }
 }
 
 impl Log {
@@ -57,26 +38,28 @@ impl Log {
         if past.is_empty() {
             return;
         }
-        self.before = past.last().map_or(0.0, |entry| entry.seconds);
-        (self.began, self.notice) = (Instant::now(), None);
+        self.notice = None;
         self.entries = past.to_vec();
-        self.count = self.entries.len();
     }
 
-    /// Logs an event and shows it as a notice.
-    pub fn add(&mut self, text: &str, updates: u64, is_error: bool) {
-        self.record(text, updates);
-        (self.notice, self.is_error) = (Some((Instant::now(), self.count)), is_error);
+    /// Logs an event at a moment of the run, in seconds of training and updates, and shows it as a notice.
+    pub fn add(&mut self, text: &str, moment: (f64, u64), is_error: bool) {
+        self.record(text, moment);
+        self.show(text, is_error);
     }
 
-    /// Logs an event.
-    pub fn record(&mut self, text: &str, updates: u64) {
+    /// Shows a notice without logging it.
+    pub fn show(&mut self, text: &str, is_error: bool) {
+        (self.notice, self.is_error) = (Some((Instant::now(), text.to_owned())), is_error);
+    }
+
+    /// Logs an event at a moment of the run, in seconds of training and updates.
+    pub fn record(&mut self, text: &str, (seconds, updates): (f64, u64)) {
         if self.entries.len() >= MAX_LOG_ENTRIES {
             self.entries.remove(0);
         }
         tracing::info!("{}", crate::text::sanitized(text));
-        self.entries.push(LogEntry::new(self.before + self.began.elapsed().as_secs_f64(), updates, text));
-        self.count += 1;
+        self.entries.push(LogEntry::new(seconds, updates, text));
     }
 
     /// Returns all entries, oldest first.
@@ -86,10 +69,8 @@ impl Log {
 
     /// Returns the current notice.
     pub fn notice(&self) -> Option<Notice<'_>> {
-        let (since, count) = self.notice?;
-        let entry = self.entries.len().checked_sub(1 + self.count - count).map(|i| &self.entries[i])?;
-        let fades = since.elapsed() > self.duration();
-        Some(Notice { text: &entry.text, fades, is_error: self.is_error })
+        let (since, text) = self.notice.as_ref()?;
+        Some(Notice { text, fades: since.elapsed() > self.duration(), is_error: self.is_error })
     }
 
     /// Takes the notice away, unless something went wrong: the user goes on.
@@ -104,7 +85,7 @@ impl Log {
 
     /// Handles the passing of time; returns whether the notice began to fade or disappeared.
     pub fn on_tick(&mut self) -> bool {
-        let Some((since, _)) = self.notice else { return false };
+        let Some((since, _)) = &self.notice else { return false };
         let age = since.elapsed();
         if age > self.duration() + FADE_DURATION {
             self.notice = None;

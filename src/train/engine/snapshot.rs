@@ -236,6 +236,11 @@ impl Snapshot {
         self.learned(self.counters.updates)
     }
 
+    /// Returns the training time in seconds, and the updates done by the learner.
+    pub fn moment(&self) -> (f64, u64) {
+        (self.seconds, self.updates())
+    }
+
     /// Returns the latest evaluation, if it was of the current method, and the updates counted then.
     pub fn evaluation(&self) -> Option<&(u64, Evaluation)> {
         self.evaluations.last().filter(|(updates, _)| self.methods.is_current(*updates))

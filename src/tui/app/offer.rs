@@ -38,7 +38,7 @@ impl App {
     /// Offers a saved run, and logs it for later.
     pub fn offer(&mut self, found: Description) {
         let text = format!("{} are saved in {}", runs::summary(&found), found.file.display());
-        self.screen.log.record(&text, self.screen.snapshot.updates());
+        self.screen.log.record(&text, self.screen.snapshot.moment());
         self.screen.offer = Some(Offer { found, since: Instant::now() });
     }
 

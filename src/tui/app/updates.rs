@@ -4,6 +4,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::App;
+use crate::text::grouped;
 use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Item, Picker, lists};
@@ -76,10 +77,12 @@ impl App {
     fn log_evaluation(&mut self) {
         let snapshot = &self.screen.snapshot;
         let Some((updates, e)) = snapshot.evaluations.last() else { return };
-        let updates = &snapshot.learned(*updates);
+        let updates = snapshot.learned(*updates);
         let error = e.distance_error.map_or(String::new(), |e| format!(", error of D {:.0} %", 100.0 * e.mape));
-        let text = format!("evaluated: {}{error}", e.success(*updates));
-        self.screen.log.record(&text, *updates);
+        // Training goes on while tasks are walked.
+        let at = if updates == snapshot.updates() { String::new() } else { format!(" at {}", grouped(updates)) };
+        let text = format!("evaluated{at}: {}{error}", e.success(updates));
+        self.screen.log.record(&text, snapshot.moment());
     }
 
     /// Freezes the screen, or unfreezes it and shows the current state.

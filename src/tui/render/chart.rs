@@ -50,7 +50,9 @@ pub fn draw<'a>(
 ) -> Rect {
     let inner = lines_area(area, &x.map(short), &y_labels);
     let set = |line: Line<'a>| {
-        let set = Dataset::default().marker(line.marker).graph_type(GraphType::Line);
+        // A single point of fine dots would be a speck.
+        let marker = if line.points.len() == 1 { Marker::Dot } else { line.marker };
+        let set = Dataset::default().marker(marker).graph_type(GraphType::Line);
         set.style(line.style).data(line.points)
     };
     let [from, to] = x.map(short);

@@ -129,7 +129,7 @@ fn draw_search(frame: &mut Frame, line: Rect, picker: &Picker) {
 
 /// Draws a question.
 pub fn draw_prompt(frame: &mut Frame, area: Rect, screen: &Screen, prompt: &Prompt, layout: &mut ScreenLayout) {
-    let width = MAX_PROMPT_WIDTH.min(area.width.saturating_sub(2));
+    let width = without_slivers(area, MAX_PROMPT_WIDTH);
     let (text, style) = match &prompt.error {
         Some(error) => (error.as_str(), screen.theme.failure()),
         None => (prompt.hint.as_str(), DIM),

@@ -204,7 +204,7 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
     let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
         // Less than a step is not nothing.
         Some(bridge) => format!("{} tried, saves {:.*}", s.tried(), usize::from(bridge.gain < 1.0), bridge.gain),
-        None => format!("{} tried, none", s.tried()),
+        None => format!("{} tried, none saves", s.tried()),
     });
     let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();
     let bridges = format!("{}, {} edges", scene::candidate_count(screen), short(edges as f64));

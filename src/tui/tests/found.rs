@@ -175,11 +175,11 @@ fn the_summary_fits_into_80_columns() {
 #[test]
 fn a_key_takes_the_last_message_away_but_no_error() {
     let mut app = app();
-    app.screen.log.add("done", 1, false);
-    press(&mut app, KeyCode::Char('~'));
+    app.screen.log.show("done", false);
+    press(&mut app, KeyCode::Char('j'));
     assert!(app.screen.log.notice().is_none());
-    app.screen.log.add("the disk is full", 1, true);
-    press(&mut app, KeyCode::Char('~'));
+    app.screen.log.show("the disk is full", true);
+    press(&mut app, KeyCode::Char('j'));
     assert!(app.screen.log.notice().is_some_and(|notice| notice.is_error));
 }
 
@@ -256,4 +256,28 @@ fn at_the_goal_the_error_of_d_is_in_steps() {
     let shown = text(&draw(&mut app, 120, 40));
     let line = shown.lines().find(|line| line.contains("true 0")).expect("a line about the cell");
     assert!(line.contains("true 0 (+") && line.contains(" steps)"), "{line}");
+}
+
+#[test]
+fn a_key_without_a_meaning_names_help_and_the_list_of_commands() {
+    let mut app = app();
+    let entries = app.screen.log.entries().len();
+    press(&mut app, KeyCode::F(9));
+    let said = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
+    assert!(said.starts_with("F9 does nothing here") && said.contains("? help"), "{said}");
+    assert_eq!(app.screen.log.entries().len(), entries, "the log is for what happens to the run");
+    // It hides no error.
+    app.report("the disk is full");
+    press(&mut app, KeyCode::F(9));
+    assert!(app.screen.log.notice().is_some_and(|notice| notice.is_error && notice.text == "the disk is full"));
+}
+
+#[test]
+fn the_log_is_in_training_time_and_in_order() {
+    let mut app = app();
+    wait_until(&mut app, |app| app.screen.snapshot.evaluation().is_some());
+    let updates: Vec<u64> = app.screen.log.entries().iter().map(|entry| entry.updates).collect();
+    assert!(updates.is_sorted(), "{updates:?}");
+    let last = app.screen.log.entries().last().map_or(0.0, |entry| entry.seconds);
+    assert!((0.0..=app.screen.snapshot.seconds).contains(&last), "{last}");
 }

@@ -74,7 +74,7 @@ impl App {
         let run = &self.screen.snapshot.run;
         let agents = run.settings.train.agents;
         let text = format!("{} on {}, {agents} agents", run.method.name(), self.screen.snapshot.title);
-        self.screen.log.record(&text, self.screen.snapshot.updates());
+        self.screen.log.record(&text, self.screen.snapshot.moment());
         self.draw_goal();
     }
 

@@ -26,7 +26,7 @@ impl App {
         self.viewer.request(Request::Directions(self.screen.overlays.has(Overlay::Directions)));
         let run = &self.screen.snapshot.run;
         let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
-        self.screen.log.record(&text, self.screen.snapshot.updates());
+        self.screen.log.record(&text, self.screen.snapshot.moment());
         let goal = map.goals().first().copied().unwrap_or_else(|| self.random_cell());
         self.set_goal(goal);
     }
