@@ -320,3 +320,14 @@ fn files_of_others_are_not_replaced() {
     assert_eq!(ran.status, Some(2), "{}", ran.err);
     has_parts(&ran.err, &["pictures: is not of gdg-tui and is not replaced", "a folder of its own"]);
 }
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_map_file_in_a_folder_may_have_any_name() {
+    use std::os::unix::ffi::OsStrExt;
+    let place = Place::new();
+    let name = std::ffi::OsStr::from_bytes(b"caf\xe9.map");
+    std::fs::write(place.path("maps").join(name), TWO_PARTS).unwrap();
+    let listed = place.run(&["maps", "--budget", "30", "--out", "out", "--list"]);
+    assert_eq!((listed.status, listed.out.lines().count()), (Some(0), 3), "{}{}", listed.out, listed.err);
+}

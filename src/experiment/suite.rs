@@ -16,7 +16,8 @@ use super::table::{Row, table};
 use super::world::JobWorld;
 use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
 use crate::env::maze;
-use crate::map::{Grid, builtin};
+use crate::map::{Grid, builtin, load_map};
+use crate::report::from_map_error;
 use crate::setup::{self, find_map, threads};
 use crate::text::{counted, eprint_line, sanitized, sanitized_lines};
 use crate::train::Registry;
@@ -83,7 +84,7 @@ fn maps(name: &str, registry: &Registry) -> Result<Vec<Grid>, Report> {
         let help = "give a folder of .map files, map files, or names from 'gdg-tui maps'";
         return Err(miette!(help = help, "{name}: the folder has no .map files"));
     }
-    files.iter().map(|path| find_map(&path.to_string_lossy(), registry)).collect()
+    files.iter().map(|path| load_map(path).map_err(from_map_error)).collect()
 }
 
 fn default_budget(map: &Grid) -> u64 {
