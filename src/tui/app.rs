@@ -35,7 +35,7 @@ use super::theme::ThemeName;
 use crate::env::PointMaze;
 use crate::faults::Failure;
 use crate::map::Grid;
-use crate::train::{Command, Engine, MakeWorld, Snapshot};
+use crate::train::{Command, Engine, MakeWorld, Run, Snapshot};
 use crate::view::{Field, OnArrival, Request, View, Viewer};
 pub use offer::{Offer, Search, search};
 use saving::Saving;
@@ -56,6 +56,8 @@ pub struct App {
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
+    /// The run, updates and map that were autosaved last.
+    autosaved_as: Option<(Arc<Run>, u64, Arc<Grid>)>,
     saving: Saving,
     /// Looks for a saved run to offer.
     pub search: Option<Search>,
@@ -89,6 +91,7 @@ impl App {
             dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
+            autosaved_as: None,
             saving: Saving::new(files),
             search: None,
             tour_requested: false,
@@ -209,7 +212,7 @@ impl App {
         let keymap = &self.screen.keymap;
         let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
         let text = format!("{} does nothing here   {help} help   {find} all commands", keymap::name_of(key));
-        self.screen.log.show(&text, false);
+        self.say(&text);
     }
 
     fn on_key_in_list(&mut self, key: KeyEvent) {
@@ -255,6 +258,11 @@ impl App {
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
         self.screen.log.add(text, self.screen.snapshot.moment(), false);
+    }
+
+    /// Shows a notice of what concerns the screen alone, which the log is not for.
+    pub fn say(&mut self, text: &str) {
+        self.screen.log.show(text, false);
     }
 
     /// Shows an error and logs it.

@@ -156,6 +156,12 @@ impl Comparison {
         self.race.begin(start, goal, self.sides.each_ref().map(|side| side.app.goal_request()));
     }
 
+    /// Gives the same distance the same colour on both sides.
+    fn share_colours(&mut self) {
+        let farthest = self.sides.iter().map(|side| side.app.screen.own_farthest()).fold(1.0, f32::max);
+        self.sides.iter_mut().for_each(|side| side.app.screen.least_farthest = farthest);
+    }
+
     /// Shows a notice.
     fn notify(&mut self, text: &str) {
         self.log.show(text, false);
@@ -198,6 +204,7 @@ impl Interface for Comparison {
         let app = &self.sides[own].app;
         let (snapshot, view) = (app.snapshots().borrow().clone(), app.views().borrow().clone());
         self.sides[own].follow(own, &mut self.race, &snapshot, &view);
+        self.share_colours();
     }
 
     fn on_event(&mut self, event: &Event) {
@@ -207,6 +214,8 @@ impl Interface for Comparison {
         }
         match event {
             Event::Key(key) if !key.is_release() => {
+                self.log.dismiss();
+                self.sides.iter_mut().for_each(|side| side.app.screen.log.dismiss());
                 let keymap = &self.sides[0].app.screen.keymap;
                 match (keymap.action(*key, Mode::Comparing), keymap.action(*key, Mode::Watching)) {
                     (Some(action), _) => self.act(action),
@@ -307,6 +316,7 @@ impl Comparison {
             self.on_snapshot(side, &snapshot);
             self.on_view(side, &view);
         }
+        self.share_colours();
     }
 
     /// Stops both runs and returns their trainers.

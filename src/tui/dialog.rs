@@ -33,6 +33,8 @@ pub enum Dialog {
 /// What picking an item does.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Choice {
+    /// Saves the run, then does something else.
+    SaveFirst(Box<Choice>),
     /// Continues with a method that needs other networks, although this run is not saved.
     MethodUnsaved(Method),
     /// Performs an action.

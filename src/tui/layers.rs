@@ -49,6 +49,11 @@ impl Overlay {
             Self::Path => "planned path",
         }
     }
+
+    /// Returns whether it shows nothing of a method without bridges.
+    pub fn needs_bridges(self) -> bool {
+        matches!(self, Self::Candidates | Self::Edges | Self::Search | Self::Path)
+    }
 }
 
 /// The set of overlays shown.

@@ -64,6 +64,8 @@ pub struct Screen {
     pub pausing: bool,
     /// Whether the screen is frozen.
     pub frozen: bool,
+    /// The value that the colours reach at least, for two screens to be compared.
+    pub least_farthest: f32,
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
     /// The saved run that is offered.
@@ -103,6 +105,7 @@ impl Screen {
             dialogs: Vec::new(),
             pausing: false,
             frozen: false,
+            least_farthest: 0.0,
             following: None,
             offer: None,
             past: None,
@@ -159,6 +162,11 @@ impl Screen {
 
     /// Returns the largest value that the colours show, at least 1.
     pub fn farthest(&self) -> f32 {
+        self.own_farthest().max(self.least_farthest)
+    }
+
+    /// Returns the largest value of the field, at least 1.
+    pub fn own_farthest(&self) -> f32 {
         match self.scene() {
             SceneKind::Maze => self.maze.view.farthest.max(1.0),
             SceneKind::Arm => self.arm.view.farthest.max(1.0),

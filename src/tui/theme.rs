@@ -174,7 +174,7 @@ impl Theme {
     }
 
     /// Returns the nearest of a terminal's 256 colours for distances from near to far, none lighter than the one before:
-    /// with the nearest alone, dark blue would be followed by a lighter grey.
+    /// with the nearest alone, dark blue would be followed by a lighter grey. Greys are for walls.
     fn indexed_distances(&self) -> [Rgb; INDEXED_DISTANCES] {
         let mut lightest = f32::INFINITY;
         std::array::from_fn(|i| {
@@ -184,7 +184,9 @@ impl Theme {
                 2 * square(colour.0, r) + 4 * square(colour.1, g) + 3 * square(colour.2, b)
             };
             // The first 16 depend on the terminal's own palette.
-            let colours = (16..=255).map(rgb_of_indexed).filter(|colour| lightness(*colour) <= lightest);
+            let is_grey = |(r, g, b): &Rgb| r == g && g == b;
+            let colours =
+                (16..=255).map(rgb_of_indexed).filter(|colour| !is_grey(colour) && lightness(*colour) <= lightest);
             let nearest = colours.min_by_key(off).unwrap_or((r, g, b));
             lightest = lightness(nearest);
             nearest

@@ -85,8 +85,7 @@ pub fn run() -> Run {
 impl App {
     /// Asks whether to leave this run for the tour's.
     pub(super) fn ask_tour(&mut self) {
-        let key = self.screen.keymap.key_of(Action::Save);
-        self.open_picker(lists::tour_choices(self.screen.unsaved_updates(), &key));
+        self.open_picker(lists::tour_choices(self.screen.unsaved_updates(), self.is_worth_saving()));
     }
 
     /// Starts the tour's run, with which the tour begins.

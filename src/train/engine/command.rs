@@ -9,6 +9,7 @@ use super::snapshot::{Phase, Snapshot, Step};
 use crate::env::Environment;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::checkpoint::{self, CheckpointError, Loaded, SaveTo};
+use crate::train::config::list_settings;
 use crate::train::error::TrainError;
 use crate::train::history::LogEntry;
 use crate::train::memory;
@@ -17,6 +18,9 @@ use crate::train::trainer::Trainer;
 
 /// Number of autosaved checkpoints to keep.
 const MAX_AUTOSAVES: usize = 3;
+
+/// Most settings that a notice of a change names.
+const MAX_NAMED_CHANGES: usize = 3;
 
 /// Makes a world from the run's, on the trainer's thread, as preparing a large map is slow.
 pub type MakeWorld = Box<dyn FnOnce(&dyn Environment) -> Box<dyn Environment> + Send>;
@@ -75,6 +79,20 @@ fn without_autosave_suffix(stem: &str) -> &str {
     }
 }
 
+/// Says what differs between two runs: method, preset, and settings with their old and new values.
+fn changes(before: &Run, after: &Run) -> String {
+    let (old, new) = (list_settings(&before.settings), list_settings(&after.settings));
+    let settings = old.iter().zip(&new).filter(|(old, new)| old != new);
+    let mut settings: Vec<String> = settings.map(|((name, old), (_, new))| format!("{name} {old} -> {new}")).collect();
+    if settings.len() > MAX_NAMED_CHANGES {
+        settings = vec![counted(settings.len() as u64, "setting")];
+    }
+    let method = (before.method != after.method).then(|| format!("method {}", after.method.name()));
+    let preset = (before.preset != after.preset).then(|| format!("preset {}", after.preset.name()));
+    let all: Vec<String> = method.into_iter().chain(preset).chain(settings).collect();
+    if all.is_empty() { "changed".to_owned() } else { all.join(", ") }
+}
+
 impl Worker {
     /// Continues in an edited world and returns a notice for the user, which begins with what was `done`.
     fn change_world(&mut self, world: &dyn Environment, done: &str) -> Result<String, CommandError> {
@@ -94,18 +112,20 @@ impl Worker {
     /// Continues with other settings and returns a notice of what was kept.
     fn change(&mut self, run: Run) -> Result<String, CommandError> {
         memory::check(&run, self.trainer.world(), self.trainer.registry())?;
+        let what = changes(self.trainer.run(), &run);
         let kept = self.trainer.change_run(run)?;
         self.current.run = Arc::new(self.trainer.run().clone());
         (self.current.methods, self.current.learns) = (self.trainer.history().methods().clone(), self.trainer.learns());
         (self.evaluation, self.next_evaluation_at) = (None, None);
         self.refresh_snapshot(true)?;
-        Ok(match (kept.networks, kept.agents) {
-            _ if !self.current.learns => "changed; agents step at random, nothing is learned".to_owned(),
-            (true, true) if self.current.phase == Phase::Done => "changed; the limit of the run is reached".to_owned(),
-            (true, true) => "changed; training continues".to_owned(),
-            (true, false) => "changed; agents restarted, networks and replay kept".to_owned(),
-            (false, _) => "changed; networks reset, replay kept".to_owned(),
-        })
+        let then = match (kept.networks, kept.agents) {
+            _ if !self.current.learns => "; agents step at random, nothing is learned",
+            (true, true) if self.current.phase == Phase::Done => "; the limit of the run is reached",
+            (true, true) => "",
+            (true, false) => "; agents restarted, networks and replay kept",
+            (false, _) => "; networks reset, replay kept",
+        };
+        Ok(what + then)
     }
 
     /// Switches to another run.

@@ -56,7 +56,6 @@ pub const SECTIONS: &[Section] = &[
                 .watching()
                 .also("still hold lock display"),
             bind(Action::Evaluate, "evaluate", &["y"], "", "evaluate now: how many test walks reach their goals")
-                .watching()
                 .also("evaluation test measure score success rate benchmark accuracy performance"),
             bind(Action::NewSeed, "new-seed", &["shift-r"], "", "restart with another seed")
                 .watching()

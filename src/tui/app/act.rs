@@ -46,11 +46,15 @@ impl App {
             Action::Preset => self.open_picker(lists::presets(self.screen.run().preset)),
             Action::OnArrival => {
                 self.set_on_arrival(self.screen.on_arrival.next());
-                self.notify(&format!("at the goal @ will {}", self.screen.on_arrival.name()));
+                self.say(&format!("at the goal @ will {}", self.screen.on_arrival.name()));
             }
             Action::Follow => self.follow_next(),
             Action::Field(forward) => {
                 self.show_field(self.screen.field.cycle(forward, |field| self.screen.has_field(field)));
+            }
+            Action::Toggle(overlay) if overlay.needs_bridges() && !self.screen.run().method.plans() => {
+                let key = self.screen.keymap.key_of(Action::Method);
+                self.say(&format!("{} has no bridges: {key} chooses another method", self.screen.run().method.name()));
             }
             Action::Toggle(overlay) => {
                 let shown = self.screen.overlays.toggle(overlay);
@@ -60,7 +64,7 @@ impl App {
                     && shown
                     && ![EdgeStatus::Confirmed, EdgeStatus::Demoted].into_iter().any(tried);
                 let more = if none { ", but agents have not tried any yet" } else { "" };
-                self.notify(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
+                self.say(&format!("{} {}{more}", overlay.name(), if shown { "shown" } else { "hidden" }));
             }
             Action::Marker => {
                 let all = Marker::ALL;
@@ -68,7 +72,7 @@ impl App {
                 self.screen.marker = all[(at + 1) % all.len()];
                 let none = self.screen.marker == Marker::Pixels && self.screen.picture_character().is_none();
                 let more = if none { ", but there are none here: as auto" } else { "" };
-                self.notify(&format!("marker: {}{more}", self.screen.marker.name()));
+                self.say(&format!("marker: {}{more}", self.screen.marker.name()));
             }
             Action::Back => self.step_through_time(false),
             Action::Forth => self.step_through_time(true),
@@ -80,7 +84,7 @@ impl App {
             Action::LogScale => {
                 self.screen.log_scale = !self.screen.log_scale;
                 let scale = if self.screen.log_scale { "logarithmic scales" } else { "linear scales" };
-                self.notify(&format!("curves of losses and distances on {scale}"));
+                self.say(&format!("curves of losses and distances on {scale}"));
             }
             Action::OpenMap => self.pick_map(None),
             Action::RandomMap => self.open_picker(lists::random_maps()),
@@ -157,7 +161,7 @@ impl App {
             SPEEDS.into_iter().rev().find(|speed| *speed < now).or(Some(SPEEDS[0]))
         };
         if self.command(Command::LimitSpeed(speed)) {
-            self.notify(&match speed {
+            self.say(&match speed {
                 Some(speed) => format!("at most {speed:.0} updates per second"),
                 None => "no speed limit".to_owned(),
             });

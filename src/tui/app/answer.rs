@@ -88,11 +88,11 @@ impl App {
 
     pub(super) fn choose(&mut self, choice: Choice) {
         match choice {
+            Choice::SaveFirst(then) => self.save_then(*then),
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => self.ask_setting(name),
             Choice::Method(method) if method.learner != self.screen.run().method.learner && self.is_worth_saving() => {
-                let key = self.screen.keymap.key_of(Action::Save);
-                self.open_picker(lists::method_choices(self.screen.unsaved_updates(), method, &key));
+                self.open_picker(lists::method_choices(self.screen.unsaved_updates(), method));
             }
             Choice::Method(method) | Choice::MethodUnsaved(method) => self.change_run(|run| run.set_method(method)),
             Choice::Preset(preset) => {
@@ -115,7 +115,7 @@ impl App {
                 self.offer_map(&Arc::new(crate::map::random(kind, None, seed)));
             }
             Choice::OpenWorld(name) => {
-                self.open_picker(lists::world_switch_choices(name, self.key_to_save().as_deref()));
+                self.open_picker(lists::world_switch_choices(name, self.is_worth_saving()));
             }
             Choice::StartIn(name) => self.start_run_in(name),
             Choice::StartOn(map) => self.start_run_on(map),
@@ -124,8 +124,7 @@ impl App {
                 self.change_map_or_say(new, Some("the map stays as it is"));
             }
             Choice::Load(path) if self.is_worth_saving() => {
-                let key = self.screen.keymap.key_of(Action::Save);
-                self.open_picker(lists::load_choices(self.screen.unsaved_updates(), path, &key));
+                self.open_picker(lists::load_choices(self.screen.unsaved_updates(), path));
             }
             Choice::Load(path) | Choice::LoadUnsaved(path) => {
                 self.notify(&format!("loading {} ...", path.display()));
@@ -173,16 +172,11 @@ impl App {
         Run { settings: settings_in_world(run.preset, kind.defaults), ..run }
     }
 
-    /// Returns the key that saves, if there is training worth saving.
-    fn key_to_save(&self) -> Option<String> {
-        self.is_worth_saving().then(|| self.screen.keymap.key_of(Action::Save))
-    }
-
     /// Asks the user how to switch to another map.
     pub(super) fn offer_map(&mut self, map: &Arc<Grid>) {
-        let key = self.key_to_save();
+        let is_worth_saving = self.is_worth_saving();
         if self.screen.scene() != SceneKind::Maze {
-            return self.open_picker(lists::map_switch_choices(map, None, None, key.as_deref()));
+            return self.open_picker(lists::map_switch_choices(map, None, None, is_worth_saving));
         }
         let (width, height) = (self.screen.maze.map.width(), self.screen.maze.map.height());
         // Cells beyond the new map become walls, to keep agents out.
@@ -190,7 +184,7 @@ impl App {
             let walls: Vec<_> = fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        self.open_picker(lists::map_switch_choices(map, Some(&self.screen.maze.map), fitted, key.as_deref()));
+        self.open_picker(lists::map_switch_choices(map, Some(&self.screen.maze.map), fitted, is_worth_saving));
     }
 
     /// Gives the setting selected in the list the value of the run's preset.

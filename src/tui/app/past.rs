@@ -13,12 +13,12 @@ impl App {
         let film = self.screen.snapshot.film.clone();
         let shown = self.screen.past.as_ref().map(|frame| frame.updates);
         if let Some(problem) = self.cannot_look_back() {
-            return self.notify(&problem);
+            return self.say(&problem);
         }
         match (forth, shown) {
             (true, None) => {
                 let key = self.screen.keymap.key_of(Action::Back);
-                self.notify(&format!("this is the present: {key} goes back"));
+                self.say(&format!("this is the present: {key} goes back"));
             }
             (true, Some(shown)) => {
                 let next = film.iter().find(|frame| frame.updates > shown).cloned();
@@ -26,7 +26,7 @@ impl App {
             }
             (false, shown) => match film.iter().rfind(|frame| shown.is_none_or(|shown| frame.updates < shown)) {
                 Some(frame) => self.look_at(Some(frame.clone())),
-                None => self.notify("this is the first picture of the film"),
+                None => self.say("this is the first picture of the film"),
             },
         }
     }
@@ -34,7 +34,7 @@ impl App {
     /// Goes to the frame nearest to a place along the curves.
     pub(super) fn look_at_curves(&mut self, at: f64) {
         if let Some(problem) = self.cannot_look_back() {
-            return self.notify(&problem);
+            return self.say(&problem);
         }
         let along = |frame: &FilmFrame| (crate::tui::render::curves::along(&self.screen, frame.updates) - at).abs();
         let nearest = self.screen.snapshot.film.iter().min_by(|a, b| along(a).total_cmp(&along(b))).cloned();

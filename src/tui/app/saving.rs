@@ -12,7 +12,7 @@ use crate::runs::{self, SAVES};
 use crate::setup::save_elsewhere;
 use crate::text::grouped;
 use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
-use crate::tui::dialog::{Dialog, Picker, Prompt, Question, lists};
+use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
 
 /// Unsaved training that may be discarded without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
@@ -32,6 +32,8 @@ pub struct Saving {
     named: Option<PathBuf>,
     files: Files,
     quit_state: QuitState,
+    /// What to do once the checkpoint is written.
+    then: Option<Choice>,
     /// Whether training was running when it was paused to save before quitting.
     was_training: bool,
 }
@@ -49,12 +51,20 @@ enum QuitState {
 impl Saving {
     pub fn new(files: Files) -> Self {
         let named = files.save.as_ref().map(|to| to.path().to_owned());
-        Self { to: SaveTo::CreateNew(PathBuf::new()), named, files, quit_state: QuitState::No, was_training: false }
+        Self {
+            to: SaveTo::CreateNew(PathBuf::new()),
+            named,
+            files,
+            quit_state: QuitState::No,
+            then: None,
+            was_training: false,
+        }
     }
 
     /// Chooses the file for the run in `snapshot`: a file belongs to the run that wrote or loaded it.
     pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
+        self.then = None;
         let name = format!("{title}-{}-seed{}.safetensors", run.method.name(), run.seed);
         self.to = match (self.files.save.take(), saved, &self.named) {
             (Some(to), ..) => to,
@@ -96,6 +106,13 @@ impl App {
         self.command(Command::Save(self.saving.to.clone(), log))
     }
 
+    /// Saves the run, and then does something else unless that fails.
+    pub(super) fn save_then(&mut self, then: Choice) {
+        // A frozen screen would miss the snapshot that reports the checkpoint as written.
+        self.freeze(false);
+        self.saving.then = Some(then).filter(|_| self.save());
+    }
+
     /// Saves to a file named by the user, who has confirmed replacing it if it exists.
     pub(super) fn save_under(&mut self, path: PathBuf) {
         self.saving.to = SaveTo::Replace(path);
@@ -111,7 +128,7 @@ impl App {
     }
 
     /// Returns whether enough training is unsaved to be worth asking about.
-    pub(super) fn is_worth_saving(&self) -> bool {
+    pub(in crate::tui) fn is_worth_saving(&self) -> bool {
         let updates = self.screen.snapshot.updates().max(1);
         let seconds = self.screen.snapshot.seconds * self.screen.unsaved_updates() as f64 / updates as f64;
         seconds > MAX_DISCARDED_SECS
@@ -168,6 +185,12 @@ impl App {
         {
             self.saving.to = SaveTo::Replace(path.to_path_buf());
             self.done |= self.saving.quit_state == QuitState::Saving;
+            if let Some(then) = self.saving.then.take() {
+                self.choose(then);
+            }
+        }
+        if now.save_failed.0 > before.save_failed.0 {
+            self.saving.then = None;
         }
         if now.save_failed.0 > before.save_failed.0 && self.saving.quit_state == QuitState::Saving {
             self.saving.quit_state = QuitState::Asking;

@@ -144,7 +144,10 @@ impl App {
         let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
         if due {
             self.autosaved = Instant::now();
-            if self.screen.unsaved_updates() > 0 {
+            // What has not changed needs no other copy, which would take the place of an older one.
+            let now = (self.screen.snapshot.run.clone(), self.screen.snapshot.updates(), self.screen.maze.map.clone());
+            if self.screen.unsaved_updates() > 0 && self.autosaved_as.as_ref() != Some(&now) {
+                self.autosaved_as = Some(now);
                 self.autosave();
             }
         }

@@ -137,44 +137,46 @@ pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
 }
 
 /// Asks whether to load a checkpoint although training is unsaved.
-pub fn load_choices(unsaved_updates: u64, file: PathBuf, save_key: &str) -> Picker {
+pub fn load_choices(unsaved_updates: u64, file: PathBuf) -> Picker {
     let items = vec![
-        Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
+        save_first("load it", Choice::LoadUnsaved(file.clone())),
         Item::new(
             "yes, load it",
             format!("{} unsaved updates are lost", grouped(unsaved_updates)),
             Choice::LoadUnsaved(file),
         )
         .on('y'),
+        stay(),
     ];
     Picker::new("load a checkpoint although this run is not saved?", items)
 }
 
 /// Asks whether to continue with `method`, which needs other networks, although this run is not saved.
-pub fn method_choices(unsaved_updates: u64, method: Method, save_key: &str) -> Picker {
+pub fn method_choices(unsaved_updates: u64, method: Method) -> Picker {
     let yes = format!("yes, continue with {}", method.name());
     let items = vec![
-        Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
+        save_first(&format!("continue with {}", method.name()), Choice::MethodUnsaved(method.clone())),
         Item::new(
             yes,
             format!("what {} unsaved updates taught is lost", grouped(unsaved_updates)),
             Choice::MethodUnsaved(method),
         )
         .on('y'),
+        stay(),
     ];
     Picker::new("discard the networks, which are not saved?", items)
 }
 
-/// Asks whether to leave this run for the guided tour.
-pub fn tour_choices(unsaved_updates: u64, save_key: &str) -> Picker {
+/// Asks whether to leave this run for the guided tour, and offers to save it if it `is_worth_saving`.
+pub fn tour_choices(unsaved_updates: u64, is_worth_saving: bool) -> Picker {
     let lost = match unsaved_updates {
         0 => "a new run on the four rooms, about 90 seconds".to_owned(),
         n => format!("a new run on the four rooms, about 90 seconds; {} unsaved updates are lost", grouped(n)),
     };
-    let items = vec![
-        Item::new("take the tour", lost, Choice::Tour).on('y'),
-        Item::new("no, stay", format!("{save_key} saves this run first"), Choice::Nothing).on('n'),
-    ];
+    let mut items = vec![Item::new("take the tour", lost, Choice::Tour).on('y'), stay()];
+    if is_worth_saving {
+        items.insert(0, save_first("take the tour", Choice::Tour));
+    }
     Picker::new("guided tour", items)
 }
 
@@ -189,16 +191,12 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     Picker::new(title, items)
 }
 
-/// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of `now`. Where unsaved
-/// training may be lost, staying comes first and names the key that saves, `save_key`.
-pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Grid>, save_key: Option<&str>) -> Picker {
-    let mut items = vec![
-        Item::new("start a new run on it", "new networks; unsaved training is lost", Choice::StartOn(map.clone()))
-            .on('s'),
-    ];
+/// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of `now`. Offers to save
+/// this run first if it `is_worth_saving`.
+pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Grid>, is_worth_saving: bool) -> Picker {
+    let mut items = start_choices("it", &Choice::StartOn(map.clone()), is_worth_saving);
     let size = now.map(|now| (now.width(), now.height()));
-    let loses_nothing = size == Some((map.width(), map.height()));
-    if loses_nothing {
+    if size == Some((map.width(), map.height())) {
         let same = Choice::ContinueOn(map.clone());
         items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same).on('c'));
     } else if let (Some((width, height)), Some(fitted)) = (size, fitted) {
@@ -206,27 +204,39 @@ pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Gr
         let fitted = Choice::ContinueOn(Arc::new(fitted));
         items.push(Item::new(label, "the networks expect a map of this size", fitted).on('c'));
     }
-    let title = format!("{} ({} x {})", map.name(), map.width(), map.height());
-    Picker::new(title, with_stay(items, save_key, loses_nothing))
+    items.push(stay());
+    Picker::new(format!("{} ({} x {})", map.name(), map.width(), map.height()), items)
 }
 
-/// Asks whether to start a new run in the world called `name`; staying comes first if `save_key` names how to save what
-/// would be lost.
-pub fn world_switch_choices(name: &'static str, save_key: Option<&str>) -> Picker {
-    let start = Item::new(
-        "start a new run in it",
-        "new networks, the preset's settings; unsaved training is lost",
-        Choice::StartIn(name),
-    );
-    Picker::new(name, with_stay(vec![start.on('s')], save_key, false))
+/// Asks whether to start a new run in the world called `name`, and offers to save this one first if it
+/// `is_worth_saving`.
+pub fn world_switch_choices(name: &'static str, is_worth_saving: bool) -> Picker {
+    let mut items = start_choices(name, &Choice::StartIn(name), is_worth_saving);
+    items.push(stay());
+    Picker::new(name, items)
 }
 
-/// Adds an item that changes nothing: the first one if there is something to save, unless the first one loses nothing.
-fn with_stay(mut items: Vec<Item>, save_key: Option<&str>, loses_nothing: bool) -> Vec<Item> {
-    let detail = save_key.map_or(String::new(), |key| format!("{key} saves this run first"));
-    let at = if save_key.is_some() && !loses_nothing { 0 } else { items.len() };
-    items.insert(at, Item::new("no, stay", detail, Choice::Nothing).on('n'));
-    items
+/// Returns the ways to a new run on `place`, which `start` begins.
+fn start_choices(place: &str, start: &Choice, is_worth_saving: bool) -> Vec<Item> {
+    let begin = format!("start a new run on {place}");
+    if is_worth_saving {
+        let discard = format!("{begin} without saving");
+        return vec![
+            save_first(&begin, start.clone()),
+            Item::new(discard, "new networks; unsaved training is lost", start.clone()).on('d'),
+        ];
+    }
+    vec![Item::new(begin, "new networks", start.clone()).on('s')]
+}
+
+/// Returns an item that saves this run before `choice`.
+fn save_first(then: &str, choice: Choice) -> Item {
+    Item::new(format!("save this run, then {then}"), "", Choice::SaveFirst(Box::new(choice))).on('s')
+}
+
+/// Returns an item that changes nothing.
+fn stay() -> Item {
+    Item::new("no, stay", "", Choice::Nothing).on('n')
 }
 
 /// Lists the maps in `folder`, given its `entries` and whether each is a folder. If `recent` is given, recent and

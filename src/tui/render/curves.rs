@@ -19,6 +19,9 @@ use crate::tui::theme::{ColourDepth, blend};
 const MIN_CHART_HEIGHT: u16 = 7;
 const MIN_TWO_CHART_WIDTH: u16 = 64;
 
+/// Columns between two charts, so that a curve does not run into a number.
+const CHART_GAP: u16 = 2;
+
 /// Stands for the line at a change of the method.
 const MARK: char = '\u{2506}';
 
@@ -68,7 +71,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let rows = Layout::vertical(vec![Constraint::Fill(1); rows]).split(area);
     let mut plots = plots.into_iter();
     for row in rows.iter() {
-        let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).split(*row);
+        let areas = Layout::horizontal(vec![Constraint::Fill(1); columns]).spacing(CHART_GAP).split(*row);
         for (area, plot) in areas.iter().zip(&mut plots) {
             layout.charts.extend(draw_plot(frame, *area, screen, &plot));
         }

@@ -90,6 +90,9 @@ fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
 
 /// Returns everything about an item, in rows of `columns`.
 fn full_text(item: &Item, columns: usize) -> Vec<String> {
+    if item.below.is_empty() && item.detail.is_empty() {
+        return wrapped(&item.label, columns.max(1));
+    }
     if item.below.is_empty() {
         return wrapped(&format!("{}: {}", item.label, item.detail), columns.max(1));
     }

@@ -36,6 +36,7 @@ fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
     let success = snapshot.success_at(frame.updates).map_or(String::new(), |rate| format!(", success {rate:.2}"));
     let texts = [
+        (format!("update {then} of {now}{success}: D to the film's own goal"), " back and forth"),
         (format!("update {then} of {now}{success}"), " back and forth"),
         (format!("update {then} of {now}"), " back and forth"),
         (format!("update {then} of {now}"), ""),

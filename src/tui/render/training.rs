@@ -32,7 +32,7 @@ pub const MEANINGS: [(&str, &str); 20] = [
     ("next", "when they are measured again"),
     ("explored", "visited cells, of all within reach"),
     ("bridges", "bridge candidates, and edges between them"),
-    ("search", "candidates tried, and steps a bridge saves"),
+    ("search", "steps saved by a bridge, of how many tried"),
     ("learning", "time spent on updates, and on agents' steps"),
 ];
 
@@ -203,8 +203,8 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
     }
     let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
         // Less than a step is not nothing.
-        Some(bridge) => format!("{} tried, saves {:.*}", s.tried(), usize::from(bridge.gain < 1.0), bridge.gain),
-        None => format!("{} tried, none saves", s.tried()),
+        Some(bridge) => format!("saves {:.*}, {} tried", usize::from(bridge.gain < 1.0), bridge.gain, s.tried()),
+        None => format!("none of {} saves", s.tried()),
     });
     let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();
     let bridges = format!("{}, {} edges", scene::candidate_count(screen), short(edges as f64));

@@ -75,7 +75,7 @@ fn state(app: &App) -> String {
             app.is_done(),
             app.is_suspending()
         ),
-        app.screen.log.entries().len(),
+        (app.screen.log.entries().len(), app.screen.log.notice().map(|notice| notice.text.to_owned())),
         app.screen.maze.map.free_count(),
         app.screen.tour.as_ref().map(Tour::step),
     )
@@ -115,6 +115,7 @@ fn every_key_triggers_its_action() {
             if binding.when == When::Touring {
                 app.begin_tour();
             }
+            app.screen.log.dismiss();
             let before = state(&app);
             let combination = crokey::parse(key).expect("a key");
             let crokey::OneToThree::One(code) = combination.codes else { panic!("{key} is one key") };

@@ -269,3 +269,28 @@ fn both_maps_are_pictures_where_the_terminal_shows_them() {
     assert_eq!(areas.iter().copied().map(Some).collect::<Vec<_>>(), maps);
     assert!(!areas[0].intersects(areas[1]));
 }
+
+#[test]
+fn the_same_distance_has_the_same_colour_on_both_sides() {
+    let mut comparison = comparison();
+    draw(&mut comparison, (120, 40));
+    wait_until(&mut comparison, |apps| {
+        let [a, b] = apps.map(|app| (app.screen.own_farthest(), app.screen.farthest()));
+        a.0.to_bits() != b.0.to_bits() && a.1.to_bits() == b.1.to_bits()
+    });
+    let [a, b] = comparison.apps().map(|app| (app.screen.own_farthest(), app.screen.farthest()));
+    assert_eq!([a.1, b.1], [a.0.max(b.0); 2]);
+}
+
+#[test]
+fn a_refused_key_does_not_hide_what_the_next_one_did() {
+    let mut comparison = comparison();
+    let notice = |comparison: &mut Comparison| {
+        let shown = text(&draw(comparison, (120, 40)));
+        shown.contains("not in a comparison")
+    };
+    press(&mut comparison, KeyCode::Char('o'));
+    assert!(notice(&mut comparison));
+    press(&mut comparison, KeyCode::Char('v'));
+    assert!(!notice(&mut comparison));
+}

@@ -164,3 +164,78 @@ fn learners_show_only_the_losses_they_have() {
     let her = shown("her");
     assert!(her.contains("D loss") && !her.contains("f loss"), "{her}");
 }
+
+#[test]
+fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let start = |app: &App| Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.screen.maze.map.height())));
+    std::fs::write(folder.path().join("file"), b"").expect("written");
+    for (place, works) in [("run.safetensors", true), ("file/run.safetensors", false)] {
+        let path = folder.path().join(place);
+        let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path.clone()));
+        wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+        let (then, generation) = (start(&app), app.screen.snapshot.generation);
+        let Choice::StartOn(map) = &then else { unreachable!("it starts a run") };
+        app.open_picker(lists::map_switch_choices(map, None, None, true));
+        press(&mut app, KeyCode::Char('s'));
+        if works {
+            wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
+            let updates = train::describe(&path).expect("a checkpoint").updates;
+            assert!(updates > 0 && app.screen.title() == "hall", "{updates}");
+        } else {
+            wait_until(&mut app, |app| app.screen.snapshot.save_failed.0 > 0);
+            let updates = app.screen.snapshot.updates();
+            wait_until(&mut app, |app| app.screen.snapshot.updates() > updates);
+            assert_eq!((app.screen.snapshot.generation, app.screen.title()), (generation, "rooms"));
+        }
+    }
+}
+
+#[test]
+fn a_changed_setting_is_named_with_its_old_and_new_value() {
+    let mut app = app();
+    let mut run = app.screen.run().clone();
+    let before = run.settings.learn.batch_size;
+    run.settings.learn.batch_size = 16;
+    app.command(train::Command::Change(Box::new(run.clone())));
+    let logged = |app: &App, text: &str| app.screen.log.entries().iter().any(|entry| entry.text == text);
+    wait_until(&mut app, |app| logged(app, &format!("batch_size {before} -> 16")));
+    run.settings.learn.hidden = 8;
+    app.command(train::Command::Change(Box::new(run)));
+    wait_until(&mut app, |app| logged(app, "hidden 16 -> 8; networks reset, replay kept"));
+}
+
+#[test]
+fn a_run_that_has_not_changed_is_not_autosaved_again() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.safetensors");
+    let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path));
+    app.autosave_minutes = 1e-5;
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
+    let files = || std::fs::read_dir(folder.path()).expect("a folder").count();
+    for edits in 1..=2 {
+        for _ in 0..5 {
+            std::thread::sleep(Duration::from_millis(20));
+            app.on_tick();
+        }
+        wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == edits);
+        assert_eq!(files(), edits, "an edit alone is worth another file");
+        let cell = app.screen.maze.map.free_cells().next().expect("a free cell");
+        app.change_map(app.screen.maze.map.with_cells([(cell, false)]).map(Arc::new));
+        wait_until(&mut app, |app| !app.screen.maze.map.is_free(cell));
+    }
+}
+
+#[test]
+fn overlays_of_bridges_say_that_a_method_has_none() {
+    let mut app = app_on(rooms(), gdg());
+    for key in ['b', 'd', 'B', 'p'] {
+        let before = app.screen.overlays;
+        press(&mut app, KeyCode::Char(key));
+        let said = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
+        assert!(said.starts_with("gdg has no bridges"), "{key}: {said}");
+        assert!(app.screen.overlays == before);
+    }
+}

@@ -96,6 +96,7 @@ pub(super) struct Key {
     map: Arc<Grid>,
     /// The field, if it has been computed.
     pub(super) field: Option<Arc<Vec<f32>>>,
+    farthest: f32,
     exploration: Arc<Exploration>,
     cut_off: Arc<Vec<bool>>,
     is_past: bool,
@@ -109,6 +110,7 @@ impl Key {
             overlays: screen.overlays,
             map: screen.maze.map.clone(),
             field: Self::field_on(&map_frame.raster, screen).cloned(),
+            farthest: screen.farthest(),
             exploration: screen.maze.view.exploration.clone(),
             cut_off: screen.maze.view.cut_off.clone(),
             is_past: screen.shown_past().is_some(),
@@ -141,7 +143,8 @@ impl Key {
         let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
             && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
         let same_time = self.is_past == screen.shown_past().is_some();
-        self.same_style(map_frame, screen) && same_field && same_exploration && same_time
+        let same_scale = self.farthest.to_bits() == screen.farthest().to_bits();
+        self.same_style(map_frame, screen) && same_field && same_scale && same_exploration && same_time
     }
 }
 
@@ -202,7 +205,7 @@ pub fn ground_style(ground: Ground, theme: &Theme) -> (Option<Rgb>, char) {
 
 /// Draws the field as colours.
 fn colour(canvas: &mut Canvas, field: &[f32], screen: &Screen) {
-    let (theme, farthest) = (&screen.theme, screen.maze.view.farthest.max(1.0));
+    let (theme, farthest) = (&screen.theme, screen.farthest());
     let mono = theme.depth == ColourDepth::Mono;
     for (i, value) in field.iter().copied().enumerate().filter(|(_, value)| value.is_finite()) {
         let share = match screen.shown_field() {

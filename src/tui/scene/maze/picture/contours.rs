@@ -41,7 +41,7 @@ pub fn draw(
     interval: f32,
     screen: &Screen,
 ) {
-    let (unit, farthest) = (scale.unit(), screen.maze.view.farthest.max(1.0));
+    let (unit, farthest) = (scale.unit(), screen.farthest());
     let goal = scale.pixel(screen.maze.goal.centre());
     let rows = (field.len() / columns).max(1);
     let (across, down) = (scale.size.0 as f32 / columns as f32, scale.size.1 as f32 / rows as f32);

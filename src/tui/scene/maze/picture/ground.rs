@@ -207,7 +207,7 @@ impl Colours {
             shades: [0, 1, 2, 3].map(|variant| all.iter().map(|own| own[variant]).collect()),
             cut_off: CUT_OFF_FADES.map(|fade| opaque(blend(theme.unknown, theme.wall, fade))),
             outside: opaque(theme.page.map_or((0, 0, 0), |(_, ground)| ground)),
-            farthest: screen.maze.view.farthest.max(1.0),
+            farthest: screen.farthest(),
         }
     }
 
