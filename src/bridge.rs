@@ -15,8 +15,8 @@ mod settings;
 
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub(crate) use candidates::{
-    DETOUR_FACTOR, DETOUR_SLACK_STEPS, MANY_HOP_FAILURES, MAX_FACTOR, MAX_OPEN_FACTOR, MAX_SPACING_SHARE,
-    MIN_SPACING_RADII, WELL_KNOWN_PATHS,
+    DETOUR_FACTOR, DETOUR_SLACK_STEPS, MANY_HOP_FAILURES, MANY_PATHS, MAX_FACTOR, MAX_SPACING_SHARE,
+    MAX_UNVERIFIED_FACTOR, MIN_SPACING_RADII, OPEN_SHARE, WELL_KNOWN_PATHS,
 };
 pub use excursion::Excursions;
 pub(crate) use excursion::{

@@ -2,8 +2,10 @@
 
 mod state;
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, HashMap, VecDeque};
 use std::sync::Arc;
+
+use pathfinding::directed::dijkstra::dijkstra_reach;
 
 use super::hops::HopOutcomes;
 use super::settings::BridgeSettings;
@@ -14,8 +16,8 @@ pub use state::CandidatesState;
 /// Step count between two candidates that no trajectory connected within the time window.
 pub const UNOBSERVED: u16 = u16::MAX;
 
-/// Useful spacing as a share of the edge cut-off: edges could hardly connect candidates farther apart. (The fastest
-/// agents move one goal radius per step.)
+/// Largest spacing that makes room, as a share of the edge cut-off: edges could hardly connect candidates farther apart.
+/// (The fastest agents move one goal radius per step.)
 pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 
 /// Distance that candidates keep from each other even where walls separate them, in goal radii.
@@ -27,11 +29,22 @@ const SPACING_GROWTH: f32 = 1.1;
 /// Failures per arrival of hops, all lengths alike, above which candidates move closer together.
 pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
 
-/// Maximum number of candidates where hops arrive, in target numbers ...
-pub(crate) const MAX_OPEN_FACTOR: usize = 3;
+/// Observed paths, for each candidate of the target number, beyond which candidates move apart in open space: paths are
+/// what building a graph and searching it take time for.
+pub(crate) const MANY_PATHS: usize = 50;
 
-/// ... and where many fail.
+/// Space is open where known paths join at least this share of the candidates that are less than the edge cut-off apart
+/// in a straight line. What nobody has walked yet counts as walls.
+pub(crate) const OPEN_SHARE: f32 = 0.5;
+
+/// Number of candidates from which that share is computed.
+const JUDGED_CANDIDATES: usize = 64;
+
+/// Maximum number of candidates, in target numbers, where trajectories verify edges ...
 pub(crate) const MAX_FACTOR: usize = 8;
+
+/// ... and where any two close ones are joined by an edge.
+pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
 
 /// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
 pub(crate) const WELL_KNOWN_PATHS: usize = 8;
@@ -45,25 +58,27 @@ pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
 /// Candidates spread over all visited states, and the fewest steps of any trajectory from near one to near
 /// another.
 ///
-/// Candidates persist. A state farther than the spacing from all of them becomes a new one; when there would be more
-/// than the target (on large maps, more than the hard limit), the spacing grows and candidates that are now too close
-/// retire (streaming farthest-point sampling). Where many walks between candidates fail, it shrinks again, and there may
-/// be more candidates than the target. *Near* a candidate means within a quarter of the spacing, but at most
-/// the goal radius (the environment's own criterion for having arrived) and at least half of it. The radius is this
+/// Candidates persist. A state farther than the spacing from all of them becomes a new one. When there are too many, the
+/// spacing grows and candidates that are now too close retire (streaming farthest-point sampling). In open space, there
+/// are too many when the graph has more paths than planning takes, otherwise only at the maximum number: between thin
+/// walls, the nearest candidate in a straight line is likely to be on the other side unless they lie close. Where many
+/// walks between them fail, the spacing shrinks again. *Near* a candidate means within a quarter of the spacing, but at
+/// most the goal radius (the environment's own criterion for having arrived) and at least half of it. The radius is this
 /// small because straight-line distance ignores thin walls and touching corners.
 ///
 /// A candidate has an index, which changes when others retire, and an id, which never changes.
 #[derive(Clone, Debug)]
 pub struct Candidates {
     spec: Spec,
-    /// Target number of candidates, and the hard limits where hops arrive and where many fail.
+    /// Target number of candidates, and the hard limit.
     target_count: usize,
-    max_open_count: usize,
     max_count: usize,
     /// Once the spacing exceeds this, the number of candidates may exceed the target.
     max_target_spacing: f32,
-    /// The same as long as hops arrive.
-    max_spacing: f32,
+    /// Whether trajectories verify edges.
+    verified: bool,
+    /// Whether space has turned out to be open.
+    is_open: bool,
     /// D below which there are edges, in steps.
     edge_cutoff_steps: f32,
     window: usize,
@@ -122,14 +137,13 @@ pub struct WalkRecord {
 impl Candidates {
     /// Creates an empty set of candidates for `agents` agents.
     pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
-        let max_spacing = MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius;
         Self {
             spec: spec.clone(),
             target_count: settings.candidates,
-            max_open_count: settings.max_open_candidates(),
             max_count: settings.max_candidates(),
-            max_target_spacing: max_spacing,
-            max_spacing,
+            max_target_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
+            verified: settings.verify_edges,
+            is_open: false,
             edge_cutoff_steps: settings.edge_cutoff_steps,
             window: settings.window_steps(),
             spacing: settings.candidate_spacing * spec.goal_radius,
@@ -310,11 +324,16 @@ impl Candidates {
     /// been observed, or too little has been observed around them to tell.
     fn may_be_joined(&self, i: usize, j: usize, distance: f32) -> bool {
         let well_known = |i: usize| self.paths[i].observed.len() >= WELL_KNOWN_PATHS;
-        let longest = DETOUR_FACTOR * distance / self.spec.goal_radius + DETOUR_SLACK_STEPS;
+        let longest = self.longest_way(distance);
         !well_known(i)
             || !well_known(j)
             || f32::from(self.observed(i, j)) <= longest
             || f32::from(self.observed(j, i)) <= longest
+    }
+
+    /// Returns the steps that a path may take over this `distance` in a straight line unless it goes round a wall.
+    fn longest_way(&self, distance: f32) -> f32 {
+        DETOUR_FACTOR * distance / self.spec.goal_radius + DETOUR_SLACK_STEPS
     }
 
     /// Makes `state` a candidate, thinning the others if there is no room, and returns its index; `None` if it is too
@@ -337,31 +356,68 @@ impl Candidates {
         Some(self.len() - 1)
     }
 
-    /// Returns the maximum number of candidates at this spacing.
-    fn limit(&self) -> usize {
-        if self.max_target_spacing < self.max_spacing { self.max_count } else { self.max_open_count }
-    }
-
     /// Whether the spacing has to grow before there can be another candidate.
     fn is_full(&self) -> bool {
-        self.len() >= self.limit() || (self.len() >= self.target_count && self.spacing < self.max_target_spacing)
+        self.len() >= self.max_count || (!self.verified && self.exceeds_target())
     }
 
-    /// Brings candidates closer together, from now on, if many hops fail, as in narrow corridors: places between them
-    /// become candidates when agents come by.
+    /// Whether there are as many candidates as there should be, and they may move apart to make room.
+    fn exceeds_target(&self) -> bool {
+        self.len() >= self.target_count && self.spacing < self.max_target_spacing
+    }
+
+    /// Adapts the spacing of verified candidates, from now on, to what trajectories and hops have shown. They move closer
+    /// together if many hops fail: places between them become candidates when agents come by. In open space, they move
+    /// apart if there are many paths between them.
     pub fn adapt_spacing(&mut self) {
+        if !self.verified {
+            // Hops along unverified edges fail because of walls, at any spacing.
+            return;
+        }
         let failures = self.hops.failures_within(self.edge_cutoff_steps);
         if failures > MANY_HOP_FAILURES && self.len() < self.max_count {
             self.spacing = (self.spacing / SPACING_GROWTH).max(self.least_spacing);
             self.max_target_spacing = self.spacing;
         }
+        while self.exceeds_target() && self.has_many_paths() {
+            self.is_open = self.is_open || self.is_space_open();
+            if !self.is_open {
+                break;
+            }
+            self.spacing *= SPACING_GROWTH;
+            self.thin();
+        }
+    }
+
+    /// Whether there are more observed paths than planning should have to deal with.
+    fn has_many_paths(&self) -> bool {
+        self.paths.iter().map(|paths| paths.observed.len()).sum::<usize>() > MANY_PATHS * self.target_count
+    }
+
+    /// Whether known paths join most candidates that are close in a straight line.
+    fn is_space_open(&self) -> bool {
+        let reach = self.edge_cutoff_steps * self.spec.goal_radius;
+        let ahead = |from: &u32| self.paths[*from as usize].observed.iter().map(|(to, steps)| (*to, u32::from(*steps)));
+        let [mut close, mut joined] = [0u32; 2];
+        for i in (0..self.len()).step_by(self.len().div_ceil(JUDGED_CANDIDATES).max(1)) {
+            let reached = dijkstra_reach(&(i as u32), ahead);
+            let reached = reached.take_while(|place| place.total_cost as f32 <= self.longest_way(reach));
+            let steps: HashMap<u32, u32> = reached.map(|place| (place.node, place.total_cost)).collect();
+            self.goal_index.any_within(self.goal_index.goal(i), reach, |j, distance| {
+                close += 1;
+                joined += u32::from(steps.get(&(j as u32)).is_some_and(|s| *s as f32 <= self.longest_way(distance)));
+                // On to the next one.
+                false
+            });
+        }
+        joined as f32 >= OPEN_SHARE * close as f32
     }
 
     /// Retires candidates closer than the spacing to an older one, unless trajectories show that a wall separates them
     /// and there is room.
     fn thin(&mut self) {
         let s = self.spec.state_dim();
-        let full = self.len() >= self.limit();
+        let full = self.len() >= self.max_count;
         let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
         for i in 0..self.len() {
             let place = self.goal_index.goal(i);
@@ -458,13 +514,58 @@ pub(super) mod tests {
         assert!((20..40).contains(&candidates.len()), "{} candidates", candidates.len());
     }
 
+    /// Takes steps of up to half a unit at random in a square, except into walls.
+    fn wander(candidates: &mut Candidates, steps: usize, is_wall: impl Fn([f32; 2]) -> bool) {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut at = [0.5f32, 0.5];
+        for _ in 0..steps / 4 {
+            let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
+            for _ in 0..4 {
+                let next = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
+                if !is_wall(next) {
+                    at = next;
+                }
+                candidates.visit(0, &at);
+            }
+        }
+    }
+
+    #[test]
+    fn only_in_open_space_do_many_paths_drive_candidates_apart() {
+        let (spec, settings) = line(20);
+        // Corridors and walls one unit wide; at alternating ends, the walls have a gap.
+        let is_wall = |[x, y]: [f32; 2]| {
+            let row = y.floor() as i32;
+            row % 2 == 1 && !if row % 4 == 1 { x > 11.0 } else { x < 1.0 }
+        };
+        let mut open = Candidates::new(&spec, 1, &settings);
+        wander(&mut open, 40_000, |_| false);
+        let mut closed = Candidates::new(&spec, 1, &settings);
+        wander(&mut closed, 200_000, is_wall);
+        for candidates in [&mut open, &mut closed] {
+            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{} candidates", candidates.len());
+        }
+        let before = [open.len(), closed.len()];
+        let mut restored = Candidates::new(&spec, 1, &settings);
+        restored.restore(&open.state()).expect("its own state");
+        for candidates in [&mut open, &mut restored] {
+            candidates.adapt_spacing();
+            assert!(candidates.spacing() > settings.candidate_spacing && candidates.len() < before[0]);
+            assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
+        }
+        closed.adapt_spacing();
+        assert_eq!((closed.len(), closed.spacing()), (before[1], settings.candidate_spacing * spec.goal_radius));
+    }
+
     #[test]
     fn candidates_move_closer_together_where_many_walks_fail() {
         let (spec, settings) = line(10);
         let mut candidates = Candidates::new(&spec, 1, &settings);
-        (0..5).for_each(|_| walk(&mut candidates, 99.0));
+        let line = |candidates: &mut Candidates| walk_corridor(candidates, 0.5, (0, 99));
+        line(&mut candidates);
+        candidates.adapt_spacing();
         let (open, spacing) = (candidates.len(), candidates.spacing());
-        assert!(open <= 3 * 10 && spacing > 2.0, "{open} candidates, {spacing} apart");
+        assert!(open <= 4 * 10 && spacing > 2.0, "{open} candidates, {spacing} apart");
         (0..10).for_each(|_| candidates.adapt_spacing());
         assert_eq!(candidates.spacing(), spacing, "no walk has failed");
         for _ in 0..100 {
@@ -475,13 +576,13 @@ pub(super) mod tests {
         let mut restored = Candidates::new(&spec, 1, &settings);
         restored.restore(&candidates.state()).expect("its own state");
         for mut candidates in [candidates, restored] {
-            (0..5).for_each(|_| walk(&mut candidates, 99.0));
+            line(&mut candidates);
             assert!((2 * open..=8 * 10).contains(&candidates.len()), "{} candidates", candidates.len());
             // Walks that arrive again do not drive them apart.
             let count = candidates.len();
             (0..500).for_each(|_| candidates.record_walk((0, 1), 4.0, true));
             candidates.adapt_spacing();
-            walk(&mut candidates, 99.0);
+            line(&mut candidates);
             assert_eq!(candidates.len(), count);
         }
     }
@@ -506,6 +607,7 @@ pub(super) mod tests {
     #[test]
     fn walk_records_follow_candidates_when_others_retire() {
         let (spec, settings) = line(10);
+        let settings = BridgeSettings { verify_edges: false, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         walk(&mut candidates, 15.0);
         let before: Vec<(u32, f32)> =

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::candidates::{MAX_FACTOR, MAX_OPEN_FACTOR};
+use super::candidates::{MAX_FACTOR, MAX_UNVERIFIED_FACTOR};
 use crate::learn::{Auto, OutOfRange};
 
 /// Automatic share of excursions while there is anything left to try ...
@@ -48,8 +48,8 @@ impl Planner {
 /// Settings of bridge candidates, edges, search and planning.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct BridgeSettings {
-    /// Target number of bridge candidates. If they would lie too far apart for edges, there are more, up to three times
-    /// as many, and up to eight times where many walks between them fail.
+    /// Target number of bridge candidates. Between thin walls, on large maps and where many walks between them fail, there
+    /// are up to eight times as many (three times without `verify_edges`).
     pub candidates: usize,
     /// Minimum distance between candidates, in goal radii; it grows when there would be too many.
     pub candidate_spacing: f32,
@@ -173,14 +173,10 @@ impl BridgeSettings {
         self.frontier_epsilon.given().unwrap_or(if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE })
     }
 
-    /// Returns the maximum number of candidates where walks between them arrive, which only large maps reach.
-    pub fn max_open_candidates(&self) -> usize {
-        MAX_OPEN_FACTOR * self.candidates
-    }
-
-    /// Returns the maximum number of candidates, which only narrow corridors reach.
+    /// Returns the maximum number of candidates.
     pub fn max_candidates(&self) -> usize {
-        if self.verify_edges { MAX_FACTOR * self.candidates } else { self.max_open_candidates() }
+        let factor = if self.verify_edges { MAX_FACTOR } else { MAX_UNVERIFIED_FACTOR };
+        factor * self.candidates
     }
 
     /// Returns the steps after which a waypoint `distance` steps away by D is late.

@@ -12,8 +12,9 @@ use crate::env::Environment;
 /// copies of the first four: as numbers, as bytes, as a file, and read back. (Measured with 1024 hidden units: 30.)
 const PARAMETER_COPIES: u64 = 36;
 
-/// Memory per bridge candidate: observed paths from it, edges and distilled distances, including all copies.
-const BYTES_PER_CANDIDATE: u64 = 20_000;
+/// Memory per bridge candidate of the target number: observed paths, edges and distilled distances, including all copies.
+/// Where there are more candidates, each has fewer paths.
+const BYTES_PER_CANDIDATE: u64 = 60_000;
 
 /// The program itself, its threads and buffers, and the places of excursions.
 const BASE_BYTES: u64 = 90 << 20;
@@ -36,8 +37,7 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
     let slot = f32s((spec.state_dim() + spec.goal_dim() + spec.action_dim) as u64) + 2;
     // One live copy, and two more while saving.
     let replay = 3 * slot * (learn.buffer_size as u64 + run.settings.train.agents as u64);
-    // In narrow corridors there may be more, each with far fewer paths.
-    let candidates = bridge.max_open_candidates() as u64 * BYTES_PER_CANDIDATE;
+    let candidates = bridge.candidates as u64 * BYTES_PER_CANDIDATE;
     BASE_BYTES + f32s(parameters * PARAMETER_COPIES) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
 

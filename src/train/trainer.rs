@@ -388,10 +388,7 @@ impl Trainer {
             self.with_step_context(|rollout, context| rollout.replan(context))?;
         }
         if now.is_multiple_of(self.run.settings.bridge.graph_every_updates) {
-            if self.run.bridge().verify_edges {
-                // Hops along unverified edges fail because of walls, at any spacing.
-                self.candidates.adapt_spacing();
-            }
+            self.candidates.adapt_spacing();
             self.start_graph(ACTIVATION_DIVISOR)?;
         }
         Ok(())

@@ -56,7 +56,9 @@ pub struct App {
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
-    /// The run, updates and map that were autosaved last.
+    /// The run, updates and map that are to be autosaved, ...
+    autosaving_as: Option<(Arc<Run>, u64, Arc<Grid>)>,
+    /// ... and those that were autosaved last.
     autosaved_as: Option<(Arc<Run>, u64, Arc<Grid>)>,
     saving: Saving,
     /// Looks for a saved run to offer.
@@ -91,6 +93,7 @@ impl App {
             dragged_from: None,
             autosave_minutes: config.autosave_minutes,
             autosaved: Instant::now(),
+            autosaving_as: None,
             autosaved_as: None,
             saving: Saving::new(files),
             search: None,

@@ -13,8 +13,8 @@ const MAX_ID: u32 = 1 << 31;
 /// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CandidatesState {
-    /// Minimum distance between candidates, and the one beyond which there may be more than the target number; older
-    /// formats lack the second.
+    /// Minimum distance between candidates, the one beyond which there may be more than the target number, and 1 if space
+    /// has turned out to be open, 0 otherwise; older formats lack the third, or both the second and the third.
     pub spacing: Vec<f32>,
     /// `(candidates, state_dim)`.
     pub states: Vec<f32>,
@@ -97,7 +97,7 @@ impl Candidates {
     /// Returns the full state, for a checkpoint.
     pub fn state(&self) -> CandidatesState {
         let mut state = CandidatesState {
-            spacing: vec![self.spacing, self.max_target_spacing],
+            spacing: vec![self.spacing, self.max_target_spacing, f32::from(self.is_open)],
             hops: self.hops.state(),
             ..CandidatesState::default()
         };
@@ -128,9 +128,10 @@ impl Candidates {
         if n > self.max_count || !state.states.len().is_multiple_of(self.spec.state_dim()) {
             return Err(inconsistent());
         }
-        let (spacing, max_target_spacing) = match state.spacing[..] {
-            [spacing] => (spacing, self.max_spacing),
-            [spacing, max_target_spacing] => (spacing, max_target_spacing),
+        let (spacing, max_target_spacing, is_open) = match state.spacing[..] {
+            [spacing] => (spacing, self.max_target_spacing, false),
+            [spacing, max_target_spacing] => (spacing, max_target_spacing, false),
+            [spacing, max_target_spacing, is_open] => (spacing, max_target_spacing, is_open != 0.0),
             _ => return Err(inconsistent()),
         };
         let lengths = [spacing, max_target_spacing];
@@ -155,7 +156,7 @@ impl Candidates {
             self.hops = HopOutcomes::from_state(&state.hops).ok_or_else(inconsistent)?;
         }
         self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
-        (self.spacing, self.max_target_spacing) = (spacing, max_target_spacing);
+        (self.spacing, self.max_target_spacing, self.is_open) = (spacing, max_target_spacing, is_open);
         self.states.clone_from(&state.states);
         let mut places = GoalIndex::new(&self.spec);
         state.states.chunks_exact(self.spec.state_dim()).for_each(|state| places.push(&self.achieved(state)));

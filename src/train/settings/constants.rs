@@ -208,12 +208,29 @@ fn candidates() -> Vec<Constant> {
             "failed walks between candidates above which these move closer together",
         ),
         constant(
-            "MAX_OPEN_FACTOR",
-            bridge::MAX_OPEN_FACTOR as f64,
+            "MANY_PATHS",
+            bridge::MANY_PATHS as f64,
+            "candidates",
+            "observed paths beyond which candidates move apart in open space, as a multiple of the setting",
+        ),
+        constant(
+            "OPEN_SHARE",
+            bridge::OPEN_SHARE,
+            "",
+            "space is open if known paths join this share of candidates that are close in a straight line",
+        ),
+        constant(
+            "MAX_FACTOR",
+            bridge::MAX_FACTOR as f64,
             "candidates",
             "maximum number of candidates, as a multiple of the setting",
         ),
-        constant("MAX_FACTOR", bridge::MAX_FACTOR as f64, "candidates", "the same where many walks between them fail"),
+        constant(
+            "MAX_UNVERIFIED_FACTOR",
+            bridge::MAX_UNVERIFIED_FACTOR as f64,
+            "candidates",
+            "the same without verify_edges",
+        ),
         constant(
             "MIN_SPACING_RADII",
             bridge::MIN_SPACING_RADII,

@@ -430,7 +430,7 @@ pub const SETTINGS: [Setting; 66] = [
         "candidates",
         "",
         "an integer from 2 to 10000",
-        "target number of bridge candidates; up to three times as many if they would be too far apart, eight times if many walks between them fail",
+        "target number of bridge candidates; up to eight times as many between thin walls, on large maps and where many walks between them fail (three times without verify_edges)",
     ),
     Setting::new(
         Bridges,

@@ -27,12 +27,19 @@ impl App {
         }
         self.update_quit_question();
         self.on_saving(&before);
+        if !Arc::ptr_eq(&self.screen.snapshot.autosaves, &before.autosaves) {
+            self.autosaved_as = self.autosaving_as.take();
+        }
         if self.screen.snapshot.evaluations.len() > before.evaluations.len() {
             self.log_evaluation();
         }
         self.screen.pausing &= self.screen.snapshot.phase.is_training();
         let notice = self.screen.snapshot.notice.clone();
         if notice.number > before.notice.number {
+            if notice.is_error {
+                // Perhaps it was the autosave that failed; then it is tried again.
+                self.autosaving_as = None;
+            }
             // A run that cannot be started is no tour.
             self.tour_requested &= !notice.is_error;
             if notice.is_error { self.report(&notice.text) } else { self.notify(&notice.text) }
@@ -146,8 +153,9 @@ impl App {
             self.autosaved = Instant::now();
             // What has not changed needs no other copy, which would take the place of an older one.
             let now = (self.screen.snapshot.run.clone(), self.screen.snapshot.updates(), self.screen.maze.map.clone());
-            if self.screen.unsaved_updates() > 0 && self.autosaved_as.as_ref() != Some(&now) {
-                self.autosaved_as = Some(now);
+            let changed = self.screen.unsaved_updates() > 0 && self.autosaved_as.as_ref() != Some(&now);
+            if changed && self.autosaving_as.is_none() {
+                self.autosaving_as = Some(now);
                 self.autosave();
             }
         }

@@ -138,33 +138,21 @@ pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) ->
 
 /// Asks whether to load a checkpoint although training is unsaved.
 pub fn load_choices(unsaved_updates: u64, file: PathBuf) -> Picker {
-    let items = vec![
-        save_first("load it", Choice::LoadUnsaved(file.clone())),
-        Item::new(
-            "yes, load it",
-            format!("{} unsaved updates are lost", grouped(unsaved_updates)),
-            Choice::LoadUnsaved(file),
-        )
-        .on('y'),
-        stay(),
-    ];
+    let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
+    let items = leave_items("load it", lost, Choice::LoadUnsaved(file));
     Picker::new("load a checkpoint although this run is not saved?", items)
 }
 
 /// Asks whether to continue with `method`, which needs other networks, although this run is not saved.
 pub fn method_choices(unsaved_updates: u64, method: Method) -> Picker {
-    let yes = format!("yes, continue with {}", method.name());
-    let items = vec![
-        save_first(&format!("continue with {}", method.name()), Choice::MethodUnsaved(method.clone())),
-        Item::new(
-            yes,
-            format!("what {} unsaved updates taught is lost", grouped(unsaved_updates)),
-            Choice::MethodUnsaved(method),
-        )
-        .on('y'),
-        stay(),
-    ];
+    let lost = format!("what {} unsaved updates taught is lost", grouped(unsaved_updates));
+    let items = leave_items(&format!("continue with {}", method.name()), lost, Choice::MethodUnsaved(method));
     Picker::new("discard the networks, which are not saved?", items)
+}
+
+/// Returns the answers to whether to `leave` an unsaved run, with what is `lost` by it.
+fn leave_items(leave: &str, lost: String, choice: Choice) -> Vec<Item> {
+    vec![save_first(leave, choice.clone()), Item::new(format!("yes, {leave}"), lost, choice).on('y'), stay()]
 }
 
 /// Asks whether to leave this run for the guided tour, and offers to save it if it `is_worth_saving`.

@@ -229,6 +229,26 @@ fn a_run_that_has_not_changed_is_not_autosaved_again() {
 }
 
 #[test]
+fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let blocked = folder.path().join("runs");
+    std::fs::write(&blocked, "a file, where a folder is needed").expect("a file");
+    let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(blocked.join("run.safetensors")));
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
+    app.autosave_minutes = 1e-5;
+    std::thread::sleep(Duration::from_millis(20));
+    app.on_tick();
+    wait_until(&mut app, |app| app.screen.snapshot.notice.is_error);
+    assert!(app.screen.snapshot.autosaves.is_empty());
+    std::fs::remove_file(&blocked).and_then(|()| std::fs::create_dir(&blocked)).expect("a folder");
+    std::thread::sleep(Duration::from_millis(20));
+    app.on_tick();
+    wait_until(&mut app, |app| app.screen.snapshot.autosaves.len() == 1);
+}
+
+#[test]
 fn overlays_of_bridges_say_that_a_method_has_none() {
     let mut app = app_on(rooms(), gdg());
     for key in ['b', 'd', 'B', 'p'] {
