@@ -194,6 +194,11 @@ impl Screen {
         &self.snapshot.run
     }
 
+    /// Returns whether the map has edits that are in no file.
+    pub fn has_unsaved_map(&self) -> bool {
+        self.scene() == SceneKind::Maze && self.maze.map != self.maze.kept_map
+    }
+
     /// Returns the number of updates not saved in any checkpoint.
     pub fn unsaved_updates(&self) -> u64 {
         let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| self.snapshot.learned(*updates));

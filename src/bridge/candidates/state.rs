@@ -13,8 +13,7 @@ const MAX_ID: u32 = 1 << 31;
 /// Full state of [`Candidates`], as plain numbers.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CandidatesState {
-    /// Minimum distance between candidates, the one beyond which there may be more than the target number, and 1 if space
-    /// has turned out to be open, 0 otherwise; older formats lack the third, or both the second and the third.
+    /// Minimum distance between candidates; a second number in older formats has no meaning any more.
     pub spacing: Vec<f32>,
     /// `(candidates, state_dim)`.
     pub states: Vec<f32>,
@@ -32,6 +31,8 @@ pub struct CandidatesState {
     pub visits: Vec<u32>,
     /// Discounted numbers of arrivals and failures, by D; empty in older formats.
     pub hops: Vec<f32>,
+    /// 1 if space has turned out to be open, 0 otherwise; empty in older formats.
+    pub is_open: Vec<u32>,
 }
 
 impl CandidatesState {
@@ -46,6 +47,7 @@ impl CandidatesState {
         store.put(format!("{prefix}.practice"), self.practice);
         store.put(format!("{prefix}.visits"), self.visits);
         store.put(format!("{prefix}.hops"), self.hops);
+        store.put(format!("{prefix}.open"), self.is_open);
     }
 
     /// Reads the state that [`Self::write`] wrote.
@@ -55,6 +57,7 @@ impl CandidatesState {
     pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
         let ids = store.u32(&format!("{prefix}.names"))?.to_vec();
         let (dense, hops) = (format!("{prefix}.observed"), format!("{prefix}.hops"));
+        let is_open = format!("{prefix}.open");
         let (ends, to, steps) = if store.has(&dense) {
             // Older formats hold a dense table of all pairs.
             to_sparse(store.u16(&dense)?, ids.len().saturating_sub(1))
@@ -75,6 +78,7 @@ impl CandidatesState {
             practice: store.u32(&format!("{prefix}.practice"))?.to_vec(),
             visits: store.u32(&format!("{prefix}.visits"))?.to_vec(),
             hops: if store.has(&hops) { store.f32(&hops)?.to_vec() } else { Vec::new() },
+            is_open: if store.has(&is_open) { store.u32(&is_open)?.to_vec() } else { Vec::new() },
         })
     }
 }
@@ -97,7 +101,8 @@ impl Candidates {
     /// Returns the full state, for a checkpoint.
     pub fn state(&self) -> CandidatesState {
         let mut state = CandidatesState {
-            spacing: vec![self.spacing, self.max_target_spacing, f32::from(self.is_open)],
+            spacing: vec![self.spacing],
+            is_open: vec![u32::from(self.is_open)],
             hops: self.hops.state(),
             ..CandidatesState::default()
         };
@@ -128,16 +133,8 @@ impl Candidates {
         if n > self.max_count || !state.states.len().is_multiple_of(self.spec.state_dim()) {
             return Err(inconsistent());
         }
-        let (spacing, max_target_spacing, is_open) = match state.spacing[..] {
-            [spacing] => (spacing, self.max_target_spacing, false),
-            [spacing, max_target_spacing] => (spacing, max_target_spacing, false),
-            [spacing, max_target_spacing, is_open] => (spacing, max_target_spacing, is_open != 0.0),
-            _ => return Err(inconsistent()),
-        };
-        let lengths = [spacing, max_target_spacing];
-        let sound =
-            lengths.iter().all(|length| *length > 0.0) && lengths.iter().chain(&state.states).all(|v| v.is_finite());
-        if !sound {
+        let ([spacing] | [spacing, _]) = state.spacing[..] else { return Err(inconsistent()) };
+        if !(spacing > 0.0 && spacing.is_finite() && state.states.iter().all(|v| v.is_finite())) {
             return Err(StoreError::inconsistent("the stored bridge candidates contain values out of range"));
         }
         let (next_id, ids) = state.ids.split_last().ok_or_else(inconsistent)?;
@@ -156,7 +153,7 @@ impl Candidates {
             self.hops = HopOutcomes::from_state(&state.hops).ok_or_else(inconsistent)?;
         }
         self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
-        (self.spacing, self.max_target_spacing, self.is_open) = (spacing, max_target_spacing, is_open);
+        (self.spacing, self.is_open) = (spacing, state.is_open.first().is_some_and(|open| *open != 0));
         self.states.clone_from(&state.states);
         let mut places = GoalIndex::new(&self.spec);
         state.states.chunks_exact(self.spec.state_dim()).for_each(|state| places.push(&self.achieved(state)));

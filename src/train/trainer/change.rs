@@ -168,6 +168,8 @@ impl Trainer {
             last[agent].extend(state);
         });
         (0..settings.train.agents).for_each(|agent| candidates.end_episode(agent));
+        // The whole replay shows more paths than were known before.
+        candidates.adapt_spacing();
     }
 }
 

@@ -62,6 +62,7 @@ impl App {
         let text = if movingai { print_movingai(&self.screen.maze.map) } else { print_ascii(&self.screen.maze.map) };
         write_atomically(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
         let lost = if movingai && marks > 0 { " (without starts and goals, which the format lacks)" } else { "" };
+        self.screen.maze.kept_map = self.screen.maze.map.clone();
         self.notify(&format!("wrote {name}{lost}"));
         remember_map(path);
         Ok(())

@@ -127,11 +127,11 @@ impl App {
         self.command(Command::Autosave(self.saving.to.path().to_owned(), log));
     }
 
-    /// Returns whether enough training is unsaved to be worth asking about.
+    /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.
     pub(in crate::tui) fn is_worth_saving(&self) -> bool {
         let updates = self.screen.snapshot.updates().max(1);
         let seconds = self.screen.snapshot.seconds * self.screen.unsaved_updates() as f64 / updates as f64;
-        seconds > MAX_DISCARDED_SECS
+        seconds > MAX_DISCARDED_SECS || self.screen.has_unsaved_map()
     }
 
     /// Handles a request to quit. A second request does not wait for the checkpoint.
@@ -150,12 +150,13 @@ impl App {
     /// Returns the question whether to save before quitting.
     pub(super) fn quit_question(&self) -> Picker {
         let (unsaved, autosaves) = (self.screen.unsaved_updates(), &self.screen.snapshot.autosaves);
-        lists::quit_choices(unsaved, &self.save_path(), autosaves)
+        lists::quit_choices(unsaved, self.screen.has_unsaved_map(), &self.save_path(), autosaves)
     }
 
     /// Quits once the run is saved.
     pub(super) fn save_and_quit(&mut self) {
-        if self.screen.snapshot.saved.is_some() && self.screen.unsaved_updates() == 0 {
+        let up_to_date = self.screen.unsaved_updates() == 0 && !self.screen.has_unsaved_map();
+        if self.screen.snapshot.saved.is_some() && up_to_date {
             self.done = true;
             return;
         }
@@ -184,6 +185,7 @@ impl App {
             && before.saved.as_ref().is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
         {
             self.saving.to = SaveTo::Replace(path.to_path_buf());
+            self.screen.maze.kept_map = self.screen.maze.map.clone();
             self.done |= self.saving.quit_state == QuitState::Saving;
             if let Some(then) = self.saving.then.take() {
                 self.choose(then);
@@ -247,7 +249,7 @@ impl App {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
         let log = self.screen.log.entries().to_vec();
-        let worth_saving = self.is_worth_saving();
+        let (worth_saving, unsaved_map) = (self.is_worth_saving(), self.screen.has_unsaved_map());
         let Self { saving, engine, .. } = self;
         let snapshots = engine.snapshots();
         let trainer = engine.stop();
@@ -257,6 +259,7 @@ impl App {
         match trainer {
             Some(mut trainer) if wanted => {
                 let up_to_date = snapshot.saved.as_ref().is_some_and(|(at, _)| *at == trainer.counters().updates);
+                let up_to_date = up_to_date && !unsaved_map;
                 let _ = trainer.ensure_finite();
                 trainer.set_log(log);
                 if !up_to_date {

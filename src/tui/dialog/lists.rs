@@ -121,13 +121,14 @@ pub fn exports(scene: SceneKind) -> Picker {
 }
 
 /// Asks whether to save before quitting.
-pub fn quit_choices(unsaved_updates: u64, file: &Path, autosaves: &[PathBuf]) -> Picker {
+pub fn quit_choices(unsaved_updates: u64, is_map_edited: bool, file: &Path, autosaves: &[PathBuf]) -> Picker {
+    let map = if is_map_edited { " and the edits of the map" } else { "" };
     let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }).on('y'),
         Item::new(
             "quit without saving",
-            format!("{} unsaved updates are lost{autosaved}", grouped(unsaved_updates)),
+            format!("{} unsaved updates{map} are lost{autosaved}", grouped(unsaved_updates)),
             Choice::Quit { save: false },
         )
         .on('n'),

@@ -32,6 +32,8 @@ pub use walk::lines as walk_lines;
 pub struct MazeState {
     /// The map as the user last edited it; the trainer follows.
     pub map: Arc<Grid>,
+    /// The map as it is in a file: as it was opened, or saved last.
+    pub kept_map: Arc<Grid>,
     /// The map editor.
     pub editor: Editor,
     /// The view shown.
@@ -50,6 +52,7 @@ impl MazeState {
     /// Creates the state that shows `map`.
     pub fn new(map: Arc<Grid>) -> Self {
         Self {
+            kept_map: map.clone(),
             map,
             editor: Editor::default(),
             view: Arc::default(),

@@ -229,6 +229,38 @@ fn a_run_that_has_not_changed_is_not_autosaved_again() {
 }
 
 #[test]
+fn an_edited_map_is_not_discarded_without_a_question() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut app = app_on(rooms(), gdg());
+    wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+    press(&mut app, KeyCode::Char(' '));
+    wait_until(&mut app, |app| !app.screen.snapshot.phase.is_training());
+    let save_as = |app: &mut App, action: Action, name: &str| {
+        app.act(action);
+        // Replaces the name that is offered.
+        (0..60).for_each(|_| press(app, KeyCode::Backspace));
+        type_text(app, &folder.path().join(name).to_string_lossy());
+        press(app, KeyCode::Enter);
+    };
+    let asks = |app: &mut App| {
+        press(app, KeyCode::Char('q'));
+        let asked = app.screen.dialogs.len() == 1;
+        press(app, KeyCode::Esc);
+        asked
+    };
+    let cell = app.screen.maze.map.free_cells().next().expect("a free cell");
+    app.change_map(app.screen.maze.map.with_cells([(cell, false)]).map(Arc::new));
+    assert!(asks(&mut app), "although it has hardly been trained");
+    save_as(&mut app, Action::SaveMap, "edited.txt");
+    assert!(!app.screen.has_unsaved_map());
+    app.change_map(app.screen.maze.map.with_cells([(cell, true)]).map(Arc::new));
+    assert!(asks(&mut app));
+    save_as(&mut app, Action::SaveAs, "run");
+    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
+    assert!(!app.screen.has_unsaved_map(), "a checkpoint has the map too");
+}
+
+#[test]
 fn an_autosave_that_fails_is_tried_again_in_a_paused_run() {
     let folder = tempfile::tempdir().expect("a folder");
     let blocked = folder.path().join("runs");

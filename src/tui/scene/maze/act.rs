@@ -20,6 +20,7 @@ impl App {
     pub(in crate::tui) fn start_maze(&mut self) {
         let map = self.screen.snapshot.scene.maze().map;
         self.screen.maze.map = map.clone();
+        self.screen.maze.kept_map = map.clone();
         self.screen.maze.editor.clear_history();
         self.screen.maze.viewport = Viewport::default();
         self.inspect(None);
