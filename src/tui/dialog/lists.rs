@@ -122,7 +122,7 @@ pub fn exports(scene: SceneKind) -> Picker {
 
 /// Asks whether to save before quitting.
 pub fn quit_choices(unsaved_updates: u64, is_map_edited: bool, file: &Path, autosaves: &[PathBuf]) -> Picker {
-    let map = if is_map_edited { " and the edits of the map" } else { "" };
+    let map = if is_map_edited { " and map edits" } else { "" };
     let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }).on('y'),
