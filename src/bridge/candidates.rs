@@ -1,50 +1,25 @@
 //! Bridge candidates, and the step counts that trajectories show between them.
 
+mod spacing;
 mod state;
 
-use std::collections::{BTreeMap, HashMap, VecDeque};
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
-
-use pathfinding::directed::dijkstra::dijkstra_reach;
 
 use super::hops::HopOutcomes;
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::GoalIndex;
+pub(crate) use spacing::{
+    MANY_HOP_FAILURES, MANY_PATHS, MAX_FACTOR, MAX_SPACING_SHARE, MAX_UNVERIFIED_FACTOR, OPEN_SHARE,
+};
 pub use state::CandidatesState;
 
 /// Step count between two candidates that no trajectory connected within the time window.
 pub const UNOBSERVED: u16 = u16::MAX;
 
-/// Largest spacing that makes room, as a share of the edge cut-off: edges could hardly connect candidates farther apart.
-/// (The fastest agents move one goal radius per step.)
-pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
-
 /// Distance that candidates keep from each other even where walls separate them, in goal radii.
 pub(crate) const MIN_SPACING_RADII: f32 = 1.0;
-
-/// Factor by which the spacing grows and shrinks.
-const SPACING_GROWTH: f32 = 1.1;
-
-/// Failures per arrival of hops, all lengths alike, above which candidates move closer together.
-pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
-
-/// Observed paths, for each candidate of the target number, beyond which candidates move apart in open space: paths are
-/// what building a graph and searching it take time for.
-pub(crate) const MANY_PATHS: usize = 50;
-
-/// Space is open where known paths join at least this share of the candidates that are less than the edge cut-off apart
-/// in a straight line. What nobody has walked yet counts as walls.
-pub(crate) const OPEN_SHARE: f32 = 0.5;
-
-/// Number of candidates from which that share is computed.
-const JUDGED_CANDIDATES: usize = 64;
-
-/// Maximum number of candidates, in target numbers, where trajectories verify edges ...
-pub(crate) const MAX_FACTOR: usize = 8;
-
-/// ... and where any two close ones are joined by an edge.
-pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
 
 /// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
 pub(crate) const WELL_KNOWN_PATHS: usize = 8;
@@ -342,8 +317,7 @@ impl Candidates {
     /// close to another at the new spacing. Where it is `behind_a_wall`, only the minimum spacing counts.
     fn add(&mut self, state: &[f32], behind_a_wall: bool) -> Option<usize> {
         while self.is_full() {
-            self.spacing *= SPACING_GROWTH;
-            self.thin();
+            self.move_apart();
             let spacing = if behind_a_wall { self.min_spacing } else { self.spacing };
             if self.nearest(state).1 <= spacing {
                 return None;
@@ -356,94 +330,6 @@ impl Candidates {
         self.paths.push(Arc::default());
         self.next_id += 1;
         Some(self.len() - 1)
-    }
-
-    /// Whether the spacing has to grow before there can be another candidate.
-    fn is_full(&self) -> bool {
-        self.len() >= self.max_count || (!self.verified && self.exceeds_target())
-    }
-
-    /// Whether there are as many candidates as there should be, and they may move apart to make room.
-    fn exceeds_target(&self) -> bool {
-        self.len() >= self.target_count && self.spacing < self.max_spacing
-    }
-
-    /// Adapts the spacing of verified candidates to what trajectories and hops have shown. In open space, they move apart
-    /// if there are many paths between them. Otherwise, they move closer together if many hops fail: places between them
-    /// become candidates when agents come by.
-    pub fn adapt_spacing(&mut self) {
-        if !self.verified {
-            // Hops along unverified edges fail because of walls, at any spacing.
-            return;
-        }
-        let is_crowded = self.exceeds_target() && self.has_many_paths();
-        self.is_open |= is_crowded && self.is_space_open();
-        if is_crowded && self.is_open {
-            while self.exceeds_target() && self.has_many_paths() {
-                self.spacing *= SPACING_GROWTH;
-                self.thin();
-            }
-        } else if self.hops.failures_within(self.edge_cutoff_steps) > MANY_HOP_FAILURES && self.len() < self.max_count {
-            self.spacing = (self.spacing / SPACING_GROWTH).max(self.least_spacing);
-        }
-    }
-
-    /// Whether there are more observed paths than planning should have to deal with.
-    fn has_many_paths(&self) -> bool {
-        self.paths.iter().map(|paths| paths.observed.len()).sum::<usize>() > MANY_PATHS * self.target_count
-    }
-
-    /// Whether known paths join most candidates that are close in a straight line.
-    fn is_space_open(&self) -> bool {
-        let reach = self.edge_cutoff_steps * self.spec.goal_radius;
-        let ahead = |from: &u32| self.paths[*from as usize].observed.iter().map(|(to, steps)| (*to, u32::from(*steps)));
-        let [mut close, mut joined] = [0u32; 2];
-        for i in (0..self.len()).step_by(self.len().div_ceil(JUDGED_CANDIDATES).max(1)) {
-            let reached = dijkstra_reach(&(i as u32), ahead);
-            let reached = reached.take_while(|place| place.total_cost as f32 <= self.longest_way(reach));
-            let steps: HashMap<u32, u32> = reached.map(|place| (place.node, place.total_cost)).collect();
-            self.goal_index.any_within(self.goal_index.goal(i), reach, |j, distance| {
-                close += 1;
-                joined += u32::from(steps.get(&(j as u32)).is_some_and(|s| *s as f32 <= self.longest_way(distance)));
-                // On to the next one.
-                false
-            });
-        }
-        joined as f32 >= OPEN_SHARE * close as f32
-    }
-
-    /// Retires candidates closer than the spacing to an older one, unless trajectories show that a wall separates them
-    /// and there is room.
-    fn thin(&mut self) {
-        let s = self.spec.state_dim();
-        let full = self.len() >= self.max_count;
-        let (mut kept, mut places) = (Vec::new(), GoalIndex::new(&self.spec));
-        for i in 0..self.len() {
-            let place = self.goal_index.goal(i);
-            let too_close = |k: usize, distance| full || self.may_be_joined(i, kept[k], distance);
-            if !places.any_within(place, self.spacing, too_close) {
-                kept.push(i);
-                places.push(place);
-            }
-        }
-        let mut new_index = vec![None; self.len()];
-        kept.iter().enumerate().for_each(|(new, old)| new_index[*old] = Some(new as u32));
-        let ids: Vec<u32> = kept.iter().map(|i| self.ids[*i]).collect();
-        let paths = kept.iter().map(|i| {
-            let KnownPaths { observed, practice } = &*self.paths[*i];
-            let observed = observed.iter().filter_map(|(to, steps)| Some((new_index[*to as usize]?, *steps)));
-            let alive = |id: &u32| ids.binary_search(id).is_ok();
-            let practice = practice.iter().filter(|(id, _)| alive(id)).map(|(id, practice)| (*id, *practice));
-            Arc::new(KnownPaths { observed: observed.collect(), practice: practice.collect() })
-        });
-        self.paths = paths.collect();
-        self.states = kept.iter().flat_map(|i| self.states[i * s..(i + 1) * s].to_vec()).collect();
-        self.goal_index = Arc::new(places);
-        self.ids = ids;
-        for visits in &mut self.visits {
-            let moved = visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
-            *visits = moved.collect();
-        }
     }
 }
 
@@ -472,7 +358,7 @@ pub(super) mod tests {
     }
 
     /// Walks an agent back and forth along a corridor at `y`, several times.
-    fn walk_corridor(candidates: &mut Candidates, y: f32, (from, to): (i32, i32)) {
+    pub fn walk_corridor(candidates: &mut Candidates, y: f32, (from, to): (i32, i32)) {
         for _ in 0..30 {
             (from..=to).chain((from..to).rev()).for_each(|x| candidates.visit(0, &[x as f32, y]));
         }
@@ -511,75 +397,6 @@ pub(super) mod tests {
         }
         // At the least spacing there would be room for more than a hundred.
         assert!((20..40).contains(&candidates.len()), "{} candidates", candidates.len());
-    }
-
-    /// Takes steps of up to half a unit at random in a square, except into walls.
-    fn wander(candidates: &mut Candidates, steps: usize, is_wall: impl Fn([f32; 2]) -> bool) {
-        let mut rng = ChaCha8Rng::seed_from_u64(1);
-        let mut at = [0.5f32, 0.5];
-        for _ in 0..steps / 4 {
-            let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
-            for _ in 0..4 {
-                let next = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
-                if !is_wall(next) {
-                    at = next;
-                }
-                candidates.visit(0, &at);
-            }
-        }
-    }
-
-    #[test]
-    fn only_in_open_space_do_many_paths_drive_candidates_apart() {
-        let (spec, settings) = line(20);
-        // Corridors and walls one unit wide; at alternating ends, the walls have a gap.
-        let is_wall = |[x, y]: [f32; 2]| {
-            let row = y.floor() as i32;
-            row % 2 == 1 && !if row % 4 == 1 { x > 11.0 } else { x < 1.0 }
-        };
-        let mut open = Candidates::new(&spec, 1, &settings);
-        wander(&mut open, 40_000, |_| false);
-        let mut closed = Candidates::new(&spec, 1, &settings);
-        wander(&mut closed, 200_000, is_wall);
-        for candidates in [&mut open, &mut closed] {
-            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{} candidates", candidates.len());
-        }
-        let before = [open.len(), closed.len()];
-        let mut restored = Candidates::new(&spec, 1, &settings);
-        restored.restore(&open.state()).expect("its own state");
-        for candidates in [&mut open, &mut restored] {
-            candidates.adapt_spacing();
-            assert!(candidates.spacing() > settings.candidate_spacing && candidates.len() < before[0]);
-            assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
-        }
-        closed.adapt_spacing();
-        assert_eq!((closed.len(), closed.spacing()), (before[1], settings.candidate_spacing * spec.goal_radius));
-    }
-
-    #[test]
-    fn candidates_move_closer_together_where_many_walks_fail() {
-        let (spec, settings) = line(10);
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        let line = |candidates: &mut Candidates| walk_corridor(candidates, 0.5, (0, 99));
-        line(&mut candidates);
-        candidates.adapt_spacing();
-        let (open, spacing) = (candidates.len(), candidates.spacing());
-        assert!(open <= 4 * 10 && spacing > 2.0, "{open} candidates, {spacing} apart");
-        (0..10).for_each(|_| candidates.adapt_spacing());
-        assert_eq!(candidates.spacing(), spacing, "no walk has failed");
-        for _ in 0..100 {
-            candidates.record_walk((0, 1), 4.0, false);
-            candidates.adapt_spacing();
-        }
-        assert_eq!(candidates.spacing(), settings.candidate_spacing * spec.goal_radius);
-        let mut restored = Candidates::new(&spec, 1, &settings);
-        restored.restore(&candidates.state()).expect("its own state");
-        for mut candidates in [candidates, restored] {
-            line(&mut candidates);
-            assert!((2 * open..=8 * 10).contains(&candidates.len()), "{} candidates", candidates.len());
-            candidates.adapt_spacing();
-            assert!(!candidates.has_many_paths(), "not closer than planning has time for");
-        }
     }
 
     #[test]

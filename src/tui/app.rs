@@ -41,6 +41,9 @@ pub use offer::{Offer, Search, search};
 use saving::Saving;
 pub use saving::{ClosedRun, Files};
 
+/// The run, updates and map in an autosave.
+type Autosaved = (Arc<Run>, u64, Arc<Grid>);
+
 /// Forwards user input to trainer and viewer, and what they publish to the screen.
 pub struct App {
     engine: Engine,
@@ -56,10 +59,10 @@ pub struct App {
     /// Minutes between automatic checkpoints; 0 for none.
     pub autosave_minutes: f64,
     autosaved: Instant,
-    /// The run, updates and map that are to be autosaved, ...
-    autosaving_as: Option<(Arc<Run>, u64, Arc<Grid>)>,
-    /// ... and those that were autosaved last.
-    autosaved_as: Option<(Arc<Run>, u64, Arc<Grid>)>,
+    /// What is being autosaved, ...
+    autosaving_as: Option<Autosaved>,
+    /// ... and what was last.
+    autosaved_as: Option<Autosaved>,
     saving: Saving,
     /// Looks for a saved run to offer.
     pub search: Option<Search>,

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use miette::Report;
 
-use super::App;
+use super::{App, Autosaved};
 use crate::files::unused_path;
 use crate::logging;
 use crate::report::from_checkpoint_error;
@@ -123,8 +123,14 @@ impl App {
 
     /// Saves automatically, to a file next to the user's own.
     pub(super) fn autosave(&mut self) {
+        self.autosaving_as = Some(self.what_is_autosaved());
         let log: Vec<LogEntry> = self.screen.log.entries().to_vec();
         self.command(Command::Autosave(self.saving.to.path().to_owned(), log));
+    }
+
+    /// Returns the run, updates and map that an autosave would save now.
+    pub(super) fn what_is_autosaved(&self) -> Autosaved {
+        (self.screen.snapshot.run.clone(), self.screen.snapshot.updates(), self.screen.maze.map.clone())
     }
 
     /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.
@@ -258,8 +264,8 @@ impl App {
         let (mut saved, mut saved_to) = (Ok(()), None);
         match trainer {
             Some(mut trainer) if wanted => {
-                let up_to_date = snapshot.saved.as_ref().is_some_and(|(at, _)| *at == trainer.counters().updates);
-                let up_to_date = up_to_date && !unsaved_map;
+                let is_saved = |(at, _): &(u64, _)| *at == trainer.counters().updates;
+                let up_to_date = !unsaved_map && snapshot.saved.as_ref().is_some_and(is_saved);
                 let _ = trainer.ensure_finite();
                 trainer.set_log(log);
                 if !up_to_date {

@@ -152,10 +152,8 @@ impl App {
         if due {
             self.autosaved = Instant::now();
             // What has not changed needs no other copy, which would take the place of an older one.
-            let now = (self.screen.snapshot.run.clone(), self.screen.snapshot.updates(), self.screen.maze.map.clone());
-            let changed = self.screen.unsaved_updates() > 0 && self.autosaved_as.as_ref() != Some(&now);
+            let changed = self.screen.unsaved_updates() > 0 && self.autosaved_as != Some(self.what_is_autosaved());
             if changed && self.autosaving_as.is_none() {
-                self.autosaving_as = Some(now);
                 self.autosave();
             }
         }
