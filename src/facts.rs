@@ -5,11 +5,13 @@ use std::path::Path;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use miette::Report;
+use miette::{Report, miette};
 
 use crate::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
 use crate::report::from_map_error;
+use crate::setup::find_map;
 use crate::text::counted;
+use crate::train::Registry;
 
 /// Returns the table of built-in maps.
 pub fn list() -> String {
@@ -28,11 +30,15 @@ pub fn list() -> String {
 /// Returns what is wrong with the file.
 pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     let _spinner = Spinner::start("measuring the map");
-    if let Some(grid) = file.to_str().and_then(map::builtin).filter(|_| !file.exists()) {
-        return Ok(facts(&grid));
-    }
     if file.extension().is_none_or(|e| e != "scen") {
-        return Ok(facts(&map::load_map(file).map_err(from_map_error)?));
+        if map_file.is_some() {
+            let help = "leave --map out, or give a .scen file with it";
+            return Err(miette!(help = help, "{}: is no scenario, which --map belongs to", file.display()));
+        }
+        return Ok(facts(&match file.to_str() {
+            Some(name) => find_map(name, &Registry::builtin())?,
+            None => map::load_map(file).map_err(from_map_error)?,
+        }));
     }
     let beside = || -> Result<std::path::PathBuf, Report> {
         let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();

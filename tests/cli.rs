@@ -271,6 +271,12 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     let checked = in_folder(&["check", "city"]);
     assert!(checked.status.success() && String::from_utf8_lossy(&checked.stdout).contains("farthest"));
     assert!(err(&in_folder(&["rusn"])).contains("did you mean runs?"));
+    let misspelt = in_folder(&["check", "citty"]);
+    assert_eq!(misspelt.status.code(), Some(2));
+    assert!(err(&misspelt).contains("did you mean city?"), "{}", err(&misspelt));
+    let no_scenario = in_folder(&["check", "city", "--map", "city.map"]);
+    assert_eq!(no_scenario.status.code(), Some(2));
+    assert!(err(&no_scenario).contains("is no scenario, which --map belongs to"), "{}", err(&no_scenario));
     for (map, seed, updates) in [("trap", "4", "20"), ("fourrooms", "5", "30")] {
         let file = format!("saves/{map}.safetensors");
         let args = ["--no-ui", map, "--seed", seed, "--max-updates", updates, "--eval-tasks", "1", "--save", &file];
@@ -440,7 +446,7 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
         (&["--no-ui", "no/such.map"], &["no/such.map", "cannot be read", "or a name from 'gdg-tui maps'"]),
         (&["--no-ui", "trap", "--scen", "no-such.scen"], &["cannot be read", "give a scenario file"]),
         (&["--no-ui", "trap", "--edit-at", "5:no-such.txt"], &["cannot be read", "give a map file"]),
-        (&["check", "no-such.txt"], &["cannot be read", "give a map file"]),
+        (&["check", "no-such.txt"], &["cannot be read", "or a name from 'gdg-tui maps'"]),
         (&["check", "no-such.scen"], &["cannot be read", "give a scenario file"]),
         (&["check", &scenario, "--map", &scenario], &["this is a scenario file", "--scen"]),
         (&["--no-ui", &scenario], &["plain.scen:1:1", "this is a scenario file", "--scen"]),

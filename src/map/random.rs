@@ -27,7 +27,7 @@ pub const RANDOM_SIZES: std::ops::RangeInclusive<usize> = 5..=4096;
 struct Lattice {
     /// Cells along each axis unless another size is wanted.
     side: usize,
-    /// Cells of wall before the first place.
+    /// Cells of wall before the first place and after the last one.
     border: usize,
     /// Cells per place along each axis.
     place: usize,
@@ -75,14 +75,14 @@ pub fn random(kind: RandomMapKind, size: Option<usize>, seed: u64) -> Grid {
     let Lattice { side, border, place, gap, extra } = kind.lattice();
     let side = size.unwrap_or(side);
     let pitch = place + gap;
-    let places = ((side + gap).saturating_sub(border) / pitch).max(1);
+    let places = ((side + gap).saturating_sub(2 * border) / pitch).max(1);
     let mut rng = ChaCha8Rng::seed_from_u64(seed);
     let joined = match kind {
         RandomMapKind::Maze | RandomMapKind::City => spanning_tree(places, extra, &mut rng),
         RandomMapKind::Perfect => depth_first_tree(places, &mut rng),
     };
 
-    let side = side.max(border + places * pitch - gap);
+    let side = side.max(2 * border + places * pitch - gap);
     let mut free = vec![false; side * side];
     let mut clear = |x: usize, y: usize, width: usize, height: usize| {
         (y..y + height).for_each(|y| free[y * side + x..y * side + x + width].fill(true));

@@ -118,6 +118,8 @@ pub enum Action {
     Export,
     /// Export the film as an animation.
     ExportFilm,
+    /// Say how to compare two methods.
+    Compare,
     /// Take the guided tour.
     Tour,
     /// Go to the next step of the tour.

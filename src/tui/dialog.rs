@@ -59,10 +59,10 @@ pub enum Choice {
     OpenWorld(&'static str),
     /// Starts a new run in that world.
     StartIn(&'static str),
-    /// Starts a new run on a map.
-    StartOn(Arc<Grid>),
-    /// Continues with the same networks on another map of the current size.
-    ContinueOn(Arc<Grid>),
+    /// Starts a new run on a map, which may come from a file.
+    StartOn(Arc<Grid>, Option<PathBuf>),
+    /// Continues with the same networks on another map of the current size, which may come from a file.
+    ContinueOn(Arc<Grid>, Option<PathBuf>),
     /// Loads a checkpoint; asks first if much would be lost.
     Load(PathBuf),
     /// Loads a checkpoint without saving.

@@ -78,6 +78,11 @@ impl Log {
         self.notice.take_if(|_| !self.is_error);
     }
 
+    /// Takes a notice away, or an error, that was shown before `moment`.
+    pub fn dismiss_before(&mut self, moment: Instant) {
+        self.notice.take_if(|(since, _)| *since < moment);
+    }
+
     /// Returns how long the notice is shown before it fades.
     fn duration(&self) -> Duration {
         if self.is_error { ERROR_DURATION } else { NOTICE_DURATION }

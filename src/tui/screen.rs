@@ -18,6 +18,7 @@ use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
 use crate::bridge::SearchOutcome;
+use crate::env::Scene;
 use crate::text::grouped;
 use crate::train::{FilmFrame, Phase, Preset, Run, Settings, Snapshot, Success, changed_from, settings_in_world};
 use crate::view::{Field, OnArrival};
@@ -194,6 +195,11 @@ impl Screen {
         &self.snapshot.run
     }
 
+    /// Returns whether the trainer does not know the latest edit of the map yet. It rebuilds the bridge graph first.
+    fn is_applying_edit(&self) -> bool {
+        matches!(&self.snapshot.scene, Scene::Maze(scene) if scene.map != self.maze.map)
+    }
+
     /// Returns whether the map has edits that are in no file.
     pub fn has_unsaved_map(&self) -> bool {
         self.scene() == SceneKind::Maze && self.maze.map != self.maze.kept_map
@@ -215,6 +221,7 @@ impl Screen {
         match &self.snapshot.phase {
             _ if self.frozen => "screen frozen".to_owned(),
             Phase::Running | Phase::Stepping(_) if self.pausing => "pausing".to_owned(),
+            Phase::Running if self.is_applying_edit() => "applying the edit".to_owned(),
             Phase::Running if !self.snapshot.learns => "random steps".to_owned(),
             Phase::Running => match self.snapshot.counters.relearning() {
                 Some(left) => format!("relearning ({} updates to go)", grouped(left)),

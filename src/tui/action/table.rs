@@ -67,7 +67,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::ResetSetting, "reset-setting", &["delete", "ctrl-x"], "", "reset the selected setting")
                 .within(When::Settings),
             bind(Action::Method, "method", &[], "", "change to another method, keeping the data").also(
-                "algorithm learner planner switch gdg gdg-bridge her ddpg sorb rival baseline compare comparison",
+                "algorithm learner planner switch gdg gdg-bridge her ddpg sorb rival baseline reward",
             ),
             bind(Action::Preset, "preset", &[], "", "change to the settings of a preset")
                 .also("defaults paper tuned sb3 profile"),
@@ -85,10 +85,10 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Move(1, 0), "right", &["right", "l"], "", "move the goal or cursor right"),
             bind(Action::NewStart, "new-start", &["w"], "", "put @ at a random place (right-click: at that cell)")
                 .watching()
-                .also("start agent walker position move"),
+                .also("start agent walker position move teleport"),
             bind(Action::StartHere, "start-here", &["shift-s"], "", "put @ at the cursor or goal")
                 .watching()
-                .also("start agent walker position"),
+                .also("start agent walker position teleport"),
             bind(Action::GoalHere, "goal-here", &["enter"], "", "put the goal at the cursor")
                 .watching()
                 .also("target set"),
@@ -279,7 +279,9 @@ pub const SECTIONS: &[Section] = &[
         title: "program",
         bindings: &[
             bind(Action::Tour, "guided-tour", &[], "", "take the guided tour of the four rooms")
-                .also("tutorial demo introduction explain learn lesson beginner first steps"),
+                .also("tutorial demo introduction explain learn lesson beginner first steps teacher student class"),
+            bind(Action::Compare, "compare", &[], "", "compare two methods side by side: how to start it")
+                .also("comparison versus against race beside both rival baseline"),
             bind(Action::NextTourStep, "next-step", &["enter", "right"], "", "next step of the tour (or click)")
                 .within(When::Touring),
             bind(Action::TogglePause, "pause-tour", &["p"], "", "pause or resume training and tour")

@@ -1,5 +1,7 @@
 //! Executes actions.
 
+use std::time::Instant;
+
 use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
@@ -19,6 +21,9 @@ use crate::view::{Field, Request};
 /// Selectable speed limits, in updates per second; beyond the last one there is no limit.
 const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600.0];
 
+/// A command that compares two methods.
+const COMPARISON: &str = "gdg-tui compare gdg-bridge gdg";
+
 impl App {
     /// Performs an action.
     pub fn act(&mut self, action: Action) {
@@ -31,6 +36,15 @@ impl App {
         if is_about_present(action) {
             self.return_to_present();
         }
+        let (began, dialogs) = (Instant::now(), self.screen.dialogs.len());
+        self.perform(action);
+        if self.screen.dialogs.len() > dialogs {
+            // An error that was there before says nothing about the new dialog.
+            self.screen.log.dismiss_before(began);
+        }
+    }
+
+    fn perform(&mut self, action: Action) {
         match action {
             Action::TogglePause => self.toggle_pause(),
             Action::StepUpdate => self.step(Step::Update),
@@ -100,6 +114,7 @@ impl App {
             }
             Action::Export => self.open_picker(lists::exports(self.screen.scene())),
             Action::ExportFilm => self.choose(Choice::Export(ExportKind::Film)),
+            Action::Compare => self.notify(&format!("in a shell: {COMPARISON} shows both on the same map")),
             Action::Tour => self.ask_tour(),
             Action::NextTourStep => self.next_tour_step(),
             Action::EndTour => self.end_tour(),

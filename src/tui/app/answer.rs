@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use rand::RngExt;
 
-use super::files::checkpoint_file;
+use super::files::{checkpoint_file, remember_map};
 use super::{App, maze_on};
 use crate::env::{WORLDS, WorldKind, maze};
 use crate::map::{Grid, MAX_CELLS};
@@ -86,7 +86,7 @@ impl App {
         }
     }
 
-    pub(super) fn choose(&mut self, choice: Choice) {
+    pub(in crate::tui) fn choose(&mut self, choice: Choice) {
         match choice {
             Choice::SaveFirst(then) => self.save_then(*then),
             Choice::Act(action) => self.act(action),
@@ -107,19 +107,23 @@ impl App {
             Choice::OpenMap(path) => self.open_map(&path),
             Choice::OpenBuiltin(name) => {
                 if let Some(map) = crate::map::builtin(name) {
-                    self.offer_map(&Arc::new(map));
+                    self.offer_map(&Arc::new(map), None);
                 }
             }
             Choice::OpenRandom(kind) => {
                 let seed = self.rng.random_range(0..1_000);
-                self.offer_map(&Arc::new(crate::map::random(kind, None, seed)));
+                self.offer_map(&Arc::new(crate::map::random(kind, None, seed)), None);
             }
             Choice::OpenWorld(name) => {
                 self.open_picker(lists::world_switch_choices(name, self.is_worth_saving()));
             }
             Choice::StartIn(name) => self.start_run_in(name),
-            Choice::StartOn(map) => self.start_run_on(map),
-            Choice::ContinueOn(map) => {
+            Choice::StartOn(map, file) => {
+                file.as_deref().inspect(|file| remember_map(file));
+                self.start_run_on(map);
+            }
+            Choice::ContinueOn(map, file) => {
+                file.as_deref().inspect(|file| remember_map(file));
                 let new = self.screen.maze.editor.record(&self.screen.maze.map.clone(), (*map).clone());
                 self.change_map_or_say(new, Some("the map stays as it is"));
             }
@@ -173,10 +177,10 @@ impl App {
     }
 
     /// Asks the user how to switch to another map.
-    pub(super) fn offer_map(&mut self, map: &Arc<Grid>) {
+    pub(super) fn offer_map(&mut self, map: &Arc<Grid>, file: Option<&Path>) {
         let is_worth_saving = self.is_worth_saving();
         if self.screen.scene() != SceneKind::Maze {
-            return self.open_picker(lists::map_switch_choices(map, None, None, is_worth_saving));
+            return self.open_picker(lists::map_switch_choices(map, file, None, None, is_worth_saving));
         }
         let (width, height) = (self.screen.maze.map.width(), self.screen.maze.map.height());
         // Cells beyond the new map become walls, to keep agents out.
@@ -184,7 +188,8 @@ impl App {
             let walls: Vec<_> = fitted.free_cells().filter(|c| !map.contains(*c)).map(|c| (c, false)).collect();
             fitted.with_cells(walls)
         });
-        self.open_picker(lists::map_switch_choices(map, Some(&self.screen.maze.map), fitted, is_worth_saving));
+        let now = self.screen.maze.map.clone();
+        self.open_picker(lists::map_switch_choices(map, file, Some(&now), fitted, is_worth_saving));
     }
 
     /// Gives the setting selected in the list the value of the run's preset.
@@ -242,13 +247,13 @@ impl App {
             Question::SaveMap => self.save_map(typed)?,
             Question::NewMap => {
                 let (width, height) = size(typed)?;
-                self.offer_map(&Arc::new(Grid::empty("new", width, height)));
+                self.offer_map(&Arc::new(Grid::empty("new", width, height)), None);
             }
             Question::ResizeMap => {
                 let (width, height) = size(typed)?;
                 let resized = self.screen.maze.map.resized(width, height);
                 let map = resized.ok_or(AnswerError::NoFreeCell)?;
-                self.offer_map(&Arc::new(map));
+                self.offer_map(&Arc::new(map), None);
             }
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;

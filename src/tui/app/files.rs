@@ -80,10 +80,7 @@ impl App {
 
     pub(super) fn open_map(&mut self, path: &Path) {
         match load_map(path) {
-            Ok(map) => {
-                remember_map(path);
-                self.offer_map(&Arc::new(map));
-            }
+            Ok(map) => self.offer_map(&Arc::new(map), Some(path)),
             Err(error) => {
                 self.report(&format!("{error}: {}", error.help));
             }
@@ -121,7 +118,7 @@ fn recent_maps() -> Vec<PathBuf> {
 }
 
 /// Puts a map at the front of the recent maps. Failures are ignored: nothing important is lost.
-fn remember_map(path: &Path) {
+pub(super) fn remember_map(path: &Path) {
     let (Ok(path), Some(file)) = (path.canonicalize(), recent_path()) else { return };
     let mut recent = recent_maps();
     recent.retain(|known| *known != path);

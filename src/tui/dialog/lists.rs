@@ -24,7 +24,7 @@ use crate::tui::theme::ThemeName;
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
-/// Lists all actions that make sense on this screen, by name.
+/// Lists all actions that make sense on this screen, by name, and after them all settings.
 pub fn actions(screen: &Screen) -> Picker {
     let (keymap, scene) = (&screen.keymap, screen.scene());
     let here = |b: &&Binding| {
@@ -40,7 +40,14 @@ pub fn actions(screen: &Screen) -> Picker {
         words: format!("{} {}", b.name, b.words),
         ..Item::new(scene.wording(b), keymap.display_keys(b).join(" "), Choice::Act(b.action))
     };
-    Picker::new("find an action", bindings().filter(named).map(item).collect())
+    let settings = setting_items(screen).into_iter().map(|setting| {
+        let detail = format!("setting: {}", setting.below[0]);
+        Item { detail, marked: false, ..setting }.within("settings")
+    });
+    let items = bindings().filter(named).map(item).chain(settings).collect();
+    let mut picker = Picker::new("find an action", items);
+    picker.keeps_groups = true;
+    picker
 }
 
 /// Lists the themes.
@@ -180,17 +187,24 @@ pub fn failure(title: &str, problem: &str, file: &Path, hint: &str) -> Picker {
     Picker::new(title, items)
 }
 
-/// Asks how to switch to `map` from map `now`, if the world has one; `fitted` is `map` at the size of `now`. Offers to save
-/// this run first if it `is_worth_saving`.
-pub fn map_switch_choices(map: &Arc<Grid>, now: Option<&Grid>, fitted: Option<Grid>, is_worth_saving: bool) -> Picker {
-    let mut items = start_choices("it", &Choice::StartOn(map.clone()), is_worth_saving);
+/// Asks how to switch to `map`, which may come from a `file`, from map `now`, if the world has one; `fitted` is `map` at
+/// the size of `now`. Offers to save this run first if it `is_worth_saving`.
+pub fn map_switch_choices(
+    map: &Arc<Grid>,
+    file: Option<&Path>,
+    now: Option<&Grid>,
+    fitted: Option<Grid>,
+    is_worth_saving: bool,
+) -> Picker {
+    let file = file.map(Path::to_owned);
+    let mut items = start_choices("it", &Choice::StartOn(map.clone(), file.clone()), is_worth_saving);
     let size = now.map(|now| (now.width(), now.height()));
     if size == Some((map.width(), map.height())) {
-        let same = Choice::ContinueOn(map.clone());
+        let same = Choice::ContinueOn(map.clone(), file);
         items.insert(0, Item::new("continue on it", "the same networks learn the new walls", same).on('c'));
     } else if let (Some((width, height)), Some(fitted)) = (size, fitted) {
         let label = format!("continue on it, cropped or padded to {width} x {height}");
-        let fitted = Choice::ContinueOn(Arc::new(fitted));
+        let fitted = Choice::ContinueOn(Arc::new(fitted), file);
         items.push(Item::new(label, "the networks expect a map of this size", fitted).on('c'));
     }
     items.push(stay());
@@ -238,7 +252,7 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf
         items.extend(BUILTIN.iter().map(|(name, _)| Item::new(*name, "built in", Choice::OpenBuiltin(name))));
         items.push(Item::new("random map", "maze, city or perfect maze", Choice::Act(Action::RandomMap)));
         let worlds = WORLDS.iter().filter(|kind| kind.create.is_some());
-        items.extend(worlds.map(|kind| Item::new(kind.name, "another world", Choice::OpenWorld(kind.name))));
+        items.extend(worlds.map(|kind| Item::new(kind.name, kind.about, Choice::OpenWorld(kind.name))));
     }
     items.push(Item::new("..", "folder", Choice::Folder(folder.join(".."))));
     for (path, is_folder) in entries {

@@ -70,6 +70,8 @@ pub struct Picker {
     pub title: String,
     /// What else can be done with the selected item.
     pub button: Option<(Action, &'static str)>,
+    /// Whether a search lists the matches group by group, instead of the best ones of all groups first.
+    pub keeps_groups: bool,
     items: Vec<Item>,
     typed: Input,
     /// Indices of the items that match the search text, best first.
@@ -82,7 +84,8 @@ impl Picker {
     /// answered by keys instead of being searched.
     pub fn new(title: impl Into<String>, items: Vec<Item>) -> Self {
         let shown = (0..items.len()).collect();
-        Self { title: title.into(), button: None, items, typed: Input::default(), shown, selected: 0 }
+        let (title, typed) = (title.into(), Input::default());
+        Self { title, button: None, keeps_groups: false, items, typed, shown, selected: 0 }
     }
 
     /// Selects the first item whose choice satisfies `is`.
@@ -211,7 +214,11 @@ impl Picker {
         if scored.iter().any(|(_, score)| *score > Ranking::GUESS) {
             scored.retain(|(_, score)| *score > Ranking::GUESS);
         }
-        scored.sort_by_key(|(i, score)| (std::cmp::Reverse(*score), *i));
+        let group = |i: usize| {
+            let first = || self.items.iter().position(|item| item.group == self.items[i].group);
+            self.keeps_groups.then(first).flatten()
+        };
+        scored.sort_by_cached_key(|(i, score)| (group(*i), std::cmp::Reverse(*score), *i));
         self.shown = scored.into_iter().map(|(i, _)| i).collect();
         self.selected = 0;
     }
@@ -269,6 +276,18 @@ mod tests {
         assert_eq!(picker.rows().len(), 1, "a word begins with the letters");
         press(&mut picker, "o");
         assert_eq!(picker.item().map(|item| item.label.as_str()), Some("do it at once"));
+    }
+
+    #[test]
+    fn a_list_can_keep_its_groups_while_it_is_searched() {
+        let item = |label: &str, group| Item::new(label, "", Choice::Nothing).within(group);
+        for (keeps_groups, first) in [(true, "the seed"), (false, "seed")] {
+            let mut picker = Picker::new("all", vec![item("the seed", ""), item("seed", "settings")]);
+            picker.keeps_groups = keeps_groups;
+            press(&mut picker, "seed");
+            assert_eq!(picker.item().map(|item| item.label.as_str()), Some(first));
+            assert_eq!(picker.rows().len(), 2);
+        }
     }
 
     #[test]

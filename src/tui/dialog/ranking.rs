@@ -16,6 +16,10 @@ const WITHIN_NAME: u32 = 40;
 const FIRST: u32 = 5;
 const IN_BOTH: u32 = 10;
 
+/// The longest text taken for an abbreviation, in characters: a longer one is a word, and names that contain its letters in
+/// their order do so by chance.
+const LONGEST_ABBREVIATION: usize = 4;
+
 /// Ranks items by a search text.
 pub struct Ranking {
     typed: String,
@@ -37,7 +41,7 @@ impl Ranking {
     }
 
     /// Returns how well `item` matches, or `None` if it does not. Every typed word must match, or the name must contain
-    /// the typed letters in their order.
+    /// the typed letters in their order if they are few.
     pub fn score(&mut self, item: &Item) -> Option<u32> {
         let name = item.label.to_lowercase();
         if self.typed.is_empty() {
@@ -64,7 +68,7 @@ impl Ranking {
             of_name.max(of_words).max(of_detail).map(|score| score + in_both)
         };
         let all: Option<u32> = self.typed.split_whitespace().map(of).sum();
-        if all.is_some() {
+        if all.is_some() || self.typed.chars().count() > LONGEST_ABBREVIATION {
             return all;
         }
         let letters = self.letters.score(Utf32Str::new(&item.label, &mut self.buffer), &mut self.matcher);

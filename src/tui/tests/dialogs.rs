@@ -2,8 +2,9 @@
 
 use super::screens::staged_app;
 use super::*;
-use crate::tui::dialog::{Choice, lists};
+use crate::tui::dialog::{Choice, Item, lists};
 use crate::tui::panes::Pane;
+use crate::view::maze::CellInfo;
 
 #[test]
 fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
@@ -168,15 +169,15 @@ fn learners_show_only_the_losses_they_have() {
 #[test]
 fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
     let folder = tempfile::tempdir().expect("a folder");
-    let start = |app: &App| Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.screen.maze.map.height())));
+    let start = |app: &App| Choice::StartOn(Arc::new(Grid::empty("hall", 30, app.screen.maze.map.height())), None);
     std::fs::write(folder.path().join("file"), b"").expect("written");
     for (place, works) in [("run.safetensors", true), ("file/run.safetensors", false)] {
         let path = folder.path().join(place);
         let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path.clone()));
         wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
         let (then, generation) = (start(&app), app.screen.snapshot.generation);
-        let Choice::StartOn(map) = &then else { unreachable!("it starts a run") };
-        app.open_picker(lists::map_switch_choices(map, None, None, true));
+        let Choice::StartOn(map, _) = &then else { unreachable!("it starts a run") };
+        app.open_picker(lists::map_switch_choices(map, None, None, None, true));
         press(&mut app, KeyCode::Char('s'));
         if works {
             wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
@@ -289,5 +290,49 @@ fn overlays_of_bridges_say_that_a_method_has_none() {
         let said = app.screen.log.notice().map(|notice| notice.text.to_owned()).unwrap_or_default();
         assert!(said.starts_with("gdg has no bridges"), "{key}: {said}");
         assert!(app.screen.overlays == before);
+    }
+}
+
+#[test]
+fn an_old_error_goes_away_when_a_dialog_opens_and_a_new_one_stays() {
+    let mut app = app();
+    app.report("the disk is full");
+    press(&mut app, KeyCode::Char('n'));
+    assert!(app.screen.log.notice().is_some_and(|notice| notice.is_error), "it stays while nothing covers the map");
+    press(&mut app, KeyCode::Char('o'));
+    assert!(app.screen.log.notice().is_none());
+    app.report("the disk is still full");
+    assert!(app.screen.log.notice().is_some());
+}
+
+#[test]
+fn a_map_is_recent_once_it_has_been_opened() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("hall.txt");
+    std::fs::write(&file, ".....\n.....\n").expect("written");
+    let mut app = app();
+    app.choose(Choice::OpenMap(file.clone()));
+    let Some(Dialog::Pick(question)) = app.screen.dialogs.last() else { panic!("a question") };
+    let starts = |item: &Item| matches!(&item.choice, Choice::StartOn(_, Some(from)) if *from == file);
+    assert!(question.items().any(starts), "what is picked records the file");
+}
+
+#[test]
+fn facts_about_a_cell_are_not_cut_on_narrow_screens() {
+    let mut app = staged_app(80, 24);
+    let cell = app.screen.maze.map.free_cells().last().expect("a free cell");
+    for (truth, visits, expected) in [
+        (Some(80), Some(7), format!(" cell {},{}: D 100.4, true 80 (+26 %), 7 visits", cell.x, cell.y)),
+        (Some(80), Some(12_345), format!(" cell {},{}: D 100.4, true 80 (+26 %), 12.3k visits", cell.x, cell.y)),
+        (Some(0), Some(99), format!(" {},{}: D 100.4, true 0 (+100.4 steps), 99 visits", cell.x, cell.y)),
+        (Some(0), Some(12_345), format!(" {},{}: D 100.4, true 0 (+100.4 steps)", cell.x, cell.y)),
+    ] {
+        let mut view = (*app.screen.maze.view).clone();
+        view.inspected = Some(CellInfo { cell, learned: 100.4, truth, visits });
+        (app.screen.maze.view, app.screen.maze.inspecting) = (Arc::new(view), Some(cell));
+        let shown = text(&draw(&mut app, 80, 24));
+        let row = shown.lines().find(|row| row.contains("D 100.4")).expect("a line about the cell");
+        let facts = row.split(['\u{2502}', '\u{2506}']).next().unwrap_or_default();
+        assert_eq!(facts.trim_end(), expected, "{shown}");
     }
 }

@@ -132,6 +132,16 @@ fn undone_and_redone_steps_are_named_with_what_they_change() {
 }
 
 #[test]
+fn an_edit_that_the_trainer_has_yet_to_apply_is_shown_as_such() {
+    let mut app = app();
+    assert_eq!(app.screen.phase(), "training");
+    app.act(Action::ToggleEdit);
+    app.act(Action::Apply);
+    assert_eq!(app.screen.phase(), "applying the edit");
+    wait_until(&mut app, |app| app.screen.phase().starts_with("relearning"));
+}
+
+#[test]
 fn on_narrow_screens_a_line_says_how_to_draw_until_something_is_drawn() {
     let mut app = app();
     let hint = "drag: walls, right drag: floor";

@@ -331,7 +331,7 @@ fn lists_of_files_match_their_snapshots() {
     let lists = [
         ("maps", lists::maps(folder, &entries, Some(&recent))),
         ("checkpoints", lists::checkpoints(found, &TimeZone::UTC)),
-        ("other-map", lists::map_switch_choices(&other, Some(&rooms()), rooms().resized(20, 5), true)),
+        ("other-map", lists::map_switch_choices(&other, None, Some(&rooms()), rooms().resized(20, 5), true)),
     ];
     for (name, list) in lists {
         let mut app = staged_app(80, 24);

@@ -1,13 +1,13 @@
 //! What the list of actions finds for users' own words.
 
 use super::*;
-use crate::tui::dialog::{Choice, lists};
+use crate::tui::dialog::{Choice, Row, lists};
 use crate::tui::layers::Overlay;
 use crate::tui::panes::Pane;
 use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
-const WORDS: [(&str, Action); 83] = [
+const WORDS: [(&str, Action); 87] = [
     ("resume", Action::TogglePause),
     ("pause", Action::TogglePause),
     ("stop", Action::TogglePause),
@@ -91,6 +91,10 @@ const WORDS: [(&str, Action); 83] = [
     ("go back", Action::Back),
     ("arm", Action::OpenMap),
     ("about", Action::Help),
+    ("compare", Action::Compare),
+    ("reward", Action::Method),
+    ("teleport", Action::NewStart),
+    ("teacher", Action::Tour),
 ];
 
 #[test]
@@ -105,6 +109,25 @@ fn users_words_find_what_they_mean() {
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn settings_are_found_beside_actions_and_after_them() {
+    let app = app();
+    let found = |word: &str| {
+        let mut list = lists::actions(&app.screen);
+        list.paste(word);
+        let choices = list.rows().into_iter().filter_map(|row| match row {
+            Row::Item(item, _) => Some(item.choice.clone()),
+            Row::Title(_) => None,
+        });
+        choices.collect::<Vec<_>>()
+    };
+    let restart = Choice::Setting("restart".to_owned());
+    let all = found("restart");
+    assert!(all[0] == Choice::Act(Action::NewSeed) && all.contains(&restart), "{all:?}");
+    assert_eq!(found("polyak")[0], Choice::Setting("tau".to_owned()));
+    assert!(found("helicopter").is_empty(), "letters in the same order are no match for a whole word");
 }
 
 #[test]

@@ -16,7 +16,8 @@ use crate::tui::theme::ColourDepth;
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayout) {
     let cell = screen.maze.inspecting.or(screen.maze.hovered);
-    let line = if cell.is_some() { cell_facts(screen) } else { meaning(usize::from(area.width), screen, layout) };
+    let width = usize::from(area.width);
+    let line = if cell.is_some() { cell_facts(width, screen) } else { meaning(width, screen, layout) };
     frame.render_widget(Paragraph::new(line), area);
 }
 
@@ -38,24 +39,29 @@ fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static
     lines.into_iter().find(|line| line.width() <= width).unwrap_or_else(|| scale(screen, SHORT_BAR_WIDTH))
 }
 
-fn cell_facts(screen: &Screen) -> Line<'static> {
+/// Describes the cell under the cursor or the mouse: with the facts that fit into `width`, the walls' and D's first.
+fn cell_facts(width: usize, screen: &Screen) -> Line<'static> {
     let Some(cell) = screen.maze.inspecting.or(screen.maze.hovered) else { return Line::default() };
-    let place = format!(" cell {},{}", cell.x, cell.y);
+    let place = format!("{},{}", cell.x, cell.y);
     if !screen.maze.map.is_free(cell) {
-        return Line::from(format!("{place}: wall"));
+        return Line::from(format!(" cell {place}: wall"));
     }
-    let Some(facts) = screen.maze.view.inspected.filter(|facts| facts.cell == cell) else { return Line::from(place) };
+    let Some(facts) = screen.maze.view.inspected.filter(|facts| facts.cell == cell) else {
+        return Line::from(format!(" cell {place}"));
+    };
     let learned = facts.learned;
     let visits = facts.visits.map_or(String::new(), |visits| format!(", {} visits", short(f64::from(visits))));
-    Line::from(match facts.truth {
+    let (what, visits) = match facts.truth {
         // A share of nothing says nothing.
-        Some(0) => format!("{place}: D {learned:.1}, true 0 ({learned:+.1} steps){visits}"),
+        Some(0) => (format!("D {learned:.1}, true 0 ({learned:+.1} steps)"), visits),
         Some(truth) => {
             let error = 100.0 * (learned - truth as f32) / truth as f32;
-            format!("{place}: D {learned:.1}, true {truth} ({error:+.0} %){visits}")
+            (format!("D {learned:.1}, true {truth} ({error:+.0} %)"), visits)
         }
-        None => format!("{place}: D {learned:.1}, no path to G"),
-    })
+        None => (format!("D {learned:.1}, no path to G"), String::new()),
+    };
+    let texts = [format!(" cell {place}: {what}{visits}"), format!(" {place}: {what}{visits}")].map(Line::from);
+    texts.into_iter().find(|line| line.width() <= width).unwrap_or_else(|| Line::from(format!(" {place}: {what}")))
 }
 
 /// Says how many cells a dot of the map shows, if it shows several: at length, and in short.
