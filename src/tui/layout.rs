@@ -28,8 +28,10 @@ pub struct ScreenLayout {
     pub screen: Rect,
     /// The map.
     pub map: Option<MapFrame>,
-    /// Steps between two contour lines, if there are any.
+    /// Steps between two contour lines, if there are any, ...
     pub contour_interval: Option<f32>,
+    /// ... and how many they would be if this screen were not compared with another.
+    pub own_contour_interval: Option<f32>,
     /// The projections of an arm.
     pub projections: Vec<Projection>,
     /// The pane with the map and the line below it.

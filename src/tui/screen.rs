@@ -67,6 +67,8 @@ pub struct Screen {
     pub frozen: bool,
     /// The value that the colours reach at least, for two screens to be compared.
     pub least_farthest: f32,
+    /// The steps between two contour lines, at least, for the same purpose.
+    pub least_contour_interval: f32,
     /// The exploring agent followed instead of the walking one.
     pub following: Option<usize>,
     /// The saved run that is offered.
@@ -107,6 +109,7 @@ impl Screen {
             pausing: false,
             frozen: false,
             least_farthest: 0.0,
+            least_contour_interval: 0.0,
             following: None,
             offer: None,
             past: None,

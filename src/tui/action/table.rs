@@ -66,9 +66,8 @@ pub const SECTIONS: &[Section] = &[
             ),
             bind(Action::ResetSetting, "reset-setting", &["delete", "ctrl-x"], "", "reset the selected setting")
                 .within(When::Settings),
-            bind(Action::Method, "method", &[], "", "change to another method, keeping the data").also(
-                "algorithm learner planner switch gdg gdg-bridge her ddpg sorb rival baseline reward",
-            ),
+            bind(Action::Method, "method", &[], "", "change to another method, keeping the data")
+                .also("algorithm learner planner switch gdg gdg-bridge her ddpg sorb rival baseline reward"),
             bind(Action::Preset, "preset", &[], "", "change to the settings of a preset")
                 .also("defaults paper tuned sb3 profile"),
         ],

@@ -79,7 +79,12 @@ pub fn draw(frame: &mut Frame, comparison: &mut Comparison) -> ScreenLayout {
         help::draw_for_comparisons(frame, area, screen, help, &mut drawn[0]);
     }
     paint_page(frame, &screen.theme);
-    comparison.sides.iter_mut().zip(drawn).for_each(|(side, drawn)| side.app.drawn(drawn));
+    // The same lines on both sides, from the next frame on.
+    let interval = drawn.iter().filter_map(|side| side.own_contour_interval).fold(0.0, f32::max);
+    for (side, drawn) in comparison.sides.iter_mut().zip(drawn) {
+        side.app.screen.least_contour_interval = interval;
+        side.app.drawn(drawn);
+    }
     layout
 }
 

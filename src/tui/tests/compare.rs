@@ -4,6 +4,7 @@ use super::screens::{check_drawn, evaluation};
 use super::*;
 use crate::train::{Counters, Evaluation};
 use crate::tui::compare::{Comparison, Contestant};
+use crate::tui::graphics::{Graphics, Protocol, Redraw};
 use crate::view::{MazeView, View};
 
 fn trainer(method: &str, seed: u64) -> Trainer {
@@ -259,8 +260,6 @@ fn quitting_asks_nothing_and_help_says_that_nothing_is_saved() {
 
 #[test]
 fn both_maps_are_pictures_where_the_terminal_shows_them() {
-    use crate::tui::graphics::{Graphics, Protocol, Redraw};
-
     let mut comparison = comparison();
     comparison.set_graphics(Some(Graphics { protocol: Protocol::Sixel, character: (8, 16) }), Redraw::All);
     draw(&mut comparison, (120, 40));
@@ -293,4 +292,29 @@ fn a_refused_key_does_not_hide_what_the_next_one_did() {
     assert!(notice(&mut comparison));
     press(&mut comparison, KeyCode::Char('v'));
     assert!(!notice(&mut comparison));
+}
+
+#[test]
+fn contour_lines_are_as_many_steps_apart_on_both_sides() {
+    for pictures in [false, true] {
+        let mut comparison = comparison_with(["gdg-bridge", "gdg"], Limits { updates: Some(0), ..Limits::default() });
+        if pictures {
+            let graphics = Graphics { protocol: Protocol::Sixel, character: (8, 16) };
+            comparison.set_graphics(Some(graphics), Redraw::All);
+        }
+        draw(&mut comparison, (120, 40));
+        stage(&mut comparison);
+        let view = comparison.apps()[1].screen.maze.view.clone();
+        let farther = Arc::new(view.field.iter().map(|steps| 4.0 * steps).collect::<Vec<f32>>());
+        comparison.on_view(1, &View::Maze(Arc::new(MazeView { field: farther, ..(*view).clone() })));
+        draw(&mut comparison, (120, 40));
+        draw(&mut comparison, (120, 40));
+        let intervals = |app: &mut App| {
+            let layout = &app.screen.layout;
+            [layout.own_contour_interval, layout.contour_interval].map(|interval| interval.expect("contour lines"))
+        };
+        let [a, b] = comparison.apps().map(intervals);
+        assert!(a[0] < b[0], "the second side's distances are longer: {a:?} {b:?}");
+        assert_eq!([a[1], b[1]], [b[0]; 2]);
+    }
 }

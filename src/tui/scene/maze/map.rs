@@ -47,10 +47,10 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         return picture::draw(frame, &map_frame, character, screen, layout, pictures);
     }
     let before = cache.base.take();
-    let interval = before.as_ref().and_then(|base| base.contour_interval);
+    let interval = before.as_ref().and_then(|base| base.own_interval);
     let base = before.filter(|base| base.key.is_current(&map_frame, screen));
     let base = base.unwrap_or_else(|| Base::new(&map_frame, interval, screen));
-    layout.contour_interval = base.contour_interval;
+    show_interval(base.own_interval, screen, layout);
     let mut canvas = base.canvas.clone();
     draw_moving_parts(&mut canvas, &map_frame, screen);
     for at in map_frame.area.positions() {
@@ -97,6 +97,7 @@ pub(super) struct Key {
     /// The field, if it has been computed.
     pub(super) field: Option<Arc<Vec<f32>>>,
     farthest: f32,
+    least_contour_interval: f32,
     exploration: Arc<Exploration>,
     cut_off: Arc<Vec<bool>>,
     is_past: bool,
@@ -111,6 +112,7 @@ impl Key {
             map: screen.maze.map.clone(),
             field: Self::field_on(&map_frame.raster, screen).cloned(),
             farthest: screen.farthest(),
+            least_contour_interval: screen.least_contour_interval,
             exploration: screen.maze.view.exploration.clone(),
             cut_off: screen.maze.view.cut_off.clone(),
             is_past: screen.shown_past().is_some(),
@@ -143,7 +145,9 @@ impl Key {
         let same_exploration = Arc::ptr_eq(&self.exploration, &screen.maze.view.exploration)
             && Arc::ptr_eq(&self.cut_off, &screen.maze.view.cut_off);
         let same_time = self.is_past == screen.shown_past().is_some();
-        let same_scale = self.farthest.to_bits() == screen.farthest().to_bits();
+        let scale = |farthest: f32, interval: f32| (farthest.to_bits(), interval.to_bits());
+        let same_scale = scale(self.farthest, self.least_contour_interval)
+            == scale(screen.farthest(), screen.least_contour_interval);
         self.same_style(map_frame, screen) && same_field && same_scale && same_exploration && same_time
     }
 }
@@ -154,8 +158,8 @@ struct Base {
     canvas: Canvas,
     /// The canvas as characters.
     painted: Buffer,
-    /// Steps between two contour lines, if they are drawn, and their labels.
-    contour_interval: Option<f32>,
+    /// Steps between two contour lines, if they are drawn and this map is not compared with another, and their labels.
+    own_interval: Option<f32>,
     labels: Vec<Label>,
 }
 
@@ -169,20 +173,30 @@ impl Base {
         terrain(&mut canvas, &grounds, &screen.theme);
         let key = Key::new(map_frame, screen);
         let unexplored = Unexplored::new(&grounds, screen);
-        let (mut contour_interval, mut labels) = (None, Vec::new());
+        let (mut own_interval, mut labels) = (None, Vec::new());
         if let Some(field) = &key.field {
             colour(&mut canvas, field, screen);
             if screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours) {
                 let open = open_field(field, &grounds, &unexplored);
-                contour_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
-                labels = draw_contours(&mut canvas, map_frame, (&open, contour_interval), screen);
+                own_interval = contours::interval(&[(&open, columns)], contours::SPACING, before);
+                labels = draw_contours(&mut canvas, map_frame, (&open, shown_interval(own_interval, screen)), screen);
             }
         }
         unexplored.draw(&mut canvas, map_frame, screen);
         let mut painted = Buffer::empty(map_frame.area);
         canvas.paint(&mut painted, map_frame, &screen.theme);
-        Self { key, canvas, painted, contour_interval, labels }
+        Self { key, canvas, painted, own_interval, labels }
     }
+}
+
+/// Records the steps between two contour lines, which would be `own` if the map were not compared with another.
+pub(super) fn show_interval(own: Option<f32>, screen: &Screen, layout: &mut ScreenLayout) {
+    (layout.own_contour_interval, layout.contour_interval) = (own, shown_interval(own, screen));
+}
+
+/// Returns the steps between two contour lines where they would be `own` if the map were not compared with another.
+pub(super) fn shown_interval(own: Option<f32>, screen: &Screen) -> Option<f32> {
+    own.map(|own| own.max(screen.least_contour_interval))
 }
 
 /// Draws walls and floor.

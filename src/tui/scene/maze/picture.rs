@@ -11,7 +11,7 @@ use ratatui::Frame;
 
 use super::candidates;
 use super::edges;
-use super::map::{Key, open_field, shown_goal};
+use super::map::{Key, open_field, show_interval, shown_goal, shown_interval};
 use super::unexplored::Unexplored;
 use crate::bridge::EdgeStatus;
 use crate::map::Cell;
@@ -73,8 +73,8 @@ struct Base {
     /// What each value of the field belongs to.
     grounds: Vec<Ground>,
     sheet: Sheet,
-    /// Steps between two contour lines, if they are drawn.
-    contour_interval: Option<f32>,
+    /// Steps between two contour lines, if they are drawn and this map is not compared with another.
+    own_interval: Option<f32>,
     subject: Subject,
     /// Until when it may stay if training comes first.
     rests_until: Instant,
@@ -96,7 +96,7 @@ pub fn draw(
     let size = (u32::from(area.width) * u32::from(character.0), u32::from(area.height) * u32::from(character.1));
     if screen.redraw == Redraw::Nothing && cache.is_up_to_date_enough(map_frame, size, screen) {
         Picture::reserve(area, frame.buffer_mut());
-        layout.contour_interval = cache.base.as_ref().and_then(|base| base.contour_interval);
+        show_interval(cache.base.as_ref().and_then(|base| base.own_interval), screen, layout);
         cache.is_shown = true;
         return;
     }
@@ -106,7 +106,7 @@ pub fn draw(
         before => Base::new(map_frame, &scale, before, screen),
     };
     let Some(base) = base else { return };
-    layout.contour_interval = base.contour_interval;
+    show_interval(base.own_interval, screen, layout);
     let mut drawn =
         match cache.picture.take().filter(|picture| picture.pixmap.data().len() == base.sheet.0.data().len()) {
             Some(picture) => {
@@ -128,7 +128,7 @@ impl Base {
         let key = Key::new(map_frame, screen);
         let (columns, rows) = map_frame.raster.pixels;
         let map = &screen.maze.map;
-        let interval = before.as_ref().and_then(|before| before.contour_interval);
+        let interval = before.as_ref().and_then(|before| before.own_interval);
         let (grounds, sheet) = match before {
             Some(Self { key: own, grounds, sheet, .. }) => {
                 (Some(grounds).filter(|_| own.same_place(map_frame, screen)), Some(sheet))
@@ -141,13 +141,13 @@ impl Base {
         let sheet = sheet.filter(|sheet: &Sheet| (sheet.0.width(), sheet.0.height()) == scale.size);
         let mut sheet = sheet.or_else(|| Sheet::new(scale.size))?;
         ground::draw(&mut sheet, scale, (key.field.as_deref().map(Vec::as_slice), columns), screen);
-        let mut contour_interval = None;
+        let mut own_interval = None;
         if let Some(field) =
             key.field.as_ref().filter(|_| screen.shown_field().is_distance() && screen.overlays.has(Overlay::Contours))
         {
             let open = open_field(field, &grounds, &Unexplored::new(&grounds, screen));
-            contour_interval = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
-            if let Some(interval) = contour_interval {
+            own_interval = intervals::interval(&[(&open, columns)], CONTOUR_SPACING, interval);
+            if let Some(interval) = shown_interval(own_interval, screen) {
                 contours::draw(&mut sheet, scale, (&open, columns, &grounds), interval, screen);
             }
         }
@@ -158,7 +158,7 @@ impl Base {
         }
         let directions = screen.maze.view.directions.clone();
         let rests_until = Instant::now() + LONGEST_GROUND_REST.min(GROUND_REST_FACTOR * began.elapsed());
-        Some(Self { key, directions, grounds, sheet, contour_interval, subject: subject(screen), rests_until })
+        Some(Self { key, directions, grounds, sheet, own_interval, subject: subject(screen), rests_until })
     }
 
     /// Returns the columns and rows of pixels.
