@@ -46,11 +46,13 @@ mod tests;
 mod theme;
 mod tour;
 
+use std::path::Path;
 use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
 use crate::cli::{InterfaceArgs, TourArgs, TrainArgs};
+use crate::map;
 use crate::report::ExplainedError;
 use crate::setup::{self, Setup};
 use crate::signals::TerminationSignal;
@@ -105,6 +107,8 @@ pub fn run(
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
+    let file = args.map.as_deref().filter(|name| map::builtin(name).is_none()).map(Path::new);
+    file.filter(|file| file.is_file()).inspect(|file| app::remember_map(file));
     warnings.iter().for_each(|warning| app.notify(warning));
     event_loop::show(app, recorder, marker, &termination)
 }

@@ -37,6 +37,7 @@ use crate::faults::Failure;
 use crate::map::Grid;
 use crate::train::{Command, Engine, MakeWorld, Run, Snapshot};
 use crate::view::{Field, OnArrival, Request, View, Viewer};
+pub use files::remember_map;
 pub use offer::{Offer, Search, search};
 use saving::Saving;
 pub use saving::{ClosedRun, Files};

@@ -82,11 +82,9 @@ impl Candidates {
             let reached = dijkstra_reach(&(i as u32), ahead);
             let reached = reached.take_while(|place| place.total_cost as f32 <= self.longest_way(reach));
             let steps: HashMap<u32, u32> = reached.map(|place| (place.node, place.total_cost)).collect();
-            self.goal_index.any_within(self.goal_index.goal(i), reach, |j, distance| {
+            self.goal_index.for_each_within(self.goal_index.goal(i), reach, |j, distance| {
                 close += 1;
                 joined += u32::from(steps.get(&(j as u32)).is_some_and(|s| *s as f32 <= self.longest_way(distance)));
-                // On to the next one.
-                false
             });
         }
         joined as f32 >= OPEN_SHARE * close as f32

@@ -130,6 +130,17 @@ impl GoalIndex {
         found
     }
 
+    /// Passes all places within `radius` of `at` to `visit`, with their straight-line distance, in no particular order.
+    pub fn for_each_within(&self, at: &[f32], radius: f32, mut visit: impl FnMut(usize, f32)) {
+        self.search(at, radius, |i| {
+            let distance = self.squared(at, i).sqrt();
+            if distance <= radius {
+                visit(i, distance);
+            }
+            radius
+        });
+    }
+
     /// Passes places to `visit`, those around `at` first, until no other can be within the radius that `visit` returned
     /// last (at first, `radius`).
     fn search(&self, at: &[f32], mut radius: f32, mut visit: impl FnMut(usize) -> f32) {
@@ -251,6 +262,9 @@ mod tests {
                     false
                 });
                 prop_assert!(!any);
+                let mut visited = Vec::new();
+                places.for_each_within(&at, radius, |i, distance| visited.push((i, distance)));
+                prop_assert_eq!(&visited, &within);
                 within.sort_by_key(|(i, _)| *i);
                 let mut expected: Vec<(usize, f32)> = all.iter().map(|(i, squared)| (*i, squared.sqrt())).collect();
                 expected.retain(|(_, distance)| *distance <= radius);

@@ -118,7 +118,7 @@ fn recent_maps() -> Vec<PathBuf> {
 }
 
 /// Puts a map at the front of the recent maps. Failures are ignored: nothing important is lost.
-pub(super) fn remember_map(path: &Path) {
+pub fn remember_map(path: &Path) {
     let (Ok(path), Some(file)) = (path.canonicalize(), recent_path()) else { return };
     let mut recent = recent_maps();
     recent.retain(|known| *known != path);
