@@ -17,6 +17,7 @@ use clap::ValueEnum;
 use miette::{IntoDiagnostic, Report};
 use serde::Serialize;
 
+use crate::text::counted;
 use crate::train::TrainError;
 
 /// Shapes at which updates are measured: batch and width.
@@ -204,11 +205,15 @@ fn of_maps<T>(wanted: bool, measure: &dyn Fn(&'static str) -> Result<T, TrainErr
 }
 
 impl Measurements {
+    fn on_threads(&self) -> String {
+        counted(self.threads as u64, "thread")
+    }
+
     fn table(&self) -> String {
         let mut out = format!("multiply-add peak of one core: {:.0} GFLOP/s\n\n", self.peak_gflops);
         if !self.updates.is_empty() {
             out += &format!("{:<12}{:>10}{:>10}{:>8}", "update", "plain", "fused", "ratio");
-            out += &format!("{:>8}{:>12}{:>8}{:>7}\n", "peak", format!("{} threads", self.threads), "ratio", "runs");
+            out += &format!("{:>8}{:>12}{:>8}{:>7}\n", "peak", self.on_threads(), "ratio", "runs");
         }
         for u in &self.updates {
             out += &format!("{:<12}", format!("{} x {}", u.batch, u.width));
@@ -219,19 +224,19 @@ impl Measurements {
         if let Some(u) = &self.default_update {
             let (tape, kernels, both) = (u.tape_us, u.kernels_us, u.kernels_threads_us);
             out += &format!("\ndefault preset, one update: {tape:.0} us on candle's tape, {kernels:.0} us ");
-            out += &format!("({:.1} times as fast), on {} threads {both:.0} us ", u.speed_up, self.threads);
+            out += &format!("({:.1} times as fast), on {} {both:.0} us ", u.speed_up, self.on_threads());
             out += &format!("({:.2} times as fast as on one; {} runs)\n", u.threads_speed_up, u.runs);
         }
         for d in &self.default_preset {
             out += &format!("\n{}, default preset: {:.0} updates/s on one thread, ", d.map, d.one_thread);
-            out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.threads, d.runs);
+            out += &format!("{:.0} on {} ({} runs)\n", d.all_threads, self.on_threads(), d.runs);
             for p in &d.phases {
                 out += &format!("  {:<36}{:>8.1} us{:>8.1} us\n", p.phase, p.one_thread_us, p.all_threads_us);
             }
         }
         out += "\n";
         for t in &self.time_to_success {
-            let what = format!("{}: time to {} planned success on {} threads", t.map, t.success, self.threads);
+            let what = format!("{}: time to {} planned success on {}", t.map, t.success, self.on_threads());
             let (s, n) = (told(t.median_seconds.as_ref(), 1), told(t.median_updates.as_ref(), 0));
             out += &format!("{what:<58}{s:>6} s, {n:>6} updates (");
             let seeds =
@@ -241,7 +246,7 @@ impl Measurements {
         out += "\n";
         if let Some(i) = self.interface.first() {
             out +=
-                &format!("256 x 256 cells: {:.0} updates/s on {} threads ({} runs); ", i.alone, self.threads, i.runs);
+                &format!("256 x 256 cells: {:.0} updates/s on {} ({} runs); ", i.alone, self.on_threads(), i.runs);
             out += "with the interface at 200 x 60:\n";
         }
         for i in &self.interface {
