@@ -245,8 +245,7 @@ impl Measurements {
         }
         out += "\n";
         if let Some(i) = self.interface.first() {
-            out +=
-                &format!("256 x 256 cells: {:.0} updates/s on {} ({} runs); ", i.alone, self.on_threads(), i.runs);
+            out += &format!("256 x 256 cells: {:.0} updates/s on {} ({} runs); ", i.alone, self.on_threads(), i.runs);
             out += "with the interface at 200 x 60:\n";
         }
         for i in &self.interface {

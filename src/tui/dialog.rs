@@ -18,6 +18,7 @@ use super::output::ExportKind;
 use super::theme::ThemeName;
 use crate::map::{Grid, RandomMapKind};
 use crate::train::{Method, Preset};
+use crate::view::Field;
 
 /// A dialog on top of the screen.
 #[derive(Debug)]
@@ -59,6 +60,10 @@ pub enum Choice {
     OpenWorld(&'static str),
     /// Starts a new run in that world.
     StartIn(&'static str),
+    /// Starts the run again with another seed.
+    Restart(u64),
+    /// Colours the map by a quantity.
+    Field(Field),
     /// Starts a new run on a map, which may come from a file.
     StartOn(Arc<Grid>, Option<PathBuf>),
     /// Continues with the same networks on another map of the current size, which may come from a file.

@@ -20,7 +20,8 @@ use crate::bridge::EdgeStatus;
 use crate::env::{Scene, fetch_reach, maze as maze_world};
 use crate::view::Field;
 pub use arm::{ArmState, Projection};
-pub use maze::{Cache, MazeState, Tool};
+pub use maze::{Cache, MazeState, Tool, shown_goal};
+pub use walk::MEANINGS as WALK_MEANINGS;
 
 /// A kind of world that the screen draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

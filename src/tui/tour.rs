@@ -39,8 +39,8 @@ pub struct Tour {
     route: Vec<[f32; 2]>,
     /// The cells of the closed door.
     closed: Vec<Cell>,
-    /// The place where D is watched while the door is closed, and D before that.
-    watched: ([f32; 2], f32),
+    /// The place where D is watched while the door is closed, D before that, and the most that it was since.
+    watched: ([f32; 2], f32, f32),
     /// When the agent was last sent to walk.
     sent_at: f32,
     /// Whether the tour shows searches, which the user did not.
@@ -117,7 +117,7 @@ impl App {
             bridge: None,
             route: Vec::new(),
             closed: Vec::new(),
-            watched: ([0.0; 2], 0.0),
+            watched: ([0.0; 2], 0.0, 0.0),
             sent_at: 0.0,
             shows_search: false,
             on_arrival,

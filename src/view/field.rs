@@ -21,7 +21,8 @@ pub enum Field {
 }
 
 impl Field {
-    const ALL: [Self; 7] =
+    /// All fields.
+    pub const ALL: [Self; 7] =
         [Self::Learned, Self::FromStart, Self::Composed, Self::True, Self::Error, Self::Visits, Self::Plain];
 
     /// Returns its name on the screen.
@@ -34,6 +35,19 @@ impl Field {
             Self::Error => "error of D",
             Self::Visits => "visits",
             Self::Plain => "map only",
+        }
+    }
+
+    /// Returns other words that users may search for.
+    pub fn words(self) -> &'static str {
+        match self {
+            Self::Learned => "distance to goal learned value function q_values critic",
+            Self::FromStart => "distance from start",
+            Self::Composed => "distance along bridge graph planned",
+            Self::True => "true distance ground truth shortest path optimal exact",
+            Self::Error => "wrong mistakes accuracy difference",
+            Self::Visits => "visit counts exploration density heatmap",
+            Self::Plain => "map alone plain no colours off",
         }
     }
 

@@ -49,7 +49,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::StepEpisode, "step-episode", &[","], "", "train until an episode ends, then pause")
                 .also("next step advance"),
             bind(Action::Faster, "faster", &[">"], "", "more updates per second")
-                .also("speed fast quick rate limit unlimited accelerate"),
+                .also("speed fast quick rate limit unlimited accelerate max maximum forward"),
             bind(Action::Slower, "slower", &["<"], "", "fewer updates per second")
                 .also("speed slow down rate limit throttle"),
             bind(Action::Freeze, "freeze", &["shift-f"], "", "freeze the screen while training continues")
@@ -62,7 +62,8 @@ pub const SECTIONS: &[Section] = &[
                 .also("reset again scratch random number new run start over"),
             bind(Action::Settings, "settings", &["o"], "", "change a setting during training").watching().also(
                 "options preferences parameters hyperparameters configuration configure learning rate batch size gamma \
-                 discount lr bigger network width hidden layers neurons units noise epsilon",
+                 discount lr bigger network width hidden layers neurons units noise epsilon optimizer episode length number \
+                 agents parallel",
             ),
             bind(Action::ResetSetting, "reset-setting", &["delete", "ctrl-x"], "", "reset the selected setting")
                 .within(When::Settings),
@@ -77,14 +78,14 @@ pub const SECTIONS: &[Section] = &[
         bindings: &[
             bind(Action::NewGoal, "new-goal", &["n"], "goal", "a random new goal (or click on the map)")
                 .watching()
-                .also("target destination next"),
+                .also("target destination next change set"),
             bind(Action::Move(-1, 0), "left", &["left", "h"], "", "move the goal or cursor left"),
             bind(Action::Move(0, 1), "down", &["down", "j"], "", "move the goal or cursor down"),
             bind(Action::Move(0, -1), "up", &["up", "k"], "", "move the goal or cursor up"),
             bind(Action::Move(1, 0), "right", &["right", "l"], "", "move the goal or cursor right"),
             bind(Action::NewStart, "new-start", &["w"], "", "put @ at a random place (right-click: at that cell)")
                 .watching()
-                .also("start agent walker position move teleport"),
+                .also("start agent walker position move teleport spawn"),
             bind(Action::StartHere, "start-here", &["shift-s"], "", "put @ at the cursor or goal")
                 .watching()
                 .also("start agent walker position teleport"),
@@ -110,10 +111,10 @@ pub const SECTIONS: &[Section] = &[
                 .also("view field distance heatmap back"),
             bind(Action::Toggle(Overlay::Contours), "contours", &["c"], "", "contour lines, on or off")
                 .watching()
-                .also("isolines levels overlay layer"),
+                .also("isolines levels overlay layer hide show"),
             bind(Action::Toggle(Overlay::Directions), "directions", &["r"], "", "the actor's directions, on or off")
                 .watching()
-                .also("arrows policy actions gradient overlay layer"),
+                .also("arrows policy actions gradient vector field quiver overlay layer hide show"),
             bind(
                 Action::Toggle(Overlay::Unexplored),
                 "unvisited",
@@ -122,7 +123,7 @@ pub const SECTIONS: &[Section] = &[
                 "unvisited cells and their edge, on or off",
             )
             .watching()
-            .also("unexplored exploration frontier fog coverage overlay layer"),
+            .also("unexplored exploration frontier fog coverage overlay layer hide show"),
             bind(
                 Action::Toggle(Overlay::Agents),
                 "agents",
@@ -131,7 +132,7 @@ pub const SECTIONS: &[Section] = &[
                 "exploring agents, trails, frontier goals, on or off",
             )
             .watching()
-            .also("explorers robots dots overlay layer"),
+            .also("explorers robots dots overlay layer hide show"),
             bind(
                 Action::Toggle(Overlay::Candidates),
                 "candidates",
@@ -140,10 +141,10 @@ pub const SECTIONS: &[Section] = &[
                 "bridge candidates, on or off (zoom in for more)",
             )
             .watching()
-            .also("bridges points nodes waypoints overlay layer"),
+            .also("bridges points nodes waypoints overlay layer hide show"),
             bind(Action::Toggle(Overlay::Edges), "edges", &["d"], "", "edges of the bridge graph, on or off")
                 .watching()
-                .also("graph links lines overlay layer"),
+                .also("graph links lines overlay layer hide show"),
             bind(
                 Action::Toggle(Overlay::Search),
                 "search",
@@ -155,12 +156,12 @@ pub const SECTIONS: &[Section] = &[
             .also("bridge overlay layer"),
             bind(Action::Toggle(Overlay::Path), "path", &["p"], "", "the path planned by @, on or off")
                 .watching()
-                .also("plan route waypoints overlay layer"),
+                .also("plan route waypoints overlay layer hide show"),
             bind(Action::Inspect, "inspect", &["i"], "", "inspect cells with a cursor")
                 .watching()
-                .also("cursor look value info cell query"),
+                .also("cursor look value info cell query coordinates position hover"),
             bind(Action::ZoomIn, "zoom-in", &["+", "="], "", "zoom in (or mouse wheel)")
-                .also("magnify larger bigger closer enlarge"),
+                .also("magnify larger bigger closer enlarge minimap"),
             bind(Action::ZoomOut, "zoom-out", &["-"], "", "zoom out").also("smaller farther shrink"),
             bind(Action::ZoomOff, "whole-map", &["0"], "", "show the whole map")
                 .watching()
@@ -200,7 +201,7 @@ pub const SECTIONS: &[Section] = &[
                 .also("statistics numbers pane panel"),
             bind(Action::Show(Pane::Curves), "curves", &["2"], "", "curves of success, coverage, losses and errors")
                 .watching()
-                .also("plots charts graphs history loss pane panel"),
+                .also("plots charts graphs history loss td bellman error tensorboard pane panel"),
             bind(Action::Show(Pane::Walk), "walk", &["3"], "", "the followed agent").watching().also("pane panel"),
             bind(Action::Show(Pane::Legend), "legend", &["4"], "", "legend of the map")
                 .watching()
@@ -280,7 +281,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Tour, "guided-tour", &[], "", "take the guided tour of the four rooms")
                 .also("tutorial demo introduction explain learn lesson beginner first steps teacher student class"),
             bind(Action::Compare, "compare", &[], "", "compare two methods side by side: how to start it")
-                .also("comparison versus against race beside both rival baseline"),
+                .also("comparison versus against race beside both rival baseline ablation"),
             bind(Action::NextTourStep, "next-step", &["enter", "right"], "", "next step of the tour (or click)")
                 .within(When::Touring),
             bind(Action::TogglePause, "pause-tour", &["p"], "", "pause or resume training and tour")

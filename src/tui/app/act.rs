@@ -33,8 +33,8 @@ impl App {
         if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
             self.on_first_use();
         }
-        if is_about_present(action) {
-            self.return_to_present();
+        if is_about_present(action) && self.return_to_present() {
+            self.say("back in the present");
         }
         let (began, dialogs) = (Instant::now(), self.screen.dialogs.len());
         self.perform(action);
@@ -85,7 +85,11 @@ impl App {
                 let at = all.iter().position(|m| *m == self.screen.marker).unwrap_or(0);
                 self.screen.marker = all[(at + 1) % all.len()];
                 let none = self.screen.marker == Marker::Pixels && self.screen.picture_character().is_none();
-                let more = if none { ", but there are none here: as auto" } else { "" };
+                let more = match self.screen.theme.depth {
+                    ColourDepth::Mono => ", once there are colours: without them, the map is drawn in characters",
+                    _ if none => ", but there are none here: as auto",
+                    _ => "",
+                };
                 self.say(&format!("marker: {}{more}", self.screen.marker.name()));
             }
             Action::Back => self.step_through_time(false),
@@ -255,7 +259,7 @@ impl App {
 
     fn ask_seed(&mut self) {
         let next = self.screen.run().seed.wrapping_add(1).to_string();
-        let hint = "an integer: same seed, same run. Unsaved training is lost";
+        let hint = "an integer: same seed, same run";
         self.open_prompt(Prompt::new(Question::Seed, "restart with seed", hint, next));
     }
 

@@ -118,6 +118,13 @@ impl App {
                 self.open_picker(lists::world_switch_choices(name, self.is_worth_saving()));
             }
             Choice::StartIn(name) => self.start_run_in(name),
+            Choice::Restart(seed) => self.restart(seed),
+            Choice::Field(field) => {
+                if self.return_to_present() {
+                    self.say("back in the present");
+                }
+                self.show_field(field);
+            }
             Choice::StartOn(map, file) => {
                 file.as_deref().inspect(|file| remember_map(file));
                 self.start_run_on(map);
@@ -168,6 +175,16 @@ impl App {
             SceneKind::Arm => self.run_adapted_to(&maze::KIND),
         };
         self.command(Command::StartRun(Box::new(run), maze_on(map)));
+    }
+
+    /// Starts the run again with another seed.
+    fn restart(&mut self, seed: u64) {
+        let run = Run { seed, ..self.screen.run().clone() };
+        let world: MakeWorld = match self.screen.scene() {
+            SceneKind::Maze => maze_on(self.screen.maze.map.clone()),
+            SceneKind::Arm => Box::new(|world| world.fork(0)),
+        };
+        self.command(Command::StartRun(Box::new(run), world));
     }
 
     /// Returns this run with the settings that its preset has in another kind of world.
@@ -257,12 +274,11 @@ impl App {
             }
             Question::Seed => {
                 let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;
-                let run = Run { seed, ..self.screen.run().clone() };
-                let world: MakeWorld = match self.screen.scene() {
-                    SceneKind::Maze => maze_on(self.screen.maze.map.clone()),
-                    SceneKind::Arm => Box::new(|world| world.fork(0)),
-                };
-                self.command(Command::StartRun(Box::new(run), world));
+                if self.is_worth_saving() {
+                    self.open_picker(lists::restart_choices(seed));
+                } else {
+                    self.restart(seed);
+                }
             }
             Question::Autosave => {
                 let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));

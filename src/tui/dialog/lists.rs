@@ -20,11 +20,12 @@ use crate::tui::output::ExportKind;
 use crate::tui::scene::SceneKind;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ThemeName;
+use crate::view::Field;
 
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;
 
-/// Lists all actions that make sense on this screen, by name, and after them all settings.
+/// Lists all actions that make sense on this screen, by name, and after them what colours can show, and all settings.
 pub fn actions(screen: &Screen) -> Picker {
     let (keymap, scene) = (&screen.keymap, screen.scene());
     let here = |b: &&Binding| {
@@ -44,7 +45,11 @@ pub fn actions(screen: &Screen) -> Picker {
         let detail = format!("setting: {}", setting.below[0]);
         Item { detail, marked: false, ..setting }.within("settings")
     });
-    let items = bindings().filter(named).map(item).chain(settings).collect();
+    let fields = Field::ALL.into_iter().filter(|field| screen.has_field(*field)).map(|field| Item {
+        words: field.words().to_owned(),
+        ..Item::new(format!("colours: {}", field.name()), "", Choice::Field(field))
+    });
+    let items = bindings().filter(named).map(item).chain(fields).chain(settings).collect();
     let mut picker = Picker::new("find an action", items);
     picker.keeps_groups = true;
     picker
@@ -217,6 +222,13 @@ pub fn world_switch_choices(name: &'static str, is_worth_saving: bool) -> Picker
     let mut items = start_choices(name, &Choice::StartIn(name), is_worth_saving);
     items.push(stay());
     Picker::new(name, items)
+}
+
+/// Asks whether to start the run again with another seed, although it is worth saving.
+pub fn restart_choices(seed: u64) -> Picker {
+    let mut items = start_choices(&format!("this map with seed {seed}"), &Choice::Restart(seed), true);
+    items.push(stay());
+    Picker::new(format!("restart with seed {seed}"), items)
 }
 
 /// Returns the ways to a new run on `place`, which `start` begins.

@@ -1,8 +1,5 @@
 //! How well an item matches what was typed.
 
-use nucleo_matcher::pattern::{CaseMatching, Normalization, Pattern};
-use nucleo_matcher::{Config, Matcher, Utf32Str};
-
 use super::Item;
 
 /// Scores of a typed word that is a whole word, or begins one: in an item's name, among the other words it is found by,
@@ -16,33 +13,31 @@ const WITHIN_NAME: u32 = 40;
 const FIRST: u32 = 5;
 const IN_BOTH: u32 = 10;
 
-/// The longest text taken for an abbreviation, in characters: a longer one is a word, and names that contain its letters in
-/// their order do so by chance.
-const LONGEST_ABBREVIATION: usize = 4;
+/// Words that say nothing beside others.
+const FILLERS: [&str; 7] = ["a", "an", "the", "of", "in", "to", "for"];
 
 /// Ranks items by a search text.
 pub struct Ranking {
     typed: String,
-    /// Finds the letters of the text in this order, with others between them.
-    letters: Pattern,
-    matcher: Matcher,
-    buffer: Vec<char>,
+    /// Its words, without fillers unless there is nothing else.
+    words: Vec<String>,
 }
 
 impl Ranking {
-    /// The score of a name that contains the typed letters in their order, but not the words.
+    /// The score of a name that the typed letters abbreviate.
     pub const GUESS: u32 = 1;
 
     /// Creates a ranking for a search text.
     pub fn new(typed: &str) -> Self {
         let typed = typed.trim().to_lowercase();
-        let letters = Pattern::parse(&typed, CaseMatching::Ignore, Normalization::Smart);
-        Self { typed, letters, matcher: Matcher::new(Config::DEFAULT), buffer: Vec::new() }
+        let all: Vec<String> = typed.split_whitespace().map(str::to_owned).collect();
+        let telling: Vec<String> = all.iter().filter(|word| !FILLERS.contains(&word.as_str())).cloned().collect();
+        Self { typed, words: if telling.is_empty() { all } else { telling } }
     }
 
-    /// Returns how well `item` matches, or `None` if it does not. Every typed word must match, or the name must contain
-    /// the typed letters in their order if they are few.
-    pub fn score(&mut self, item: &Item) -> Option<u32> {
+    /// Returns how well `item` matches, or `None` if it does not. Every typed word must match, or the typed letters must
+    /// abbreviate the name.
+    pub fn score(&self, item: &Item) -> Option<u32> {
         let name = item.label.to_lowercase();
         if self.typed.is_empty() {
             return Some(0);
@@ -58,7 +53,7 @@ impl Ranking {
         let words = item.words.to_lowercase();
         let detail = item.detail.to_lowercase();
         let below = item.below.join(" ").to_lowercase();
-        let of = |typed: &str| {
+        let of_one = |typed: &str| {
             let of_name = in_words(&name, typed, NAME)
                 .map(|score| score + if name.starts_with(typed) { FIRST } else { 0 })
                 .or(name.contains(typed).then_some(WITHIN_NAME));
@@ -67,13 +62,25 @@ impl Ranking {
             let in_both = if of_name.is_some() && of_words.is_some() { IN_BOTH } else { 0 };
             of_name.max(of_words).max(of_detail).map(|score| score + in_both)
         };
-        let all: Option<u32> = self.typed.split_whitespace().map(of).sum();
-        if all.is_some() || self.typed.chars().count() > LONGEST_ABBREVIATION {
-            return all;
-        }
-        let letters = self.letters.score(Utf32Str::new(&item.label, &mut self.buffer), &mut self.matcher);
-        letters.map(|_| Self::GUESS)
+        // Settings have underscores where users may type hyphens.
+        let of = |typed: &String| of_one(typed).max(of_one(&typed.replace('-', "_")));
+        let all: Option<u32> = self.words.iter().map(of).sum();
+        all.or_else(|| abbreviates(&self.typed, &name).then_some(Self::GUESS))
     }
+}
+
+/// Returns whether each letter begins a word of `name`, in their order, or directly follows the letter before.
+fn abbreviates(letters: &str, name: &str) -> bool {
+    let (letters, name): (Vec<char>, Vec<char>) = (letters.chars().collect(), name.chars().collect());
+    // The places after each match of the letters so far.
+    let mut ends = vec![0];
+    for (n, letter) in letters.iter().enumerate() {
+        let begins_word = |i: usize| i == 0 || !name[i - 1].is_alphanumeric();
+        let matches = |i: usize| name[i] == *letter && (begins_word(i) || n > 0 && ends.contains(&i));
+        let first = ends.iter().min().copied().unwrap_or(name.len());
+        ends = (first..name.len()).filter(|i| matches(*i)).map(|i| i + 1).collect();
+    }
+    !ends.is_empty()
 }
 
 /// Returns the score of a word in a text: `[whole, begins]`.
@@ -88,4 +95,21 @@ fn in_words(text: &str, typed: &str, [whole, begins]: [u32; 2]) -> Option<u32> {
         _ => None,
     };
     words.by_ref().filter_map(best).max()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn abbreviations_are_first_letters_of_words_or_more_of_them() {
+        for letters in ["lr", "lera", "learn", "r"] {
+            assert!(abbreviates(letters, "learning_rate"), "{letters}");
+        }
+        for (letters, name) in
+            [("lrt", "learning_rate"), ("lr", "layers"), ("sac", "steps at most"), ("lr", "rate, learning")]
+        {
+            assert!(!abbreviates(letters, name), "{letters} {name}");
+        }
+    }
 }

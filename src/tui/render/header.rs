@@ -32,15 +32,28 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         (Span::styled(format!(" {}{speed}", screen.phase()), BOLD), Action::TogglePause),
         (Span::styled(saved, DIM), Action::Save),
     ];
+    let is_too_wide =
+        |parts: &[(Span, Action)]| parts.iter().map(|(span, _)| span.width()).sum::<usize>() > usize::from(area.width);
     // Where room is short, what the run is gives way to what it does.
     for left_out in [Action::NewSeed, Action::Preset, Action::Method] {
-        if parts.iter().map(|(span, _)| span.width()).sum::<usize>() > usize::from(area.width) {
+        if is_too_wide(&parts) {
             parts.retain(|(_, action)| *action != left_out);
         }
     }
+    if is_too_wide(&parts) {
+        parts.retain(|(_, action)| *action != Action::Save);
+    }
+    if is_too_wide(&parts) {
+        // The first words say what the phase is.
+        let phase = screen.phase();
+        let short = phase.split([' ', ':']).next().unwrap_or_default().to_owned();
+        parts.retain(|(_, action)| *action != Action::TogglePause);
+        parts.push((Span::styled(format!(" {short}"), BOLD), Action::TogglePause));
+    }
     let mut bar = ClickableLine::default();
     parts.into_iter().for_each(|(span, action)| bar.push(span, act(action)));
-    let unsaved = format!("  {} updates since the last checkpoint", grouped(unsaved));
+    let plural = if unsaved == 1 { "" } else { "s" };
+    let unsaved = format!("  {} update{plural} since the last checkpoint", grouped(unsaved));
     if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));
     }

@@ -7,7 +7,7 @@ use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED, middle, training, without_slivers};
-use crate::tui::action::{Action, Binding, Mode, SECTIONS};
+use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene;
@@ -95,8 +95,9 @@ fn matches(entries: &[Vec<Line<'static>>], typed: &str) -> Vec<Line<'static>> {
 fn entries(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) -> Vec<Vec<Line<'static>>> {
     let kind = screen.scene();
     let key = screen.keymap.key_of(Action::Palette);
-    let introduction =
-        format!("{introduction} Where the help shows \"{key} ...\" instead of a key, type {key} and some letters.");
+    let finds = bindings().any(|b| b.action == Action::Palette && modes.iter().any(|mode| b.is_active(*mode)));
+    let how = format!(" Where the help shows \"{key} ...\" instead of a key, type {key} and some letters.");
+    let introduction = introduction.to_owned() + if finds { &how } else { "" };
     let introduction = wrapped(&introduction, width.saturating_sub(2).max(8));
     let mut entries = vec![introduction.into_iter().map(|line| Line::raw(format!(" {line}"))).collect::<Vec<_>>()];
     let title = |title: &str| [vec![Line::default()], vec![Line::styled(format!(" {title}"), BOLD)]];
@@ -114,7 +115,7 @@ fn entries(screen: &Screen, width: usize, introduction: &str, modes: &[Mode]) ->
         }
     }
     entries.extend(title("the numbers"));
-    for (name, meaning) in training::MEANINGS {
+    for (name, meaning) in training::MEANINGS.iter().chain(scene::WALK_MEANINGS) {
         entries.push(entry(name, meaning, "", width));
     }
     entries.push(vec![Line::default()]);

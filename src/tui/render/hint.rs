@@ -10,6 +10,7 @@ use crate::runs;
 use crate::text::grouped;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
+use crate::tui::scene::{SceneKind, shown_goal};
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
 
@@ -35,8 +36,14 @@ fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let (frame, snapshot) = (screen.past.as_ref()?, &screen.snapshot);
     let [then, now] = [snapshot.learned(frame.updates), snapshot.updates()].map(grouped);
     let success = snapshot.success_at(frame.updates).map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    let other_goal = screen.scene() != SceneKind::Maze || shown_goal(screen) != screen.maze.goal;
+    let goal = |text: &str| if other_goal { format!(": {text}") } else { String::new() };
+    let (long, short) = (goal("D to the film's own goal"), goal("D to its own goal"));
     let texts = [
-        (format!("update {then} of {now}{success}: D to the film's own goal"), " back and forth"),
+        (format!("update {then} of {now}{success}{long}"), " back and forth"),
+        (format!("update {then} of {now}{long}"), " back and forth"),
+        (format!("update {then}{long}"), " back and forth"),
+        (format!("update {then}{short}"), ""),
         (format!("update {then} of {now}{success}"), " back and forth"),
         (format!("update {then} of {now}"), " back and forth"),
         (format!("update {then} of {now}"), ""),

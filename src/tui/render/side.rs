@@ -6,6 +6,7 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Paragraph};
 
+use super::text::{EXPLAINED_WIDTH, explain};
 use super::{BOLD, DIM, REVERSED, curves, log, training};
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -62,7 +63,13 @@ fn stack(area: Rect, panes: &[Pane], screen: &Screen) -> Vec<Rect> {
 pub fn lines(pane: Pane, screen: &Screen, width: u16) -> Option<Vec<Line<'static>>> {
     match pane {
         Pane::Training => Some(training::lines(screen, usize::from(width))),
-        Pane::Walk => Some(scene::walk_lines(screen)),
+        Pane::Walk => {
+            let mut lines = scene::walk_lines(screen);
+            if usize::from(width) >= EXPLAINED_WIDTH {
+                lines.iter_mut().for_each(|line| explain(line, scene::WALK_MEANINGS));
+            }
+            Some(lines)
+        }
         Pane::Legend => Some(scene::legend_lines(screen)),
         Pane::Curves | Pane::Log => None,
     }

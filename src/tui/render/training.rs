@@ -1,9 +1,9 @@
 //! Training progress: counters, rates, success, and where the time goes.
 
-use ratatui::text::{Line, Span};
+use ratatui::text::Line;
 
-use super::text::{clock, fact, short};
-use super::{BOLD, DIM};
+use super::BOLD;
+use super::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
 use crate::bridge::EdgeStatus;
 use crate::learn::{Losses, Stage};
 use crate::text::grouped;
@@ -36,10 +36,6 @@ pub const MEANINGS: [(&str, &str); 20] = [
     ("learning", "time spent on updates, and on agents' steps"),
 ];
 
-/// Columns from which the numbers are explained beside them, and the column of the explanation.
-const EXPLAINED_WIDTH: usize = 79;
-const EXPLANATION_COLUMN: usize = 33;
-
 /// Columns of a number before those by distance: a name and `0.95 `.
 const NUMBER_WIDTH: usize = 17;
 
@@ -68,7 +64,7 @@ pub fn lines(screen: &Screen, width: usize) -> Vec<Line<'static>> {
     lines.extend(bridges(screen));
     lines.extend(time(screen));
     if explained {
-        lines.iter_mut().for_each(explain);
+        lines.iter_mut().for_each(|line| explain(line, &MEANINGS));
     }
     lines
 }
@@ -76,16 +72,6 @@ pub fn lines(screen: &Screen, width: usize) -> Vec<Line<'static>> {
 /// Formats a count: exactly if it stands still.
 fn count(screen: &Screen, n: u64) -> String {
     if screen.snapshot.phase.is_training() { short(n as f64) } else { grouped(n) }
-}
-
-/// Adds what a number means.
-fn explain(line: &mut Line<'static>) {
-    let name = line.spans.first().map(|span| span.content.trim().to_owned()).unwrap_or_default();
-    let name = name.split_whitespace().next().filter(|first| *first == "success").map_or(name.clone(), str::to_owned);
-    if let Some((_, meaning)) = MEANINGS.iter().find(|(known, _)| *known == name) {
-        let gap = EXPLANATION_COLUMN.saturating_sub(line.width()).max(2);
-        line.push_span(Span::styled(format!("{:gap$}{meaning}", ""), DIM));
-    }
 }
 
 /// Returns the losses of what the learner has.

@@ -25,7 +25,7 @@ use crate::tui::screen::Screen;
 use crate::view::MazeView;
 pub use editor::{Editor, Tool};
 pub use legend::lines as legend_lines;
-pub use map::Cache;
+pub use map::{Cache, shown_goal};
 pub use walk::lines as walk_lines;
 
 /// What the screen shows of a maze.

@@ -7,6 +7,22 @@ use crate::tui::action::Action;
 use crate::tui::render::text::fact;
 use crate::tui::screen::Screen;
 
+/// What the numbers mean, by their names in the pane.
+pub const MEANINGS: &[(&str, &str)] = &[
+    ("from S", "where this walk began"),
+    ("to G", "where it leads: the goal"),
+    ("walking", "steps taken on this walk so far"),
+    ("arrived", "steps it took; below: walks that arrived"),
+    ("shortest", "true steps from the start to the goal"),
+    ("D to goal", "steps left, as learned"),
+    ("waypoint", "what the agent heads for next"),
+    ("target", "what the agent heads for"),
+    ("D to it", "steps to that, as learned"),
+    ("ahead", "waypoints of the plan still to come"),
+    ("then", "what happens when the agent arrives"),
+    ("path", "whether it follows a plan"),
+];
+
 /// Returns the keys that change what the walking agent does.
 pub fn keys(screen: &Screen) -> [Line<'static>; 4] {
     let key = |action| screen.keymap.key_of(action);

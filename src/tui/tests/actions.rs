@@ -38,7 +38,7 @@ fn the_help_lists_every_action_and_sign_at_80_by_24() {
     }
     for symbol in [
         "goal",
-        "walking agent",
+        "walks to G",
         "start of @",
         "planned path",
         "exploring agents",

@@ -336,3 +336,57 @@ fn facts_about_a_cell_are_not_cut_on_narrow_screens() {
         assert_eq!(facts.trim_end(), expected, "{shown}");
     }
 }
+
+#[test]
+fn a_restart_with_another_seed_offers_to_save_what_would_be_lost() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("run.safetensors");
+    for (answer, saves) in [('n', false), ('d', false), ('s', true)] {
+        let mut app = app_saving_to(rooms(), gdg(), Limits::default(), Some(path.clone()));
+        // As after some time of training.
+        app.act(Action::ToggleEdit);
+        app.act(Action::Apply);
+        wait_until(&mut app, |app| app.screen.snapshot.updates() > 0);
+        let generation = app.screen.snapshot.generation;
+        press(&mut app, KeyCode::Esc);
+        press(&mut app, KeyCode::Char('R'));
+        press(&mut app, KeyCode::Enter);
+        assert!(text(&draw(&mut app, 80, 24)).contains("start a new run on this map with seed 2 without saving"));
+        press(&mut app, KeyCode::Char(answer));
+        if answer == 'n' {
+            assert!(app.screen.dialogs.is_empty() && app.screen.run().seed == 1, "nothing happens");
+            continue;
+        }
+        wait_until(&mut app, |app| app.screen.snapshot.generation > generation);
+        assert_eq!((app.screen.run().seed, path.exists()), (2, saves));
+    }
+}
+
+#[test]
+fn the_minimap_hides_neither_goal_nor_cursor() {
+    let mut app = staged_app(120, 40);
+    let (width, height) = (app.screen.maze.map.width(), app.screen.maze.map.height());
+    for goal in [Cell::new(width - 1, 0), Cell::new(0, 0), Cell::new(width - 1, height - 1)] {
+        let Some(goal) = app.screen.maze.map.nearest_free(goal) else { panic!("a free cell") };
+        app.set_goal(goal);
+        app.act(Action::ZoomOff);
+        for _ in 0..3 {
+            app.act(Action::ZoomIn);
+        }
+        draw(&mut app, 120, 40);
+        let layout = &app.screen.layout;
+        let minimap = layout.minimap.as_ref().expect("a minimap").area;
+        let at = layout.map.as_ref().and_then(|map| map.character_of(goal.centre()));
+        assert!(at.is_none_or(|at| !minimap.contains(at)), "{goal:?} at {at:?}, {minimap:?}");
+    }
+}
+
+#[test]
+fn headers_are_not_cut_within_a_word() {
+    let mut app = staged_app(40, 12);
+    for width in [40, 44, 48, 60, 80] {
+        let shown = text(&draw(&mut app, width, 16));
+        let header = shown.lines().next().unwrap_or_default().trim_end();
+        assert!(["training", "unsaved"].iter().any(|end| header.ends_with(end)), "{width}: {header}");
+    }
+}

@@ -110,7 +110,7 @@ fn the_past_shows_its_agents_and_its_goal_and_nothing_of_the_present() {
     stage_past(&mut app);
     let terminal = draw(&mut app, 80, 24);
     let past = text(&terminal);
-    assert!(past.contains("update 5,000 of 10,000"), "{past}");
+    assert!(past.contains("update 5,000: D to its own goal"), "{past}");
     assert!(past.contains("D to G"), "of the past, there is only D: {past}");
     let goal = character_of(&app, Cell::new(19, 4));
     let buffer = terminal.backend().buffer();

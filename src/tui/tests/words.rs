@@ -7,7 +7,7 @@ use crate::tui::panes::Pane;
 use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
-const WORDS: [(&str, Action); 87] = [
+const WORDS: [(&str, Action); 99] = [
     ("resume", Action::TogglePause),
     ("pause", Action::TogglePause),
     ("stop", Action::TogglePause),
@@ -95,6 +95,18 @@ const WORDS: [(&str, Action); 87] = [
     ("reward", Action::Method),
     ("teleport", Action::NewStart),
     ("teacher", Action::Tour),
+    ("number of agents", Action::Settings),
+    ("optimizer", Action::Settings),
+    ("td error", Action::Show(Pane::Curves)),
+    ("minimap", Action::ZoomIn),
+    ("coordinates", Action::Inspect),
+    ("spawn", Action::NewStart),
+    ("vector field", Action::Toggle(Overlay::Directions)),
+    ("max speed", Action::Faster),
+    ("fast forward", Action::Faster),
+    ("hide agents", Action::Toggle(Overlay::Agents)),
+    ("change goal", Action::NewGoal),
+    ("ablation", Action::Compare),
 ];
 
 #[test]
@@ -127,6 +139,19 @@ fn settings_are_found_beside_actions_and_after_them() {
     let all = found("restart");
     assert!(all[0] == Choice::Act(Action::NewSeed) && all.contains(&restart), "{all:?}");
     assert_eq!(found("polyak")[0], Choice::Setting("tau".to_owned()));
+    assert_eq!(found("n-step")[0], Choice::Setting("n_step".to_owned()));
+    assert_eq!(found("lr")[0], Choice::Act(Action::Settings));
+    for (word, field) in [
+        ("true steps", Field::True),
+        ("ground truth", Field::True),
+        ("shortest path", Field::True),
+        ("map only", Field::Plain),
+        ("D from start", Field::FromStart),
+        ("error of D", Field::Error),
+        ("q-values", Field::Learned),
+    ] {
+        assert_eq!(found(word).first(), Some(&Choice::Field(field)), "{word}");
+    }
     assert!(found("helicopter").is_empty(), "letters in the same order are no match for a whole word");
 }
 
@@ -140,6 +165,7 @@ fn settings_are_found_by_words_of_their_description() {
         ("noise environment", "env_noise"),
         ("frontier", "frontier_epsilon"),
         ("learning rate", "learning_rate"),
+        ("lr", "learning_rate"),
         ("parallel", "agents"),
         ("warmup_env_steps", "learning_starts"),
     ] {

@@ -282,7 +282,8 @@ fn close_door(app: &mut App) {
         |cells: &[Cell]| tour.route.iter().any(|at| cells.iter().any(|cell| straight(cell.centre(), *at) <= 0.5));
     let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
     let (corners, before) = through.unwrap_or(&DOORS[0]);
-    let watched = (before.centre(), distance_to_goal(&app.screen, before.centre()));
+    let distance = distance_to_goal(&app.screen, before.centre());
+    let watched = (before.centre(), distance, distance);
     app.close_door(cells_between(*corners));
     app.send_walker();
     if let Some(tour) = &mut app.screen.tour {
@@ -292,15 +293,16 @@ fn close_door(app: &mut App) {
 
 /// Returns the door that was closed, the place before it, and the path of the agent.
 fn around_door(screen: &Screen, tour: &Tour) -> Vec<[f32; 2]> {
-    let (place, _) = tour.watched;
+    let place = tour.watched.0;
     let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
     let door = cells_between(door).into_iter().map(Cell::centre);
     [vec![place], door.collect(), path_ahead(screen)].concat()
 }
 
 fn closed(screen: &Screen, tour: &mut Tour) -> Caption {
-    let (place, before) = tour.watched;
+    let (place, before, _) = tour.watched;
     let now = distance_to_goal(screen, place);
+    tour.watched.2 = tour.watched.2.max(now);
     let followed = if now.round() > before.round() {
         format!("D follows: from P it was {before:.0}, now {now:.0}.")
     } else {
@@ -320,9 +322,11 @@ fn open_door(app: &mut App) {
 }
 
 fn opened(screen: &Screen, tour: &mut Tour) -> Caption {
-    let (place, before) = tour.watched;
+    let (place, before, most) = tour.watched;
     let now = distance_to_goal(screen, place);
-    let followed = if now <= BACK * before {
+    let followed = if most.round() <= before.round() {
+        format!("D had no time to follow: from P it is {now:.0}.")
+    } else if now <= BACK * before {
         format!("D has fallen again: from P it is {now:.0}.")
     } else {
         format!("D will fall: from P it is still {now:.0}.")

@@ -4,6 +4,7 @@ use ratatui::text::Line;
 
 use super::centimetres;
 use crate::env::Scene;
+use crate::text::counted;
 use crate::tui::render::text::{fact, heading};
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
@@ -44,7 +45,7 @@ fn reacher(screen: &Screen) -> Vec<Line<'static>> {
         lines.extend([
             fact("waypoint", reach.waypoint.map_or("the goal".to_owned(), centimetres)),
             fact("D to it", format_steps(reach.distances.1)),
-            fact("ahead", format!("{} waypoints", view.path.len().saturating_sub(1))),
+            fact("ahead", counted(view.path.len().saturating_sub(1) as u64, "waypoint")),
         ]);
     }
     lines.extend([

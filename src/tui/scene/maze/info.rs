@@ -25,7 +25,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &ScreenLayou
 fn meaning(width: usize, screen: &Screen, layout: &ScreenLayout) -> Line<'static> {
     let [long, short] = scaled_down_texts(screen, layout);
     let interval = contour_text(screen, layout);
-    let texts = [[&*long, &interval], [&short, &interval], [&long, ""], [&short, ""], [&interval, ""]]
+    let texts = [[&*interval, &*long], [&interval, &short], [&interval, ""], [&long, ""], [&short, ""]]
         .map(|texts| texts.concat());
     let bars = || (SHORT_BAR_WIDTH..=BAR_WIDTH).rev();
     let options = texts.iter().flat_map(|text| bars().map(move |bar| (text, bar)));
@@ -72,7 +72,7 @@ fn scaled_down_texts(screen: &Screen, layout: &ScreenLayout) -> [String; 2] {
     });
     let short = format!(", 1 dot = {cells:.1} cells");
     let key = screen.keymap.key_of(Action::ZoomIn);
-    if cells > 1.01 { [format!("{short}: {key} zooms in"), short] } else { Default::default() }
+    if cells > 1.01 { [format!("{short} ({key} zooms in)"), short] } else { Default::default() }
 }
 
 /// Says how many steps are between contour lines, if they are shown.

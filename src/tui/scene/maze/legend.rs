@@ -18,10 +18,14 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = overlay_lines(screen, sign_of);
     lines.push(heading("signs"));
     let theme = &screen.theme;
-    for [(symbol, rgb, meaning), (second, second_rgb, second_meaning)] in [
+    let mut pairs = vec![
         [('G', theme.goal, "goal"), ('S', theme.walker, "start of @")],
-        [('@', theme.walker, "walking agent"), ('s', theme.cursor, "g: map's")],
-    ] {
+        [('@', theme.walker, "walks to G"), ('s', theme.cursor, "g: map's own")],
+    ];
+    if screen.following.is_some() {
+        pairs.push([('A', theme.agent, "followed agent"), ('\u{2691}', theme.agent, "its goal")]);
+    }
+    for [(symbol, rgb, meaning), (second, second_rgb, second_meaning)] in pairs {
         lines.push(Line::from(vec![
             Span::raw(" "),
             sample(screen, symbol, rgb),
@@ -37,6 +41,9 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     }
     if screen.run().method.bridges() {
         lines.push(sign(screen, FRONTIER_SIGN, theme.frontier, "frontier goals of agents"));
+    }
+    if screen.maze.view.cut_off.contains(&true) {
+        lines.push(sign(screen, '\\', theme.cursor, "hatched: no path to G"));
     }
     if screen.run().method.plans() {
         let tried = edge_count(screen, EdgeStatus::Confirmed) + edge_count(screen, EdgeStatus::Demoted);

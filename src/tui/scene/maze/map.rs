@@ -264,7 +264,7 @@ fn is_covered(label: &Label, canvas: &Canvas, map_frame: &MapFrame, theme: &Them
 }
 
 /// Returns the goal that distances are shown to.
-pub(super) fn shown_goal(screen: &Screen) -> Cell {
+pub fn shown_goal(screen: &Screen) -> Cell {
     let past = screen.shown_past().and_then(|frame| film_goal(frame, &screen.maze.map));
     past.unwrap_or(screen.maze.goal)
 }

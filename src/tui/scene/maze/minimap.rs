@@ -1,11 +1,11 @@
 //! The minimap: the whole map in a corner while only a part of it is shown.
 
 use ratatui::Frame;
-use ratatui::layout::Rect;
+use ratatui::layout::{Position, Rect};
 use ratatui::style::Style;
 use ratatui::widgets::{Block, Clear};
 
-use super::map::ground_style;
+use super::map::{ground_style, shown_goal};
 use crate::tui::canvas::Canvas;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::{MapFrame, Marker, Viewport};
@@ -16,7 +16,7 @@ use crate::tui::theme::blend;
 const MAX_SIZE: (u16, u16) = (24, 10);
 const PANE_DIVISOR: u16 = 3;
 
-/// Draws the minimap in the upper right corner of `area`.
+/// Draws the minimap in a corner of `area`: the upper right one, unless it would hide the goal or the cursor there.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
     let Some(shown) = layout.map.as_ref().filter(|_| screen.maze.viewport.zoom > 1.0) else { return };
     let room = Rect {
@@ -27,7 +27,13 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let inner = Rect { width: room.width.saturating_sub(2), height: room.height.saturating_sub(2), ..area };
     let Some(map_frame) = MapFrame::fit(inner, &screen.maze.map, Marker::Quadrant, Viewport::default()) else { return };
     let (width, height) = (map_frame.area.width + 2, map_frame.area.height + 2);
-    let outer = Rect { x: area.right().saturating_sub(width), y: area.y, width, height };
+    let (right, bottom) = (area.right().saturating_sub(width), area.bottom().saturating_sub(height));
+    let corners = [(right, area.y), (area.x, area.y), (right, bottom), (area.x, bottom)];
+    let corners = corners.map(|(x, y)| Rect { x, y, width, height });
+    let (maze, goal) = (&screen.maze, shown_goal(screen));
+    let seen = [Some(goal), maze.inspecting, maze.editor.cursor].into_iter().flatten();
+    let seen: Vec<Position> = seen.filter_map(|cell| shown.character_of(cell.centre())).collect();
+    let outer = corners.into_iter().find(|corner| !seen.iter().any(|at| corner.contains(*at))).unwrap_or(corners[0]);
     let map_frame = MapFrame { area: Rect { x: outer.x + 1, y: outer.y + 1, ..map_frame.area }, ..map_frame };
     let mut canvas = Canvas::new(&map_frame);
     let [left, top, columns, rows] = shown.raster.window;

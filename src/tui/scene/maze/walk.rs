@@ -2,6 +2,7 @@
 
 use ratatui::text::Line;
 
+use crate::text::counted;
 use crate::tui::render::text::{fact, heading};
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
@@ -30,12 +31,12 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = vec![
         fact("from S", format_position(&shown.start)),
         fact("to G", format_position(&screen.maze.goal.centre())),
-        fact(state, format!("{} steps", shown.steps)),
+        fact(state, counted(u64::from(shown.steps), "step")),
         fact("shortest", shortest),
         fact("D to goal", format_steps(shown.distances.0) + if has_path { "" } else { " (means nothing)" }),
         fact("waypoint", shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at))),
         fact("D to it", format_steps(shown.distances.1)),
-        fact("ahead", format!("{} waypoints", screen.maze.view.path.len().saturating_sub(1))),
+        fact("ahead", counted(screen.maze.view.path.len().saturating_sub(1) as u64, "waypoint")),
         heading("walks"),
         fact("arrived", format!("{} of {}", shown.finished_walks.0, shown.finished_walks.1)),
         fact("then", screen.on_arrival.name()),
