@@ -48,6 +48,7 @@ mod tour;
 
 use std::path::Path;
 use std::sync::Arc;
+use std::thread::JoinHandle;
 
 use miette::{IntoDiagnostic, Report};
 
@@ -108,9 +109,13 @@ pub fn run(
     app.search = search;
     app.screen.first_run = is_first_run();
     let file = args.map.as_deref().filter(|name| map::builtin(name).is_none()).map(Path::new);
-    file.filter(|file| file.is_file()).inspect(|file| app::remember_map(file));
+    let file = file.filter(|file| file.is_file()).map(Path::to_owned);
+    // Writing to the disk must not delay the first frame.
+    let remembering = file.map(|file| std::thread::spawn(move || app::remember_map(&file)));
     warnings.iter().for_each(|warning| app.notify(warning));
-    event_loop::show(app, recorder, marker, &termination)
+    let status = event_loop::show(app, recorder, marker, &termination);
+    remembering.map(JoinHandle::join);
+    status
 }
 
 /// Returns whether the interface has not been used yet.

@@ -23,6 +23,16 @@ use steps::{Caption, FoundBridge, MAP, START, STEPS, Step};
 const LOOK_INTERVAL_SECS: f32 = 0.1;
 const REST_SECS: f32 = 2.0;
 
+/// A place whose D to the goal is watched.
+#[derive(Clone, Copy, Default)]
+struct Watched {
+    place: [f32; 2],
+    /// D before the door was closed.
+    before: f32,
+    /// The most that it was since.
+    most: f32,
+}
+
 /// The state of a tour.
 pub struct Tour {
     step: usize,
@@ -39,8 +49,8 @@ pub struct Tour {
     route: Vec<[f32; 2]>,
     /// The cells of the closed door.
     closed: Vec<Cell>,
-    /// The place where D is watched while the door is closed, D before that, and the most that it was since.
-    watched: ([f32; 2], f32, f32),
+    /// What is watched while the door is closed.
+    watched: Watched,
     /// When the agent was last sent to walk.
     sent_at: f32,
     /// Whether the tour shows searches, which the user did not.
@@ -117,7 +127,7 @@ impl App {
             bridge: None,
             route: Vec::new(),
             closed: Vec::new(),
-            watched: ([0.0; 2], 0.0, 0.0),
+            watched: Watched::default(),
             sent_at: 0.0,
             shows_search: false,
             on_arrival,

@@ -33,8 +33,8 @@ impl App {
         if matches!(action, Action::NewGoal | Action::Move(..) | Action::GoalHere | Action::Help) {
             self.on_first_use();
         }
-        if is_about_present(action) && self.return_to_present() {
-            self.say("back in the present");
+        if is_about_present(action) {
+            self.leave_past();
         }
         let (began, dialogs) = (Instant::now(), self.screen.dialogs.len());
         self.perform(action);

@@ -120,9 +120,7 @@ impl App {
             Choice::StartIn(name) => self.start_run_in(name),
             Choice::Restart(seed) => self.restart(seed),
             Choice::Field(field) => {
-                if self.return_to_present() {
-                    self.say("back in the present");
-                }
+                self.leave_past();
                 self.show_field(field);
             }
             Choice::StartOn(map, file) => {

@@ -50,6 +50,13 @@ impl App {
         was_past
     }
 
+    /// Returns to the present for what is about it, and says so.
+    pub(super) fn leave_past(&mut self) {
+        if self.return_to_present() {
+            self.say("back in the present");
+        }
+    }
+
     /// Shows a frame of the film, or the present.
     fn look_at(&mut self, frame: Option<Arc<FilmFrame>>) {
         let returns = frame.is_none();

@@ -210,7 +210,7 @@ impl Picker {
         let ranking = Ranking::new(self.typed.value());
         let scored = self.items.iter().enumerate().filter_map(|(i, item)| Some((i, ranking.score(item)?)));
         let mut scored: Vec<(usize, u32)> = scored.collect();
-        // Letters in the right order are a guess, for when no word matches.
+        // An abbreviation is a guess, for when no word matches.
         if scored.iter().any(|(_, score)| *score > Ranking::GUESS) {
             scored.retain(|(_, score)| *score > Ranking::GUESS);
         }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Tour;
+use super::{Tour, Watched};
 use crate::bridge::SearchOutcome;
 use crate::learn::Scratch;
 use crate::map::Cell;
@@ -283,7 +283,7 @@ fn close_door(app: &mut App) {
     let through = DOORS.iter().find(|(corners, _)| leads_through(&cells_between(*corners)));
     let (corners, before) = through.unwrap_or(&DOORS[0]);
     let distance = distance_to_goal(&app.screen, before.centre());
-    let watched = (before.centre(), distance, distance);
+    let watched = Watched { place: before.centre(), before: distance, most: distance };
     app.close_door(cells_between(*corners));
     app.send_walker();
     if let Some(tour) = &mut app.screen.tour {
@@ -293,16 +293,16 @@ fn close_door(app: &mut App) {
 
 /// Returns the door that was closed, the place before it, and the path of the agent.
 fn around_door(screen: &Screen, tour: &Tour) -> Vec<[f32; 2]> {
-    let place = tour.watched.0;
+    let place = tour.watched.place;
     let door = DOORS.iter().find(|(_, before)| before.centre() == place).unwrap_or(&DOORS[0]).0;
     let door = cells_between(door).into_iter().map(Cell::centre);
     [vec![place], door.collect(), path_ahead(screen)].concat()
 }
 
 fn closed(screen: &Screen, tour: &mut Tour) -> Caption {
-    let (place, before, _) = tour.watched;
+    let Watched { place, before, .. } = tour.watched;
     let now = distance_to_goal(screen, place);
-    tour.watched.2 = tour.watched.2.max(now);
+    tour.watched.most = tour.watched.most.max(now);
     let followed = if now.round() > before.round() {
         format!("D follows: from P it was {before:.0}, now {now:.0}.")
     } else {
@@ -322,7 +322,7 @@ fn open_door(app: &mut App) {
 }
 
 fn opened(screen: &Screen, tour: &mut Tour) -> Caption {
-    let (place, before, most) = tour.watched;
+    let Watched { place, before, most } = tour.watched;
     let now = distance_to_goal(screen, place);
     let followed = if most.round() <= before.round() {
         format!("D had no time to follow: from P it is {now:.0}.")
