@@ -33,7 +33,7 @@ pub use evaluate::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
 };
 pub use film::{Film, FilmFrame};
-pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Stretch};
+pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes, Stretch};
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use policy_file::policy_file;
 pub use registry::Registry;

@@ -588,7 +588,7 @@ fn curves_evaluations_and_log_survive_resuming() {
     assert_eq!(session.end(), 0);
     let again = train::load(&path, &Registry::builtin(), 1).unwrap().trainer.history().clone();
     assert_eq!(again.points()[..7], history.points()[..]);
-    assert!(again.log.iter().any(|entry| entry.text.contains("gdg-bridge on trap")), "{:?}", again.log);
+    assert!(again.notes.log.iter().any(|entry| entry.text.contains("gdg-bridge on trap")), "{:?}", again.notes.log);
 }
 
 #[test]

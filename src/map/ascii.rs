@@ -3,6 +3,10 @@
 use super::error::MapResult;
 use super::grid::{Cell, Grid, MAX_CELLS};
 use super::text::Text;
+use crate::text::grouped;
+
+/// The most characters that an error names beside the first.
+const MAX_NAMED_CHARACTERS: usize = 3;
 
 /// The meaning of a map character.
 enum Mark {
@@ -41,7 +45,9 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let (mut starts, mut goals) = (Vec::new(), Vec::new());
     for (y, line) in text.lines.iter().enumerate() {
         for (x, c) in line.chars().enumerate() {
-            let Some(mark) = mark(c) else { return Err(unknown_character(text, y, x, c, ALLOWED_CHARACTERS)) };
+            let Some(mark) = mark(c) else {
+                return Err(unknown_character(text, y, |c| mark(c).is_some(), ALLOWED_CHARACTERS));
+            };
             match mark {
                 Mark::Start => starts.push(Cell::new(x, y)),
                 Mark::Goal => goals.push(Cell::new(x, y)),
@@ -72,9 +78,30 @@ pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapErro
     text.line_error(0, format!("a map of {width} x {height} cells is too large"), help)
 }
 
-/// Creates the error for a character that is not a map character.
-pub fn unknown_character(text: &Text, line: usize, column: usize, c: char, known: &str) -> Box<super::MapError> {
-    text.error(line, column..column + 1, format!("{c:?} is not a map character"), known)
+/// Creates the error for the first character from `line` on that is not a map character; it names others too. `help` says
+/// which `is_known` accepts.
+pub fn unknown_character(
+    text: &Text,
+    line: usize,
+    is_known: impl Fn(char) -> bool + Copy,
+    help: &str,
+) -> Box<super::MapError> {
+    let mut unknown =
+        text.lines.iter().enumerate().skip(line).flat_map(|(y, row)| {
+            row.chars().enumerate().filter(move |(_, c)| !is_known(*c)).map(move |(x, c)| (c, y, x))
+        });
+    let (first, line, column) = unknown.next().unwrap_or((' ', line, 0));
+    let named: Vec<String> =
+        unknown.by_ref().take(MAX_NAMED_CHARACTERS).map(|(c, y, x)| format!("{c:?} at {}:{}", y + 1, x + 1)).collect();
+    let mut problem = format!("{first:?} is not a map character");
+    if !named.is_empty() {
+        problem += &format!("; also {}", named.join(", "));
+    }
+    match unknown.count() {
+        0 => {}
+        more => problem += &format!(" and {} more", grouped(more as u64)),
+    }
+    text.error(line, column..column + 1, problem, help)
 }
 
 /// Checks that line `line` has `width` characters; `because` says where that width comes from.

@@ -17,6 +17,15 @@ pub fn is_movingai(text: &Text) -> bool {
     text.lines[0].split_whitespace().next() == Some("type")
 }
 
+/// Returns whether a character is a free cell; `None` if it is neither that nor a wall.
+fn is_free(c: char) -> Option<bool> {
+    match c {
+        '.' | 'G' | 'S' => Some(true),
+        '@' | 'O' | 'T' | 'W' => Some(false),
+        _ => None,
+    }
+}
+
 /// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked.
 ///
 /// # Errors
@@ -30,12 +39,11 @@ pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     let mut free = Vec::with_capacity(width * height);
     for line in first_row..text.lines.len().min(first_row + height) {
         check_row_length(text, line, width, "the header says width")?;
-        for (column, c) in text.lines[line].chars().enumerate() {
-            free.push(match c {
-                '.' | 'G' | 'S' => true,
-                '@' | 'O' | 'T' | 'W' => false,
-                _ => return Err(unknown_character(text, line, column, c, ALLOWED_CHARACTERS)),
-            });
+        for c in text.lines[line].chars() {
+            let Some(is_free) = is_free(c) else {
+                return Err(unknown_character(text, line, |c| is_free(c).is_some(), ALLOWED_CHARACTERS));
+            };
+            free.push(is_free);
         }
     }
     if rows < height {

@@ -9,6 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use super::evaluate::Evaluation;
 use super::score::Success;
+use crate::env::Spec;
 use crate::store::StoreError;
 pub use methods::{Methods, Stretch};
 
@@ -48,6 +49,16 @@ pub struct LogEntry {
     pub text: String,
 }
 
+/// What a front end finds again when a run is resumed.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Notes {
+    /// Events, oldest first.
+    pub log: Vec<LogEntry>,
+    /// The goal that was shown, `(goal_dim)`; empty if there was none.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub goal: Vec<f32>,
+}
+
 /// The history of a run.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct History {
@@ -60,8 +71,9 @@ pub struct History {
     /// The methods used; only in runs whose method has changed.
     #[serde(default, skip_serializing_if = "is_default")]
     pub(super) methods: Methods,
-    /// Events, oldest first.
-    pub log: Vec<LogEntry>,
+    /// What the front end keeps.
+    #[serde(flatten)]
+    pub notes: Notes,
 }
 
 impl Default for History {
@@ -71,7 +83,7 @@ impl Default for History {
             points: Arc::default(),
             evaluations: Arc::default(),
             methods: Methods::default(),
-            log: Vec::new(),
+            notes: Notes::default(),
         }
     }
 }
@@ -131,7 +143,8 @@ impl History {
     ///
     /// # Errors
     /// A value is out of range.
-    pub fn check(&self) -> Result<(), StoreError> {
+    pub fn check(&self, spec: &Spec) -> Result<(), StoreError> {
+        let Notes { log, goal } = &self.notes;
         let short = |entry: &LogEntry| entry.seconds.is_finite() && entry.text.chars().count() <= MAX_CHARACTERS;
         let sound = self.every > 0
             && self.points.len() <= MAX_POINTS
@@ -141,8 +154,10 @@ impl History {
             && self.evaluations.len() <= MAX_EVALUATIONS
             && self.evaluations.iter().all(|(_, evaluation)| evaluation.is_finite())
             && self.methods.is_sound()
-            && self.log.len() <= MAX_LOG_ENTRIES
-            && self.log.iter().all(short);
+            && log.len() <= MAX_LOG_ENTRIES
+            && log.iter().all(short)
+            && (goal.is_empty() || goal.len() == spec.goal_dim())
+            && goal.iter().all(|coordinate| coordinate.is_finite());
         if sound { Ok(()) } else { Err(StoreError::inconsistent("its history is out of range")) }
     }
 }
@@ -176,6 +191,11 @@ mod shared {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::env::tests::positions;
+
+    fn spec() -> Spec {
+        positions(&[(0.0, 1.0); 2])
+    }
 
     #[test]
     fn curves_are_thinned_evenly_and_keep_their_ends() {
@@ -186,7 +206,7 @@ mod tests {
         assert!((MAX_POINTS / 2..=MAX_POINTS).contains(&points.len()), "{}", points.len());
         assert!(points.windows(2).all(|pair| pair[1].updates - pair[0].updates == history.every));
         assert!(last - points[points.len() - 1].updates < history.every);
-        history.check().expect("a sound history");
+        history.check(&spec()).expect("a sound history");
     }
 
     #[test]
@@ -198,6 +218,22 @@ mod tests {
         let old: CurvePoint = serde_json::from_str(r#"{"updates":50,"losses":[1.0,2.0,3.0]}"#).expect("an old point");
         assert_eq!(old, CurvePoint { updates: 50, losses: [1.0, 2.0, 3.0], coverage: None });
         history.add_point(2 * POINT_EVERY_UPDATES, [1.0; 3], || Some(1.5));
-        assert!(history.check().is_err(), "more than everything");
+        assert!(history.check(&spec()).is_err(), "more than everything");
+    }
+
+    #[test]
+    fn a_goal_is_kept_if_there_is_one_and_checked() {
+        let mut history = History::default();
+        let without = serde_json::to_string(&history).expect("JSON");
+        assert!(!without.contains("goal"), "{without}");
+        history.notes = Notes { log: vec![LogEntry::new(1.5, 2, "an event")], goal: vec![0.1, 2.5] };
+        let text = serde_json::to_string(&history).expect("JSON");
+        let read: History = serde_json::from_str(&text).expect("a history");
+        assert_eq!(read, history);
+        read.check(&spec()).expect("a place in the plane");
+        for goal in [vec![1.0], vec![1.0, f32::NAN], vec![1.0; 3]] {
+            history.notes.goal = goal;
+            assert!(history.check(&spec()).is_err(), "{:?}", history.notes.goal);
+        }
     }
 }

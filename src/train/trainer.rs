@@ -14,7 +14,7 @@ use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::film::Film;
 use super::graphs::{ACTIVATION_DIVISOR, BuiltGraph, GraphJob, Graphs, StoredGraph};
-use super::history::{History, LogEntry};
+use super::history::{History, Notes};
 use super::memory;
 use super::registry::Registry;
 use super::rollout::{Rollout, RolloutState, StepContext};
@@ -478,9 +478,9 @@ impl Trainer {
         self.history.add_evaluation(updates, evaluation);
     }
 
-    /// Replaces the history's event log, which the front end keeps.
-    pub fn set_log(&mut self, log: Vec<LogEntry>) {
-        self.history.log = log;
+    /// Replaces what the front end keeps in checkpoints.
+    pub fn set_notes(&mut self, notes: Notes) {
+        self.history.notes = notes;
     }
 
     /// Returns everything needed to resume the run exactly where it stopped.
@@ -555,7 +555,7 @@ impl Trainer {
     }
 
     fn restore(&mut self, state: TrainerState, graphs: &[Option<StoredGraph>; 2], history: History) -> Result<()> {
-        history.check()?;
+        history.check(self.spec())?;
         state.counters.check()?;
         if !(0.0..1e12).contains(&state.seconds) {
             return Err(StoreError::inconsistent("the stored training time is out of range").into());

@@ -88,7 +88,7 @@ pub struct App {
 }
 
 impl App {
-    /// Opens the screen, with the map's own goal or a random one.
+    /// Opens the screen, with the goal that the run was saved with, the map's own or a random one.
     pub fn new(engine: Engine, viewer: Viewer, (config, keymap): (UiConfig, Keymap), files: Files) -> Self {
         let snapshot = engine.snapshots().borrow().clone();
         let mut app = Self {
@@ -122,7 +122,7 @@ impl App {
     /// Resets the screen for a new run.
     fn start_run(&mut self) {
         self.saving.start_run(&self.screen.snapshot);
-        self.screen.log.start_run(&self.screen.snapshot.log);
+        self.screen.log.start_run(&self.screen.snapshot.notes.log);
         self.screen.following = None;
         self.screen.offer = None;
         self.screen.tour = None;

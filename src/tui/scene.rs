@@ -168,6 +168,14 @@ impl App {
         }
     }
 
+    /// Returns the goal that is shown in the present, `(goal_dim)`.
+    pub(super) fn goal(&self) -> Vec<f32> {
+        match self.screen.scene() {
+            SceneKind::Maze => self.screen.maze.goal.centre().to_vec(),
+            SceneKind::Arm => self.screen.arm.goal.to_vec(),
+        }
+    }
+
     /// Performs an action on the scene.
     pub(super) fn act_in_scene(&mut self, action: Action) {
         match self.screen.scene() {

@@ -315,7 +315,7 @@ pub fn film_goal(frame: &FilmFrame, map: &Grid) -> Option<Cell> {
 }
 
 /// Returns the cell that contains a position.
-fn cell_of(at: [f32; 2]) -> Cell {
+pub fn cell_of(at: [f32; 2]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }
 

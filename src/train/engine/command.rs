@@ -11,7 +11,7 @@ use crate::text::{counted, grouped, sanitized};
 use crate::train::checkpoint::{self, CheckpointError, Loaded, SaveTo};
 use crate::train::config::list_settings;
 use crate::train::error::TrainError;
-use crate::train::history::LogEntry;
+use crate::train::history::Notes;
 use crate::train::memory;
 use crate::train::run::{Limits, Run};
 use crate::train::trainer::Trainer;
@@ -41,10 +41,10 @@ pub enum Command {
     PauseEvaluations(u32),
     /// Follow this agent, or none.
     Follow(Option<usize>),
-    /// Save a checkpoint with the front end's event log.
-    Save(SaveTo, Vec<LogEntry>),
+    /// Save a checkpoint with what the front end keeps in it.
+    Save(SaveTo, Notes),
     /// Save a checkpoint to a separate file named after this one; only the newest few are kept.
-    Autosave(PathBuf, Vec<LogEntry>),
+    Autosave(PathBuf, Notes),
     /// Continue in an edited world; the notice of what has changed begins with this text.
     ChangeWorld(MakeWorld, &'static str),
     /// Continue with other settings, method or preset; keeps the data and, where they fit, the networks.
@@ -144,7 +144,7 @@ impl Worker {
     }
 
     /// Saves a checkpoint and returns a notice for the user.
-    fn save(&mut self, to: SaveTo, log: Vec<LogEntry>) -> Result<String, CommandError> {
+    fn save(&mut self, to: SaveTo, notes: Notes) -> Result<String, CommandError> {
         // The front end may not know yet which file its previous save went to.
         let to = match (&self.new_file, to) {
             (Some((requested, written_to)), SaveTo::CreateNew(path)) if *requested == path => {
@@ -152,7 +152,7 @@ impl Worker {
             }
             (_, to) => to,
         };
-        let path = self.write(&to, log).inspect_err(|error| {
+        let path = self.write(&to, notes).inspect_err(|error| {
             self.current.save_failed = (self.current.save_failed.0 + 1, error.to_string());
         })?;
         let updates = self.trainer.counters().updates;
@@ -168,12 +168,12 @@ impl Worker {
     }
 
     /// Saves a checkpoint in addition to those requested by the user.
-    fn autosave(&mut self, named_after: &Path, log: Vec<LogEntry>) -> Result<String, CommandError> {
+    fn autosave(&mut self, named_after: &Path, notes: Notes) -> Result<String, CommandError> {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let stem = without_autosave_suffix(&stem);
         let updates = self.trainer.counters().updates;
         let requested = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
-        let path = self.write(&SaveTo::CreateNew(requested), log)?;
+        let path = self.write(&SaveTo::CreateNew(requested), notes)?;
         let text = format!("autosaved {} at update {}", path.display(), grouped(self.trainer.learned_updates()));
         self.autosaved.push(path);
         while self.autosaved.len() > MAX_AUTOSAVES {
@@ -184,11 +184,11 @@ impl Worker {
         Ok(text)
     }
 
-    fn write(&mut self, to: &SaveTo, log: Vec<LogEntry>) -> Result<PathBuf, CommandError> {
+    fn write(&mut self, to: &SaveTo, notes: Notes) -> Result<PathBuf, CommandError> {
         // Even when no rollbacks are left, the networks are good and can be saved.
         let diverged = self.trainer.ensure_finite().err();
         self.report_recovery();
-        self.trainer.set_log(log);
+        self.trainer.set_notes(notes);
         let path = checkpoint::save(&self.trainer, to).map_err(CommandError::NotSaved)?;
         if let Some(error) = diverged {
             self.current.phase = Phase::Failed(error.to_string());
@@ -250,8 +250,8 @@ impl Worker {
                 self.follow = agent;
                 self.refresh_snapshot(false).map(|()| None).map_err(CommandError::Train)
             }
-            Command::Save(to, log) => self.save(to, log).map(Some),
-            Command::Autosave(named_after, log) => self.autosave(&named_after, log).map(Some),
+            Command::Save(to, notes) => self.save(to, notes).map(Some),
+            Command::Autosave(named_after, notes) => self.autosave(&named_after, notes).map(Some),
             Command::ChangeWorld(make, done) => self.change_world(&*make(self.trainer.world()), done).map(Some),
             Command::Change(run) => self.change(*run).map(Some),
             Command::StartRun(run, make) => self.start_run(*run, &*make(self.trainer.world())).map(Some),

@@ -10,7 +10,7 @@ use crate::learn::{Losses, Policy, Profile};
 use crate::train::error::TrainError;
 use crate::train::evaluate::Evaluation;
 use crate::train::film::FilmFrame;
-use crate::train::history::{CurvePoint, LogEntry, Methods};
+use crate::train::history::{CurvePoint, Methods, Notes};
 use crate::train::rollout::Rollout;
 use crate::train::run::{Counters, Limits, Run};
 use crate::train::trainer::Trainer;
@@ -121,8 +121,8 @@ pub struct Snapshot {
     pub methods: Methods,
     /// Whether the current method's learner learns.
     pub learns: bool,
-    /// Event log of the checkpoint that the run was loaded from.
-    pub log: Arc<Vec<LogEntry>>,
+    /// What a front end kept in the checkpoint that the run was loaded from.
+    pub notes: Arc<Notes>,
     /// Update of the latest save, and its file.
     pub saved: Option<(u64, Arc<PathBuf>)>,
     /// Number of failed saves, and the latest reason.
@@ -214,7 +214,7 @@ impl Snapshot {
             evaluations: trainer.history().evaluations().clone(),
             methods: trainer.history().methods().clone(),
             learns: trainer.learns(),
-            log: Arc::new(trainer.history().log.clone()),
+            notes: Arc::new(trainer.history().notes.clone()),
             saved: None,
             save_failed: (0, String::new()),
             autosaves: Arc::default(),

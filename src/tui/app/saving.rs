@@ -11,7 +11,7 @@ use crate::report::from_checkpoint_error;
 use crate::runs::{self, SAVES};
 use crate::setup::save_elsewhere;
 use crate::text::grouped;
-use crate::train::{self, Command, LogEntry, Phase, SaveTo, Snapshot, Trainer};
+use crate::train::{self, Command, Notes, Phase, SaveTo, Snapshot, Trainer};
 use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
 
 /// Unsaved training that may be discarded without asking.
@@ -102,8 +102,8 @@ impl App {
     /// Saves the run; returns whether the trainer accepted the command.
     pub(super) fn save(&mut self) -> bool {
         self.notify(&format!("saving {} ...", self.save_path().display()));
-        let log = self.screen.log.entries().to_vec();
-        self.command(Command::Save(self.saving.to.clone(), log))
+        let notes = self.notes();
+        self.command(Command::Save(self.saving.to.clone(), notes))
     }
 
     /// Saves the run, and then does something else unless that fails.
@@ -114,7 +114,7 @@ impl App {
     }
 
     /// Saves to a file named by the user, who has confirmed replacing it if it exists.
-    pub(super) fn save_under(&mut self, path: PathBuf) {
+    pub(in crate::tui) fn save_under(&mut self, path: PathBuf) {
         self.saving.to = SaveTo::Replace(path);
         if self.save() && self.saving.quit_state == QuitState::Asking {
             self.saving.quit_state = QuitState::Saving;
@@ -124,8 +124,13 @@ impl App {
     /// Saves automatically, to a file next to the user's own.
     pub(super) fn autosave(&mut self) {
         self.autosaving_as = Some(self.what_is_autosaved());
-        let log: Vec<LogEntry> = self.screen.log.entries().to_vec();
-        self.command(Command::Autosave(self.saving.to.path().to_owned(), log));
+        let notes = self.notes();
+        self.command(Command::Autosave(self.saving.to.path().to_owned(), notes));
+    }
+
+    /// Returns what a checkpoint keeps of the screen.
+    fn notes(&self) -> Notes {
+        Notes { log: self.screen.log.entries().to_vec(), goal: self.goal() }
     }
 
     /// Returns the run, updates and map that an autosave would save now.
@@ -254,7 +259,7 @@ impl App {
     pub fn close(self, is_kept: bool) -> ClosedRun {
         let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
-        let log = self.screen.log.entries().to_vec();
+        let notes = self.notes();
         let (worth_saving, unsaved_map) = (self.is_worth_saving(), self.screen.has_unsaved_map());
         let Self { saving, engine, .. } = self;
         let snapshots = engine.snapshots();
@@ -267,7 +272,7 @@ impl App {
                 let is_saved = |(at, _): &(u64, _)| *at == trainer.counters().updates;
                 let up_to_date = !unsaved_map && snapshot.saved.as_ref().is_some_and(is_saved);
                 let _ = trainer.ensure_finite();
-                trainer.set_log(log);
+                trainer.set_notes(notes);
                 if !up_to_date {
                     (saved_to, saved) = save_somewhere(&trainer, &saving.to, &mut summary);
                 }

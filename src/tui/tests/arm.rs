@@ -260,6 +260,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     let path = folder.path().join("arm.safetensors");
     let mut app = arm_app(Limits { updates: Some(5), ..Limits::default() }, Some(path.clone()));
     wait_until(&mut app, |app| app.screen.snapshot.phase == Phase::Done);
+    let goal = app.screen.arm.goal;
     app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     let mut trainer = train::load(&path, &Registry::builtin(), 1).expect("a checkpoint").trainer;
@@ -272,6 +273,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     draw(&mut app, 80, 24);
     app.command(train::Command::Load(path));
     wait_until(&mut app, |app| app.screen.scene() == SceneKind::Arm);
+    assert_eq!(app.screen.arm.goal, goal);
     draw(&mut app, 80, 24);
     wait_until(&mut app, |app| app.screen.arm.view.pose.grip[0] > 1.0 && !app.screen.arm.view.fields.is_empty());
     assert!(text(&draw(&mut app, 80, 24)).contains("fetch-reach"));

@@ -28,6 +28,22 @@ fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
 }
 
 #[test]
+fn a_resumed_run_goes_on_with_its_goal() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("own.safetensors");
+    let mut app = app();
+    let own = Cell::new(3, 4);
+    assert_ne!(app.screen.maze.goal, own);
+    app.set_goal(own);
+    app.save_under(path.clone());
+    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
+    app.set_goal(Cell::new(1, 1));
+    app.command(Command::Load(path));
+    wait_until(&mut app, |app| app.screen.snapshot.saved.is_some() && app.screen.maze.goal == own);
+    assert_eq!(app.screen.snapshot.notes.goal, own.centre());
+}
+
+#[test]
 fn an_offer_is_hidden_by_esc_and_its_key_means_directions_again() {
     let folder = tempfile::tempdir().expect("a folder");
     let mut app = app();

@@ -67,7 +67,7 @@ impl App {
         }
     }
 
-    /// Shows the arm of another run, with a random goal.
+    /// Shows the arm of another run, with the goal that it was saved with or a random one.
     pub(in crate::tui) fn start_arm(&mut self) {
         self.screen.arm.camera = Camera::default();
         self.screen.arm.view = Arc::default();
@@ -75,7 +75,10 @@ impl App {
         let agents = run.settings.train.agents;
         let text = format!("{} on {}, {agents} agents", run.method.name(), self.screen.snapshot.title);
         self.screen.log.record(&text, self.screen.snapshot.moment());
-        self.draw_goal();
+        match <[f32; 3]>::try_from(&*self.screen.snapshot.notes.goal) {
+            Ok(saved) => self.set_arm_goal(saved),
+            Err(_) => self.draw_goal(),
+        }
     }
 
     /// Sets a random goal.

@@ -13,10 +13,10 @@ use crate::tui::dialog::Question;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
-use crate::view::maze::Request;
+use crate::view::maze::{Request, cell_of};
 
 impl App {
-    /// Shows the maze of another run, with the map's own goal or a random one.
+    /// Shows the maze of another run, with the goal that it was saved with, the map's own or a random one.
     pub(in crate::tui) fn start_maze(&mut self) {
         let map = self.screen.snapshot.scene.maze().map;
         self.screen.maze.map = map.clone();
@@ -28,7 +28,9 @@ impl App {
         let run = &self.screen.snapshot.run;
         let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
         self.screen.log.record(&text, self.screen.snapshot.moment());
-        let goal = map.goals().first().copied().unwrap_or_else(|| self.random_cell());
+        let saved = <[f32; 2]>::try_from(&*self.screen.snapshot.notes.goal).ok().map(cell_of);
+        let saved = saved.filter(|cell| map.contains(*cell));
+        let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell());
         self.set_goal(goal);
     }
 
