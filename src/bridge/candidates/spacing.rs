@@ -20,7 +20,7 @@ pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
 
 /// Observed paths, for each candidate of the target number, beyond which candidates move apart in open space: paths are
 /// what building a graph and searching it take time for.
-pub(crate) const MANY_PATHS: usize = 50;
+pub(crate) const MANY_PATHS: usize = 200;
 
 /// Space is open where known paths join at least this share of the candidates that are less than the edge cut-off apart
 /// in a straight line. What nobody has walked yet counts as walls.
@@ -133,53 +133,65 @@ mod tests {
 
     use super::super::tests::{line, walk_corridor};
     use super::*;
+    use crate::bridge::BridgeSettings;
 
-    /// Takes steps of up to half a unit at random in a square, except into walls.
-    fn wander(candidates: &mut Candidates, steps: usize, is_wall: impl Fn([f32; 2]) -> bool) {
+    /// Takes steps of up to half a unit at random in a square of 12 units.
+    fn wander(candidates: &mut Candidates, steps: usize) {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut at = [0.5f32, 0.5];
         for _ in 0..steps / 4 {
             let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
             for _ in 0..4 {
-                let next = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
-                if !is_wall(next) {
-                    at = next;
-                }
+                at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
                 candidates.visit(0, &at);
             }
         }
     }
 
+    /// Walks back and forth, several times, through a corridor that winds through the same square: corridor and walls are
+    /// one unit wide, and at alternating ends the walls have a gap.
+    fn walk_winding_corridor(candidates: &mut Candidates) {
+        let mut places = Vec::new();
+        for y in (0..12).step_by(2) {
+            let leads_right = y % 4 == 0;
+            places.extend((0..12).map(|x| [if leads_right { x } else { 11 - x }, y]));
+            places.push([if leads_right { 11 } else { 0 }, y + 1]);
+        }
+        for _ in 0..30 {
+            let way = places.iter().chain(places.iter().rev());
+            way.for_each(|at| candidates.visit(0, &at.map(|coordinate| coordinate as f32 + 0.5)));
+        }
+    }
+
     #[test]
     fn only_in_open_space_do_many_paths_drive_candidates_apart() {
-        let (spec, settings) = line(20);
-        // Corridors and walls one unit wide; at alternating ends, the walls have a gap.
-        let is_wall = |[x, y]: [f32; 2]| {
-            let row = y.floor() as i32;
-            row % 2 == 1 && !if row % 4 == 1 { x > 11.0 } else { x < 1.0 }
-        };
+        let (spec, settings) = line(7);
+        // Paths so long that there are many along a corridor, too.
+        let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
         let mut open = Candidates::new(&spec, 1, &settings);
-        wander(&mut open, 40_000, |_| false);
+        wander(&mut open, 40_000);
         let mut closed = Candidates::new(&spec, 1, &settings);
-        wander(&mut closed, 200_000, is_wall);
+        walk_winding_corridor(&mut closed);
         for candidates in [&mut open, &mut closed] {
-            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{} candidates", candidates.len());
+            assert!(candidates.len() > 30 && candidates.has_many_paths(), "{} candidates", candidates.len());
         }
-        let before = [open.len(), closed.len()];
+        let before = [&open, &closed].map(|candidates| (candidates.len(), candidates.spacing()));
         let mut restored = Candidates::new(&spec, 1, &settings);
         restored.restore(&open.state()).expect("its own state");
         for candidates in [&mut open, &mut restored] {
             candidates.adapt_spacing();
-            assert!(candidates.spacing() > settings.candidate_spacing && candidates.len() < before[0]);
+            assert!(candidates.len() < before[0].0 && candidates.spacing() > before[0].1);
             assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
         }
         closed.adapt_spacing();
-        assert_eq!((closed.len(), closed.spacing()), (before[1], settings.candidate_spacing * spec.goal_radius));
+        assert_eq!((closed.len(), closed.spacing()), before[1]);
     }
 
     #[test]
     fn candidates_move_closer_together_where_many_walks_fail() {
         let (spec, settings) = line(10);
+        // So long paths that there are many along a line.
+        let settings = BridgeSettings { edge_cutoff_steps: 40.0, ..settings };
         let mut candidates = Candidates::new(&spec, 1, &settings);
         let line = |candidates: &mut Candidates| walk_corridor(candidates, 0.5, (0, 99));
         line(&mut candidates);
