@@ -310,12 +310,17 @@ impl MazeWorker {
 
 /// Returns the cell of a frame's goal, if it is on the map.
 pub fn film_goal(frame: &FilmFrame, map: &Grid) -> Option<Cell> {
-    let cell = cell_of([*frame.goal.first()?, *frame.goal.get(1)?]);
+    cell_of_goal(&frame.goal, map)
+}
+
+/// Returns the cell of a goal, `(goal_dim)`, if it is on the map.
+pub fn cell_of_goal(goal: &[f32], map: &Grid) -> Option<Cell> {
+    let cell = cell_of(goal.try_into().ok()?);
     map.contains(cell).then_some(cell)
 }
 
 /// Returns the cell that contains a position.
-pub fn cell_of(at: [f32; 2]) -> Cell {
+fn cell_of(at: [f32; 2]) -> Cell {
     Cell::new(at[0] as usize, at[1] as usize)
 }
 

@@ -135,31 +135,34 @@ mod tests {
     use super::*;
     use crate::bridge::BridgeSettings;
 
-    /// Takes steps of up to half a unit at random in a square of 12 units.
+    /// The side of a square to walk in.
+    const SIDE: u16 = 14;
+
+    /// Takes steps of up to half a unit at random in the square.
     fn wander(candidates: &mut Candidates, steps: usize) {
         let mut rng = ChaCha8Rng::seed_from_u64(1);
         let mut at = [0.5f32, 0.5];
         for _ in 0..steps / 4 {
             let direction = [rng.random_range(-0.5..0.5f32), rng.random_range(-0.5..0.5f32)];
             for _ in 0..4 {
-                at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
+                at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, f32::from(SIDE)));
                 candidates.visit(0, &at);
             }
         }
     }
 
-    /// Walks back and forth, several times, through a corridor that winds through the same square: corridor and walls are
+    /// Walks back and forth, several times, through a corridor that winds through the square: corridor and walls are
     /// one unit wide, and at alternating ends the walls have a gap.
     fn walk_winding_corridor(candidates: &mut Candidates) {
         let mut places = Vec::new();
-        for y in (0..12).step_by(2) {
+        for y in (0..SIDE).step_by(2) {
             let leads_right = y % 4 == 0;
-            places.extend((0..12).map(|x| [if leads_right { x } else { 11 - x }, y]));
-            places.push([if leads_right { 11 } else { 0 }, y + 1]);
+            places.extend((0..SIDE).map(|x| [if leads_right { x } else { SIDE - 1 - x }, y]));
+            places.push([if leads_right { SIDE - 1 } else { 0 }, y + 1]);
         }
         for _ in 0..30 {
             let way = places.iter().chain(places.iter().rev());
-            way.for_each(|at| candidates.visit(0, &at.map(|coordinate| coordinate as f32 + 0.5)));
+            way.for_each(|at| candidates.visit(0, &at.map(|coordinate| f32::from(coordinate) + 0.5)));
         }
     }
 
@@ -169,22 +172,22 @@ mod tests {
         // Paths so long that there are many along a corridor, too.
         let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
         let mut open = Candidates::new(&spec, 1, &settings);
-        wander(&mut open, 40_000);
+        wander(&mut open, 100_000);
         let mut closed = Candidates::new(&spec, 1, &settings);
         walk_winding_corridor(&mut closed);
         for candidates in [&mut open, &mut closed] {
-            assert!(candidates.len() > 30 && candidates.has_many_paths(), "{} candidates", candidates.len());
+            assert!(candidates.len() > 40 && candidates.has_many_paths(), "{} candidates", candidates.len());
         }
         let before = [&open, &closed].map(|candidates| (candidates.len(), candidates.spacing()));
         let mut restored = Candidates::new(&spec, 1, &settings);
         restored.restore(&open.state()).expect("its own state");
         for candidates in [&mut open, &mut restored] {
             candidates.adapt_spacing();
-            assert!(candidates.len() < before[0].0 && candidates.spacing() > before[0].1);
+            assert!(candidates.spacing() > before[0].1 && candidates.len() < before[0].0);
             assert!(!candidates.has_many_paths(), "{} candidates", candidates.len());
         }
         closed.adapt_spacing();
-        assert_eq!((closed.len(), closed.spacing()), before[1]);
+        assert_eq!((closed.len(), closed.spacing()), (before[1].0, settings.candidate_spacing * spec.goal_radius));
     }
 
     #[test]

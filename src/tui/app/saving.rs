@@ -102,8 +102,7 @@ impl App {
     /// Saves the run; returns whether the trainer accepted the command.
     pub(super) fn save(&mut self) -> bool {
         self.notify(&format!("saving {} ...", self.save_path().display()));
-        let notes = self.notes();
-        self.command(Command::Save(self.saving.to.clone(), notes))
+        self.command(Command::Save(self.saving.to.clone(), self.notes()))
     }
 
     /// Saves the run, and then does something else unless that fails.
@@ -114,7 +113,7 @@ impl App {
     }
 
     /// Saves to a file named by the user, who has confirmed replacing it if it exists.
-    pub(in crate::tui) fn save_under(&mut self, path: PathBuf) {
+    pub(super) fn save_under(&mut self, path: PathBuf) {
         self.saving.to = SaveTo::Replace(path);
         if self.save() && self.saving.quit_state == QuitState::Asking {
             self.saving.quit_state = QuitState::Saving;
@@ -124,8 +123,7 @@ impl App {
     /// Saves automatically, to a file next to the user's own.
     pub(super) fn autosave(&mut self) {
         self.autosaving_as = Some(self.what_is_autosaved());
-        let notes = self.notes();
-        self.command(Command::Autosave(self.saving.to.path().to_owned(), notes));
+        self.command(Command::Autosave(self.saving.to.path().to_owned(), self.notes()));
     }
 
     /// Returns what a checkpoint keeps of the screen.

@@ -31,11 +31,11 @@ fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
 fn a_resumed_run_goes_on_with_its_goal() {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("own.safetensors");
-    let mut app = app();
+    let mut app = app_saving_to(rooms(), gdg(), Limits { updates: Some(0), ..Limits::default() }, Some(path.clone()));
     let own = Cell::new(3, 4);
     assert_ne!(app.screen.maze.goal, own);
     app.set_goal(own);
-    app.save_under(path.clone());
+    app.act(Action::Save);
     wait_until(&mut app, |app| app.screen.snapshot.saved.is_some());
     app.set_goal(Cell::new(1, 1));
     app.command(Command::Load(path));

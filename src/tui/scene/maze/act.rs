@@ -13,7 +13,7 @@ use crate::tui::dialog::Question;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
-use crate::view::maze::{Request, cell_of};
+use crate::view::maze::{Request, cell_of_goal};
 
 impl App {
     /// Shows the maze of another run, with the goal that it was saved with, the map's own or a random one.
@@ -28,8 +28,7 @@ impl App {
         let run = &self.screen.snapshot.run;
         let text = format!("{} on {}, {} x {} cells", run.method.name(), map.name(), map.width(), map.height());
         self.screen.log.record(&text, self.screen.snapshot.moment());
-        let saved = <[f32; 2]>::try_from(&*self.screen.snapshot.notes.goal).ok().map(cell_of);
-        let saved = saved.filter(|cell| map.contains(*cell));
+        let saved = cell_of_goal(&self.screen.snapshot.notes.goal, &map);
         let goal = saved.or(map.goals().first().copied()).unwrap_or_else(|| self.random_cell());
         self.set_goal(goal);
     }
