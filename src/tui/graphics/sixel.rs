@@ -147,11 +147,17 @@ impl Palette {
 
     /// Encodes the pixels of one band; `lines` are empty before and afterwards.
     fn band(&mut self, pixels: &[u8], columns: usize, lines: &mut [Line]) -> Band {
+        // The colours of each column, a byte for each row: many columns are like the one before.
         let indices = self.indices(pixels);
-        for x in 0..columns {
+        let mut own = vec![0_u64; columns];
+        for (row, indices) in indices.chunks(columns).enumerate() {
+            own.iter_mut().zip(indices).for_each(|(own, index)| *own |= u64::from(*index) << (8 * row));
+        }
+        let (rows, mut x) = (indices.len() / columns, 0);
+        for same in own.chunk_by(|a, b| a == b) {
             let mut parts = [(0, 0); BAND];
             let mut count = 0;
-            for (row, index) in indices[x..].iter().step_by(columns).enumerate() {
+            for (row, index) in same[0].to_le_bytes()[..rows].iter().enumerate() {
                 if let Some((_, sixel)) = parts[..count].iter_mut().find(|(own, _)| own == index) {
                     *sixel |= 1 << row;
                 } else {
@@ -159,7 +165,8 @@ impl Palette {
                     count += 1;
                 }
             }
-            parts[..count].iter().for_each(|(index, sixel)| lines[usize::from(*index)].push(x, *sixel));
+            parts[..count].iter().for_each(|(index, sixel)| lines[usize::from(*index)].push(x, *sixel, same.len()));
+            x += same.len();
         }
         let mut band = Band { sixels: Vec::new(), used: [false; COLOURS] };
         for (index, line) in lines.iter_mut().enumerate().filter(|(_, line)| line.count > 0) {
@@ -203,15 +210,16 @@ struct Line {
 }
 
 impl Line {
-    fn push(&mut self, x: usize, sixel: u8) {
+    /// Adds `times` equal sixels from column `x` on.
+    fn push(&mut self, x: usize, sixel: u8, times: usize) {
         if self.end == x && self.sixel == sixel && self.count > 0 {
-            self.count += 1;
+            self.count += times;
         } else {
             run(&mut self.text, self.sixel, self.count);
             run(&mut self.text, 0, x - self.end);
-            (self.sixel, self.count) = (sixel, 1);
+            (self.sixel, self.count) = (sixel, times);
         }
-        self.end = x + 1;
+        self.end = x + times;
     }
 
     /// Writes the line and begins another.

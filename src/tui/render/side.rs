@@ -117,20 +117,32 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
     layout.add(Rect { height: 1, ..area }, Click::Act(Action::Show(pane)));
 }
 
-/// Draws the names of the panes, the selected one reversed.
+/// Draws the names of the panes and their keys, the selected one reversed; close together or without keys where there is
+/// no room.
 fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
+    let tab = |pane: Pane| {
+        let name = if pane == Pane::Legend { screen.scene().noun() } else { pane.name() };
+        (screen.keymap.key_of(Action::Show(pane)), name)
+    };
+    let formats: [fn(&str, &str) -> String; 3] = [
+        |key, name| format!(" {key} {name} "),
+        |key, name| format!("{key} {name} "),
+        |key, name| format!("{key}{name} "),
+    ];
+    let texts = formats.map(|format| {
+        Pane::ALL.map(|pane| {
+            let (key, name) = tab(pane);
+            format(&key, name)
+        })
+    });
+    // The blank after the last one may be cut off.
+    let fits = |texts: &&[String; 5]| {
+        texts.iter().map(|text| Line::raw(text).width()).sum::<usize>() <= usize::from(area.width) + 1
+    };
+    let texts = texts.iter().find(fits).cloned().unwrap_or_else(|| Pane::ALL.map(|pane| format!(" {} ", tab(pane).1)));
     let mut bar = ClickableLine::default();
-    for pane in Pane::ALL {
-        let show = Action::Show(pane);
-        let number = if area.width >= 34 { format!("{} ", screen.keymap.key_of(show)) } else { String::new() };
-        let style = if pane == screen.pane { REVERSED } else { DIM };
-        bar.push(
-            Span::styled(
-                format!(" {number}{} ", if pane == Pane::Legend { screen.scene().noun() } else { pane.name() }),
-                style,
-            ),
-            Click::Act(show),
-        );
+    for (pane, text) in Pane::ALL.into_iter().zip(texts) {
+        bar.push(Span::styled(text, if pane == screen.pane { REVERSED } else { DIM }), Click::Act(Action::Show(pane)));
     }
     bar.draw(frame, area, layout);
 }

@@ -30,11 +30,10 @@ pub fn overlay_lines(screen: &Screen, sign_of: impl Fn(Overlay, &Screen) -> Opti
     lines
 }
 
-/// Returns how many edges agents have walked, failed on and not tried, with `untried` after the last number.
-pub fn edge_lines(screen: &Screen, untried: &'static str) -> impl Iterator<Item = Line<'static>> {
-    let kinds = [(EdgeStatus::Confirmed, "walked"), (EdgeStatus::Demoted, "failed"), (EdgeStatus::Untried, untried)];
+/// Returns how many edges agents have walked, failed on and not tried, with what `meanings` says after the numbers.
+pub fn edge_lines(screen: &Screen, meanings: [&'static str; 3]) -> impl Iterator<Item = Line<'static>> {
+    let kinds = [EdgeStatus::Confirmed, EdgeStatus::Demoted, EdgeStatus::Untried].into_iter().zip(meanings);
     kinds
-        .into_iter()
         .zip(screen.theme.edges)
         .map(|((status, name), rgb)| sign(screen, '\u{2500}', rgb, &format!("{} {name}", edge_count(screen, status))))
 }

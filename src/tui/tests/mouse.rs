@@ -63,7 +63,7 @@ fn the_header_shows_the_run_and_a_click_changes_it() {
 #[test]
 fn clicks_switch_panes_and_overlays() {
     let mut app = app();
-    click(&mut app, SMALL, "map  log");
+    click(&mut app, SMALL, "4map 5log");
     assert_eq!(app.screen.pane, Pane::Legend);
     click(&mut app, SMALL, "bridge edges");
     assert!(app.screen.overlays.has(Overlay::Edges));

@@ -28,7 +28,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     }
     if screen.run().method.plans() {
         lines.push(heading("edges"));
-        lines.extend(edge_lines(screen, "untried"));
+        lines.extend(edge_lines(screen, ["walked", "failed", "untried"]));
     }
     lines
 }

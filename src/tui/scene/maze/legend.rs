@@ -3,7 +3,7 @@
 use ratatui::text::{Line, Span};
 
 use super::edges::MAX_EDGES;
-use super::map::FRONTIER_SIGN;
+use super::map::{FRONTIER_SIGN, TRAIL_MARK};
 use crate::bridge::EdgeStatus;
 use crate::tui::canvas::{CANDIDATE_MARK, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
@@ -17,7 +17,7 @@ use crate::tui::theme::{ColourDepth, Rgb};
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let mut lines = overlay_lines(screen, sign_of);
     lines.push(heading("signs"));
-    let theme = &screen.theme;
+    let (theme, mono) = (&screen.theme, screen.theme.depth == ColourDepth::Mono);
     let mut pairs = vec![
         [('G', theme.goal, "goal"), ('S', theme.walker, "start of @")],
         [('@', theme.walker, "walks to G"), ('s', theme.cursor, "g: map's own")],
@@ -25,15 +25,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     if screen.following.is_some() {
         pairs.push([('A', theme.agent, "followed agent"), ('\u{2691}', theme.agent, "its goal")]);
     }
-    for [(symbol, rgb, meaning), (second, second_rgb, second_meaning)] in pairs {
-        lines.push(Line::from(vec![
-            Span::raw(" "),
-            sample(screen, symbol, rgb),
-            Span::raw(format!(" {meaning}  ")),
-            sample(screen, second, second_rgb),
-            Span::raw(format!(" {second_meaning}")),
-        ]));
-    }
+    lines.extend(pairs.iter().map(|pair| signs(screen, pair)));
     if screen.run().method.plans() {
         let sizes = [' ', '\u{b7}', '\u{2022}', '\u{25cf}'].map(|sign| sample(screen, sign, theme.cursor));
         let of_sizes = sizes.into_iter().chain([Span::raw(" larger: more edges")]);
@@ -45,12 +37,26 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     if screen.maze.view.cut_off.contains(&true) {
         lines.push(sign(screen, '\\', theme.cursor, "hatched: no path to G"));
     }
+    let trail = (if mono { TRAIL_MARK } else { '\u{2500}' }, theme.walker, "trail of @");
+    let frontier = ('\u{2500}', theme.frontier, "frontier");
+    let has_edge = !mono && !screen.maze.view.exploration.is_complete(&screen.maze.map);
+    lines.push(signs(screen, &[trail, frontier][..1 + usize::from(has_edge)]));
     if screen.run().method.plans() {
         let tried = edge_count(screen, EdgeStatus::Confirmed) + edge_count(screen, EdgeStatus::Demoted);
-        lines.push(heading(if tried > MAX_EDGES { "edges (near the cursor)" } else { "edges" }));
-        lines.extend(edge_lines(screen, "untried, not shown"));
+        let walked = if tried > MAX_EDGES { "walked, near the cursor" } else { "edges walked" };
+        lines.extend(edge_lines(screen, [walked, "failed", "untried, not shown"]));
     }
     lines
+}
+
+/// Returns signs and their meanings beside each other.
+fn signs(screen: &Screen, all: &[(char, Rgb, &str)]) -> Line<'static> {
+    let mut line = Line::default();
+    for (symbol, rgb, meaning) in all {
+        let gap = if line.spans.is_empty() { " " } else { "  " };
+        line.extend([Span::raw(gap), sample(screen, *symbol, *rgb), Span::raw(format!(" {meaning}"))]);
+    }
+    line
 }
 
 /// Returns an overlay's sign.

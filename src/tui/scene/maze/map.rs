@@ -35,7 +35,7 @@ const CROSSED_WALL_SHARE: f32 = 0.65;
 pub const FRONTIER_SIGN: char = '\u{25c6}';
 
 /// What the trail of the walking agent looks like without colours.
-const TRAIL_MARK: char = '\u{b7}';
+pub const TRAIL_MARK: char = '\u{b7}';
 
 /// Draws the map and everything on it.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout, cache: &mut Cache) {
