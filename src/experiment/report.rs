@@ -58,7 +58,12 @@ fn size(group: &[Job]) -> String {
 /// Returns a job's picture, numbers and learning curves.
 fn section(job: &Job, result: &JobResult, folder: &Folder) -> String {
     let (picture, numbers) = (picture_name(job), table::numbers(result));
-    let shown = if folder.path(&picture).is_file() { format!("![{}]({picture})\n\n", job.name) } else { String::new() };
+    let shown = if folder.path(&picture).is_file() {
+        format!("![{}]({picture})\n\n", job.name)
+    } else {
+        let again = "delete the file of its result and run this again to draw it";
+        format!("({picture} is missing: {again}.)\n\n")
+    };
     let starts = result.map.iter().flat_map(|map| &map.starts);
     let starts: Vec<String> = starts.map(|[x, y]| format!("({x}, {y})")).collect();
     let drawn = if result.map.as_ref().is_some_and(|map| map.start_drawn) { " (drawn)" } else { "" };
