@@ -15,7 +15,7 @@ use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
 use super::{Field, Raster, RefreshTimer, SceneWorker, ShownNetworks, View, pause_factor};
 use crate::env::{Environment, MazeScene, PointMaze, Scene};
 use crate::learn::Scratch;
-use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Grid, PointSearch, StepSearch, UNREACHABLE};
 use crate::train::{FilmFrame, Snapshot};
 pub use exploration::{Exploration, Knowledge};
 pub use past::{FilmedMap, FilmedPixels};
@@ -93,6 +93,8 @@ pub struct MazeView {
 pub(super) struct MazeWorker {
     world: PointMaze,
     search: StepSearch,
+    /// Finds true distances; made when they are asked for.
+    point_search: Option<PointSearch>,
     rng: ChaCha8Rng,
     pilot: Pilot,
     /// Networks that the field is computed from.
@@ -185,6 +187,7 @@ impl MazeWorker {
         let world = PointMaze::new(snapshot.scene.maze().map, 1);
         let mut worker = Self {
             search: StepSearch::new(world.map()),
+            point_search: None,
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             pilot: Pilot::new(snapshot),
             shown: ShownNetworks::new(snapshot),
@@ -246,6 +249,7 @@ impl MazeWorker {
         let same_size = (map.width(), map.height()) == (self.world.map().width(), self.world.map().height());
         self.world = PointMaze::new(map, 1);
         self.search = StepSearch::new(self.world.map());
+        self.point_search = None;
         self.view.goal.0 = self.view.goal.0.and_then(|goal| self.world.map().nearest_free(goal));
         self.view.trail.clear();
         self.refresh_cut_off();
@@ -267,8 +271,8 @@ impl MazeWorker {
 
     /// Returns the true steps between two cells, if there is a path.
     fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
-        let map = self.world.map();
-        let steps = self.search.steps_from(to)[map.index(from)];
+        let search = self.point_search.get_or_insert_with(|| PointSearch::new(self.world.map()));
+        let steps = search.steps_from(to)(from);
         (steps != UNREACHABLE).then_some(steps)
     }
 

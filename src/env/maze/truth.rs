@@ -1,11 +1,11 @@
-//! The maze's true distances, by breadth-first search.
+//! The maze's true distances, by breadth-first search: those that D is measured by are a point's, which cuts corners.
 
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::GOAL_RADIUS_CELLS;
 use crate::env::{GroundTruth, NEAR_STEPS, TruePairs};
-use crate::map::{Cell, Flood, Grid, StepSearch, UNREACHABLE};
+use crate::map::{Cell, Flood, Grid, HalfCells, StepSearch, UNREACHABLE};
 
 /// Sample sizes for measuring D's error: goals, starts per goal, and near starts per goal.
 const ERROR_PAIRS: (usize, usize, usize) = (48, 32, 12);
@@ -17,12 +17,16 @@ pub struct MazeGroundTruth<'a> {
     cells: &'a [Cell],
     search: StepSearch,
     flood: Flood,
+    half_cells: HalfCells,
+    point_flood: Flood,
 }
 
 impl<'a> MazeGroundTruth<'a> {
     /// Creates the true distances of `map`; pairs are drawn from `cells`.
     pub fn new(map: &'a Grid, cells: &'a [Cell]) -> Self {
-        Self { map, cells, search: StepSearch::new(map), flood: Flood::new(map) }
+        let half_cells = HalfCells::new(map);
+        let point_flood = Flood::new(half_cells.points());
+        Self { map, cells, search: StepSearch::new(map), flood: Flood::new(map), half_cells, point_flood }
     }
 }
 
@@ -58,19 +62,21 @@ impl GroundTruth for MazeGroundTruth<'_> {
     }
 
     fn pairs(&mut self, rng: &mut ChaCha8Rng) -> Vec<TruePairs> {
-        let Self { cells, flood, .. } = self;
+        let Self { cells, flood, half_cells, point_flood, .. } = self;
         let (goals, starts, near_starts) = ERROR_PAIRS;
         let mut draw = |count: usize| rng.random_range(0..count);
         let of_goal = |_| {
             let goal = cells[draw(cells.len())];
             let drawn: Vec<Cell> = (0..starts).map(|_| cells[draw(cells.len())]).collect();
             let around = flood.rings(goal, 1..=NEAR_STEPS);
-            let near = (0..near_starts.min(around.len())).map(|_| around[draw(around.len())]);
-            let far = drawn.iter().copied().zip(flood.steps_to(goal, &drawn)).filter(|(_, steps)| *steps > 0);
+            let near = (0..near_starts.min(around.len())).map(|_| (around[draw(around.len())].0, true));
+            let starts: Vec<(Cell, bool)> = drawn.into_iter().map(|cell| (cell, false)).chain(near).collect();
+            let points: Vec<Cell> = starts.iter().map(|(cell, _)| half_cells.middle(*cell)).collect();
+            let moves = point_flood.steps_to(half_cells.middle(goal), &points);
             let mut pairs = TruePairs { goal: goal.centre().to_vec(), ..TruePairs::default() };
-            for ((cell, steps), near) in far.map(|pair| (pair, false)).chain(near.map(|pair| (pair, true))) {
+            for ((cell, near), moves) in starts.into_iter().zip(moves).filter(|(_, moves)| *moves > 0) {
                 pairs.states.extend(cell.centre());
-                pairs.steps.push(steps);
+                pairs.steps.push(half_cells.steps(moves));
                 pairs.near.push(near);
             }
             pairs
@@ -82,7 +88,11 @@ impl GroundTruth for MazeGroundTruth<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::parse_map;
+    use rand::SeedableRng;
+
+    use super::super::full_state_at;
+    use crate::env::{Environment, PointMaze};
+    use crate::map::{RandomMapKind, parse_map, random};
 
     #[test]
     fn a_goal_behind_a_corner_is_reached_from_this_side_but_not_through_a_wall() {
@@ -95,5 +105,50 @@ mod tests {
         assert_eq!(steps, Some(vec![Some(0), Some(4), Some(4)]));
         assert_eq!(truth.steps(&[1.5, 1.5], &goals, 100), None, "inside a wall");
         assert_eq!(truth.steps(&[0.5, 0.5], &[2.5, 2.5], 2), Some(vec![None]), "too far");
+    }
+
+    #[test]
+    fn a_point_walks_as_far_as_the_true_distance_and_less_far_than_from_cell_to_cell() {
+        let map = random(RandomMapKind::Perfect, Some(21), 1);
+        let cells: Vec<Cell> = map.free_cells().collect();
+        let half_cells = HalfCells::new(&map);
+        let goal = cells[0];
+        let mut search = StepSearch::new(half_cells.points());
+        let moves = search.steps_from(half_cells.middle(goal));
+        let mut around = StepSearch::new(half_cells.points());
+        let by_cells = StepSearch::new(&map).steps_from(goal).to_vec();
+        let mut env = PointMaze::new(std::sync::Arc::new(map.clone()), 0).fork(1);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let [goal_x, goal_y] = goal.centre();
+        let (mut walked, mut true_steps, mut cell_steps) = (0, 0, 0);
+        for start in cells.iter().filter(|cell| by_cells[map.index(**cell)] > 20) {
+            env.set_full_state(0, &full_state_at(start.centre()));
+            let mut steps = 0;
+            while (env.states()[0] - goal_x).hypot(env.states()[1] - goal_y) >= GOAL_RADIUS_CELLS {
+                // To the point nearest to the goal of those two moves from here, which a step reaches.
+                let [x, y] = [env.states()[0], env.states()[1]];
+                let here = Cell::new((2.0 * x).round() as usize, (2.0 * y).round() as usize);
+                let around = around.steps_within(here, 2);
+                let next = (0..around.len()).filter(|point| around[*point] != UNREACHABLE).min_by_key(|i| moves[*i]);
+                let next = half_cells.points().cell(next.expect("a point"));
+                // Not onto the walls themselves: a little towards the free cells around.
+                let touching = |at: usize| (at.saturating_sub(1) / 2)..=(at / 2);
+                let free = touching(next.y).flat_map(|y| touching(next.x).map(move |x| Cell::new(x, y)));
+                let free: Vec<[f32; 2]> = free.filter(|cell| map.is_free(*cell)).map(Cell::centre).collect();
+                let aim = |axis: usize, at: usize| {
+                    let mean = free.iter().map(|centre| centre[axis]).sum::<f32>() / free.len() as f32;
+                    0.9 * at as f32 / 2.0 + 0.1 * mean
+                };
+                env.step(&[aim(0, next.x) - x, aim(1, next.y) - y], &mut rng);
+                steps += 1;
+                assert!(steps < 1_000, "{start:?}");
+            }
+            let shortest = half_cells.steps(moves[half_cells.points().index(half_cells.middle(*start))]);
+            assert!(steps + 1 >= shortest, "{steps} steps instead of {shortest} from {start:?}");
+            (walked, true_steps) = (walked + steps, true_steps + shortest);
+            cell_steps += by_cells[map.index(*start)];
+        }
+        let share = |steps: u32| f64::from(walked) / f64::from(steps);
+        assert!(share(true_steps) < 1.1 && share(cell_steps) < 0.85, "{} {}", share(true_steps), share(cell_steps));
     }
 }
