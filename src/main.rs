@@ -152,10 +152,10 @@ fn train(cli: &Cli) -> u8 {
     if !args.no_ui && !with_ui {
         if args.interface.record.is_some() {
             let help = "run it in a terminal, or without --record";
-            let error = miette::miette!(help = help, "--record: there is no screen, as the output is no terminal");
+            let error = miette::miette!(help = help, "--record: there is no screen, as the output is not a terminal");
             return fail(error, EXIT_BAD_INPUT);
         }
-        eprint_line("trains without the interface, as the output is no terminal (--no-ui says that this is meant)");
+        eprint_line("trains without the interface, as the output is not a terminal (--no-ui says that this is meant)");
     }
     let setup = match setup::prepare(args, &Registry::builtin()) {
         Ok(setup) => setup,

@@ -104,9 +104,9 @@ fn name(file: &Path) -> String {
     sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// Describes a saved run in a few words: `57,000 updates from yesterday`.
+/// Describes a saved run in a few words: `57,000 updates, saved yesterday`.
 pub fn summary(found: &Description) -> String {
-    let age = found.written.and_then(local).map_or(String::new(), |at| format!(" from {}", age(&at, &Zoned::now())));
+    let age = found.written.and_then(local).map_or(String::new(), |at| format!(", saved {}", age(&at, &Zoned::now())));
     format!("{} updates{age}", grouped(found.updates))
 }
 

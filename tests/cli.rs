@@ -335,7 +335,7 @@ fn without_a_terminal_it_says_that_it_trains_without_the_interface() {
         (output.status.code(), String::from_utf8_lossy(&output.stderr).into_owned())
     };
     let (status, said) = error(&args);
-    let line = "trains without the interface, as the output is no terminal (--no-ui says that this is meant)\n";
+    let line = "trains without the interface, as the output is not a terminal (--no-ui says that this is meant)\n";
     assert_eq!((status, said.as_str()), (Some(0), line));
     assert_eq!(error(&[&args[..], &["--no-ui"]].concat()), (Some(0), String::new()), "it was asked for");
     let (status, said) = error(&[&args[..], &["--record", "run.cast"]].concat());

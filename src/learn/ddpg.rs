@@ -59,7 +59,7 @@ static DISTANCE: Variant =
 /// Registry entry: sparse rewards, goals as they were pursued.
 pub const DDPG: LearnerKind = LearnerKind {
     name: SPARSE.name,
-    about: "deep deterministic policy gradient: -1 a step until the goal is reached",
+    about: "deep deterministic policy gradient; -1 a step up to the goal",
     create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&SPARSE, (spec, settings), threads, rng)?)),
     parameters,
 };
@@ -67,7 +67,7 @@ pub const DDPG: LearnerKind = LearnerKind {
 /// Registry entry: sparse rewards, goals relabelled in hindsight.
 pub const HER: LearnerKind = LearnerKind {
     name: HINDSIGHT.name,
-    about: "the same with hindsight experience replay",
+    about: "ddpg with hindsight experience replay",
     create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&HINDSIGHT, (spec, settings), threads, rng)?)),
     parameters,
 };
@@ -75,7 +75,7 @@ pub const HER: LearnerKind = LearnerKind {
 /// Registry entry: rewards from straight-line distance, goals as they were pursued.
 pub const DDPG_DISTANCE: LearnerKind = LearnerKind {
     name: DISTANCE.name,
-    about: "the same as ddpg, rewarded by minus the straight-line distance",
+    about: "ddpg rewarded by minus the straight-line distance",
     create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&DISTANCE, (spec, settings), threads, rng)?)),
     parameters,
 };

@@ -40,7 +40,7 @@ use policy::{FrozenActor, Nets};
 /// Registry entry of the learner.
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
-    about: "the same as gdg with D given: trains an actor through a dynamics model towards the goal in a straight line",
+    about: "gdg with D given as the straight line; learns model and actor",
     create: |spec, settings, threads, rng| Ok(Box::new(GdgDistance::new(spec, settings, threads, rng)?)),
     parameters,
 };

@@ -209,8 +209,8 @@ impl Preset {
         match self {
             Self::Default => "All additions that measurably help",
             Self::Paper => "The algorithms exactly as published",
-            Self::Tuned => "Rivals (ddpg, her, ddpg-distance) as they do best here",
-            Self::Sb3 => "Rivals by the defaults of Stable-Baselines3",
+            Self::Tuned => "Baselines (ddpg, her, ddpg-distance) as they do best here",
+            Self::Sb3 => "Baselines by the defaults of Stable-Baselines3",
         }
     }
 

@@ -218,7 +218,8 @@ impl App {
         }
         let keymap = &self.screen.keymap;
         let [help, find] = [Action::Help, Action::Palette].map(|action| keymap.key_of(action));
-        let text = format!("{} does nothing here   {help} help   {find} all commands", keymap::name_of(key));
+        let place = if self.screen.mode() == Mode::Editing { "in the editor" } else { "here" };
+        let text = format!("{} does nothing {place}   {help} help   {find} all commands", keymap::name_of(key));
         self.say(&text);
     }
 

@@ -104,7 +104,7 @@ impl Worker {
         let warning = change.warning.map_or(String::new(), |warning| format!("; {warning}"));
         let removed = match change.transitions_removed as u64 {
             0 => String::new(),
-            removed => format!("; forgot {} that can no longer happen", counted(removed, "transition")),
+            removed => format!("; forgot {} that would now end elsewhere", counted(removed, "transition")),
         };
         Ok(format!("{done}{}{removed}{warning}", change.summary))
     }

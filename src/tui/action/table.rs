@@ -176,7 +176,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Back, "back-in-time", &["["], "", "back in time: what was learned by then")
                 .watching()
                 .also("past history film rewind earlier previous before go time travel scrub movie replay"),
-            bind(Action::Forth, "forth-in-time", &["]"], "", "forth in time, and back to the present")
+            bind(Action::Forth, "forth-in-time", &["]"], "", "forward in time, and back to the present")
                 .watching()
                 .also("future now present film forward later next time travel movie replay"),
             bind(Action::Projection, "projection", &["shift-p"], "turn", "choose the next projection")

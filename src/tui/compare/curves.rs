@@ -88,7 +88,7 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
     };
     let name = format!("{} {}", LETTERS[own], run.method.name());
     let faint = fainter.add_modifier(Modifier::DIM);
-    let actor = Curve { name: "actor alone".to_owned(), style: faint, marker, points: points(&|e| e.greedy.success) };
+    let actor = Curve { name: "greedy".to_owned(), style: faint, marker, points: points(&|e| e.greedy.success) };
     if run.method.plans() {
         let planned = points(&|e| e.planned.as_ref()?.success);
         vec![Curve { name, style: style.patch(BOLD), marker, points: planned }, actor]

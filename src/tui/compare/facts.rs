@@ -55,7 +55,7 @@ pub fn facts(side: &Side, (arrived, races): (u32, u32)) -> Vec<Fact> {
     // What is not known yet has its place already: what follows does not move.
     if side.app.screen.run().method.plans() {
         let greedy = success.and_then(|s| s.greedy).map_or_else(unknown, rate);
-        facts.push(Fact { place: Place::Aside, ..Fact::new("actor alone", greedy) });
+        facts.push(Fact { place: Place::Aside, ..Fact::new("greedy", greedy) });
     }
     facts.push(Fact::new("races", format!("{arrived}/{races}")));
     let latest = snapshot.evaluations.last();

@@ -135,15 +135,14 @@ pub fn exports(scene: SceneKind) -> Picker {
 /// Asks whether to save before quitting.
 pub fn quit_choices(unsaved_updates: u64, is_map_edited: bool, file: &Path, autosaves: &[PathBuf]) -> Picker {
     let map = if is_map_edited { " and map edits" } else { "" };
-    let autosaved = autosaves.last().map_or(String::new(), |path| format!("; autosaved in {}", path.display()));
+    let updates = grouped(unsaved_updates);
+    let lost = match autosaves.last().and_then(|path| path.file_name()) {
+        Some(name) => format!("keeps the autosave {}, not what came later", name.to_string_lossy()),
+        None => format!("{updates} unsaved updates{map} are lost"),
+    };
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }).on('y'),
-        Item::new(
-            "quit without saving",
-            format!("{} unsaved updates{map} are lost{autosaved}", grouped(unsaved_updates)),
-            Choice::Quit { save: false },
-        )
-        .on('n'),
+        Item::new("quit without saving", lost, Choice::Quit { save: false }).on('n'),
         Item::new("cancel", "", Choice::Nothing).on('c'),
     ];
     Picker::new("save before quitting?", items)

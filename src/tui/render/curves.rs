@@ -12,6 +12,7 @@ use super::{BOLD, DIM, chart};
 use crate::env::DistanceUnit;
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::layout::{ChartArea, ScreenLayout};
+use crate::tui::scene::SceneKind;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, blend};
 
@@ -113,10 +114,14 @@ fn plots(screen: &Screen) -> Vec<Plot> {
     ];
     let errors =
         vec![of("D", &|e| Some(e.distance_error?.mape)), of("via graph", &|e| Some(e.distance_error?.graph?.mape))];
+    let errors = Plot { title: "error of D", series: errors, max: None, log: true, percent: true };
+    let of_critic = Plot::loss("loss of D", loss(0));
+    // True distances are known in mazes alone.
+    let [second, third] = if screen.scene() == SceneKind::Maze { [errors, of_critic] } else { [of_critic, errors] };
     vec![
         Plot::rate("success", success),
-        Plot::loss("loss of D", loss(0)),
-        Plot { title: "error of D", series: errors, max: None, log: true, percent: true },
+        second,
+        third,
         Plot::rate(by_unit, each.collect()),
         Plot::loss("loss of f", loss(1)),
         Plot::loss("loss of mu, steps", loss(2)),
@@ -177,10 +182,11 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
         }
     };
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
+    // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
     let past = screen.past.as_ref().map(|frame| along(screen, frame.updates)).filter(|at| (from..=to).contains(at));
     let past = past.map(|at| [(at, low), (at, high)]);
-    let lines = changes.chain(shown.iter().map(|(i, points)| line(colour(screen, *i), &points[..])));
+    let lines = changes.chain(shown.iter().rev().map(|(i, points)| line(colour(screen, *i), &points[..])));
     let cursor = Style::new().fg(screen.theme.colour(screen.theme.cursor)).add_modifier(Modifier::BOLD);
     let lines = lines.chain(past.iter().map(|upright| line(cursor, &upright[..])));
     let area = chart::draw(frame, body, ([from, to], [low, high]), (unit(screen), [label(low), label(high)]), lines);

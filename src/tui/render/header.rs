@@ -53,7 +53,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     let mut bar = ClickableLine::default();
     parts.into_iter().for_each(|(span, action)| bar.push(span, act(action)));
     let plural = if unsaved == 1 { "" } else { "s" };
-    let unsaved = format!("  {} update{plural} since the last checkpoint", grouped(unsaved));
+    let unsaved = format!("  {} update{plural} since the last save", grouped(unsaved));
     if screen.snapshot.saved.is_some() && bar.width() + unsaved.len() < usize::from(area.width) {
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));
     }

@@ -41,8 +41,9 @@ fn past(screen: &Screen, width: usize) -> Option<ClickableLine> {
     let (long, short) = (goal("D to the film's own goal"), goal("D to its own goal"));
     let texts = [
         (format!("update {then} of {now}{success}{long}"), " back and forth"),
-        (format!("update {then} of {now}{long}"), " back and forth"),
-        (format!("update {then}{long}"), " back and forth"),
+        (format!("update {then}{success}{long}"), " back and forth"),
+        (format!("update {then}{success}{short}"), " back and forth"),
+        (format!("update {then}{success}{short}"), ""),
         (format!("update {then}{short}"), ""),
         (format!("update {then} of {now}{success}"), " back and forth"),
         (format!("update {then} of {now}"), " back and forth"),

@@ -93,7 +93,12 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
         Pane::Log => "event log",
     };
     let style = if pane == screen.pane { BOLD } else { Style::new() };
-    let block = Block::new().borders(Borders::TOP | Borders::LEFT).title(Span::styled(format!(" {title} "), style));
+    let mut block = Block::new().borders(Borders::TOP | Borders::LEFT).title(Span::styled(format!(" {title} "), style));
+    let has_more = matches!(pane, Pane::Training | Pane::Walk) && !screen.maximised && pane == screen.pane;
+    if has_more && usize::from(area.width) <= EXPLAINED_WIDTH {
+        let key = screen.keymap.key_of(Action::Maximise);
+        block = block.title(Line::styled(format!(" {key} explains "), DIM).right_aligned());
+    }
     let inner = block.inner(area);
     frame.render_widget(block, area);
     match pane {

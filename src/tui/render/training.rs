@@ -32,7 +32,7 @@ pub const MEANINGS: [(&str, &str); 20] = [
     ("next", "when they are measured again"),
     ("explored", "visited cells, of all within reach"),
     ("bridges", "bridge candidates, and edges between them"),
-    ("search", "steps saved by a bridge, of how many tried"),
+    ("search", "steps gained by the best bridge tried"),
     ("learning", "time spent on updates, and on agents' steps"),
 ];
 
@@ -123,7 +123,7 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
             lines.push(fact("D error", percent(error.mape)));
             lines.extend(error.graph.map(|graph| fact("via graph", percent(graph.mape))));
         }
-        lines.push(fact("evaluated", format!("at update {}", short(screen.snapshot.learned(*updates) as f64))));
+        lines.push(fact("evaluated", age(screen, screen.snapshot.learned(*updates))));
         lines.push(next(screen));
         // Coverage is known between evaluations, too.
         let seen = screen.snapshot.latest_coverage();
@@ -133,6 +133,14 @@ fn success(screen: &Screen, width: usize) -> Vec<Line<'static>> {
         lines.push(next(screen));
     }
     lines
+}
+
+/// Says how long ago the latest evaluation was, at update `at`.
+fn age(screen: &Screen, at: u64) -> String {
+    match screen.snapshot.updates().saturating_sub(at) {
+        0 => "just now".to_owned(),
+        ago => format!("{} updates ago", short(ago as f64)),
+    }
 }
 
 /// Says when the next evaluation comes, and which key asks for one now.
@@ -189,8 +197,8 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
     }
     let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
         // Less than a step is not nothing.
-        Some(bridge) => format!("saves {:.*}, of {}", usize::from(bridge.gain < 1.0), bridge.gain, s.tried()),
-        None => format!("none of {} saves", s.tried()),
+        Some(bridge) => format!("gains {:.*}, {} tried", usize::from(bridge.gain < 1.0), bridge.gain, s.tried()),
+        None => format!("none of {} helps", s.tried()),
     });
     let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();
     let bridges = format!("{}, {} edges", scene::candidate_count(screen), short(edges as f64));

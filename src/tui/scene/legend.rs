@@ -11,7 +11,7 @@ use crate::tui::render::DIM;
 use crate::tui::render::scale::scale;
 use crate::tui::render::text::heading;
 use crate::tui::screen::Screen;
-use crate::tui::theme::Rgb;
+use crate::tui::theme::{Rgb, Theme};
 
 /// Returns the scale of colours, and a line per overlay with its sign.
 pub fn overlay_lines(screen: &Screen, sign_of: impl Fn(Overlay, &Screen) -> Option<(char, Rgb)>) -> Vec<Line<'static>> {
@@ -45,5 +45,16 @@ pub fn sign(screen: &Screen, sign: char, rgb: Rgb, meaning: &str) -> Line<'stati
 
 /// Returns a sign in its colour.
 pub fn sample(screen: &Screen, sign: char, rgb: Rgb) -> Span<'static> {
-    Span::styled(sign.to_string(), Style::new().fg(screen.theme.colour(rgb)))
+    let Theme { page, wall, .. } = &screen.theme;
+    let style = Style::new().fg(screen.theme.colour(rgb));
+    // As on the map, which is darker than a light page.
+    let is_faint = page.is_some_and(|(_, ground)| distance(rgb, ground) < FAINT);
+    Span::styled(sign.to_string(), if is_faint { style.bg(screen.theme.colour(*wall)) } else { style })
+}
+
+/// Signs that differ less from the page, summed over the channels, need another ground.
+const FAINT: u32 = 150;
+
+fn distance((r, g, b): Rgb, other: Rgb) -> u32 {
+    [(r, other.0), (g, other.1), (b, other.2)].iter().map(|(a, b)| u32::from(a.abs_diff(*b))).sum()
 }

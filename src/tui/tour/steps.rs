@@ -265,7 +265,7 @@ fn plan(screen: &Screen, tour: &mut Tour) -> Caption {
     }
     let line = if is_mono(screen) { "The + are" } else { "The red line is" };
     let text = format!(
-        "G is now in the far room. {line} the plan: from bridge to bridge, each near enough to be reached surely. @ walks it."
+        "G is now in the far room. {line} the plan: from bridge to bridge, each near enough to be reached reliably. @ walks it."
     );
     let seen = screen.maze.view.walk.arrived && tour.elapsed > 1.0;
     Caption { text, subject: [vec![screen.maze.goal.centre()], path].concat(), marks: Vec::new(), seen }

@@ -13,18 +13,19 @@ const POCKET_STEPS: usize = 2;
 /// What the agents know of a cell.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Knowledge {
-    /// Visited; or never to be visited, as a wall or out of reach.
+    /// Visited; or a wall.
     #[default]
     Known,
     /// Visited, and one step away from a cell beyond the known world.
     Edge,
     /// Not visited, but only a pocket in the known world.
     Pocket,
-    /// Beyond the known world: not visited, and part of an area that reaches more than two steps from all visited cells.
+    /// Beyond the known world: not visited, and part of an area that reaches more than two steps from all visited cells,
+    /// or out of their reach.
     Beyond,
 }
 
-/// What the agents know of each cell. Empty if they have explored everything within reach.
+/// What the agents know of each cell. Empty if they have explored everything.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Exploration {
     /// Columns and rows of the map.
@@ -39,7 +40,8 @@ impl Exploration {
         let unvisited = |cell: Cell| visits.get(map.index(cell)) == Some(&0);
         let visited_beside: Vec<Cell> =
             map.free_cells().filter(|c| !unvisited(*c) && map.neighbours(*c).any(unvisited)).collect();
-        if visited_beside.is_empty() {
+        let is_begun = map.free_cells().any(|cell| visits.get(map.index(cell)).is_some_and(|count| *count > 0));
+        if !is_begun || !map.free_cells().any(unvisited) {
             return Self::default();
         }
         let mut cells = vec![Knowledge::Known; map.free().len()];
@@ -57,6 +59,13 @@ impl Exploration {
             }
             if reached.is_empty() {
                 break;
+            }
+        }
+        // What is left is out of reach: D is not learned there.
+        for cell in map.free_cells().filter(|cell| unvisited(*cell)) {
+            let own = &mut cells[map.index(cell)];
+            if *own == Knowledge::Known {
+                *own = Knowledge::Beyond;
             }
         }
         // Cells around those far from the visited ones belong to the same area.
@@ -79,7 +88,7 @@ impl Exploration {
         Self { size: (map.width(), map.height()), cells }
     }
 
-    /// Whether there is nothing left to explore within reach on `map`, or the map has another size.
+    /// Whether there is nothing unexplored on `map`, or the map has another size.
     pub fn is_complete(&self, map: &Grid) -> bool {
         self.size != (map.width(), map.height())
     }
@@ -154,16 +163,16 @@ mod tests {
     }
 
     #[test]
-    fn what_is_out_of_reach_is_not_unexplored() {
+    fn what_is_out_of_reach_is_beyond_the_known_world_but_has_no_edge() {
         // No step leads diagonally between walls.
-        assert_eq!(explored(&["xxx#....", "xxxx#...", "xxxxx#.."]), ["xxx#xxxx", "xxxx#xxx", "xxxxx#xx"]);
+        assert_eq!(explored(&["xxx#....", "xxxx#...", "xxxxx#.."]), ["xxx#????", "xxxx#???", "xxxxx#??"]);
         assert_eq!(explored(&["xxx#....", "xxxx#...", "xxxxx#..", "xxxxx..."])[3], "xxxxe???");
     }
 
     #[test]
-    fn nothing_is_left_once_everything_within_reach_is_visited_or_before_the_first_visit() {
+    fn nothing_is_left_once_everything_is_visited_or_before_the_first_visit() {
         let map = map(&["..#."]);
-        for visits in [[1, 2, 0, 0], [0; 4]] {
+        for visits in [[1, 2, 0, 1], [0; 4]] {
             assert!(Exploration::new(&map, &visits).is_complete(&map), "{visits:?}");
         }
         assert!(!Exploration::new(&map, &[1, 0, 0, 0]).is_complete(&map));

@@ -43,7 +43,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     lines.push(signs(screen, &[trail, frontier][..1 + usize::from(has_edge)]));
     if screen.run().method.plans() {
         let tried = edge_count(screen, EdgeStatus::Confirmed) + edge_count(screen, EdgeStatus::Demoted);
-        let walked = if tried > MAX_EDGES { "walked, near the cursor" } else { "edges walked" };
+        let walked = if tried > MAX_EDGES { "walked, near cursor" } else { "edges walked" };
         lines.extend(edge_lines(screen, [walked, "failed", "untried, not shown"]));
     }
     lines
