@@ -187,7 +187,7 @@ impl Worker {
             // disconnects.
             while matches!(self.current.phase, Phase::Failed(_)) {
                 match self.inbox.recv() {
-                    Ok(command) => self.execute(command),
+                    Ok(command) => self.execute_latest(command),
                     Err(_) => return self.trainer,
                 }
             }
@@ -277,7 +277,7 @@ impl Worker {
                 (true, _) => as_try_recv(self.inbox.recv_timeout(POLL_INTERVAL)),
             };
             match command {
-                Ok(command) => self.execute(command),
+                Ok(command) => self.execute_latest(command),
                 Err(TryRecvError::Disconnected) => return false,
                 Err(TryRecvError::Empty) => {
                     self.collect_evaluation();
@@ -287,6 +287,19 @@ impl Worker {
                 }
             }
         }
+    }
+
+    /// Runs a command, or only the last of several changes of the world in a row: each replaces all of it, and on the
+    /// largest maps takes seconds.
+    fn execute_latest(&mut self, mut command: Command) {
+        while matches!(command, Command::ChangeWorld(..)) {
+            let Ok(next) = self.inbox.try_recv() else { break };
+            let before = std::mem::replace(&mut command, next);
+            if !matches!(command, Command::ChangeWorld(..)) {
+                self.execute(before);
+            }
+        }
+        self.execute(command);
     }
 
     /// Reports what a step has done.
@@ -453,7 +466,41 @@ fn as_try_recv(command: Result<Command, RecvTimeoutError>) -> Result<Command, Tr
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicUsize, Ordering};
+    use std::sync::mpsc::channel;
+
     use super::*;
+    use crate::env::{Environment, PointMaze};
+    use crate::train::{Method, Preset, Registry, Run, Settings};
+
+    #[test]
+    fn of_edits_in_a_row_only_the_last_is_applied_and_stopping_does_not_wait_for_the_others() {
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        let world = PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
+        let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
+        let engine = Engine::start(trainer, Limits::default()).expect("a thread");
+        let made = Arc::new(AtomicUsize::new(0));
+        let edit = |wait: Option<Receiver<()>>| {
+            let made = made.clone();
+            let make = move |world: &dyn Environment| {
+                made.fetch_add(1, Ordering::Relaxed);
+                wait.iter().for_each(|release| release.recv().expect("a signal"));
+                world.fork(world.agents())
+            };
+            Command::ChangeWorld(Box::new(make), "edited")
+        };
+        let (release, wait) = channel();
+        assert!(engine.send(Command::Pause) && engine.send(edit(Some(wait))));
+        while made.load(Ordering::Relaxed) == 0 {
+            std::thread::sleep(Duration::from_millis(1));
+        }
+        for command in [edit(None), edit(None), Command::Follow(Some(2)), edit(None), edit(None), edit(None)] {
+            assert!(engine.send(command));
+        }
+        release.send(()).expect("the trainer waits");
+        assert!(engine.stop().is_some());
+        assert_eq!(made.load(Ordering::Relaxed), 3, "the one begun, and the last before and after another command");
+    }
 
     #[test]
     fn long_evaluations_are_followed_by_shorter_pauses() {
