@@ -336,13 +336,14 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     if overwrite { Ok(()) } else { Err(already_exists(path)) }
 }
 
-/// Creates a file, or truncates an existing one if it may be replaced.
+/// Creates a file and the folders that it is in, or truncates an existing one if it may be replaced.
 ///
 /// # Errors
 /// The file exists, or cannot be created.
 pub fn create(path: &Path, overwrite: bool) -> Result<File, Report> {
     refuse_existing(path, overwrite)?;
-    let file = if overwrite { File::create(path) } else { File::create_new(path) };
+    let folder = path.parent().map_or(Ok(()), std::fs::create_dir_all);
+    let file = folder.and_then(|()| if overwrite { File::create(path) } else { File::create_new(path) });
     file.map_err(|error| match error.kind() {
         ErrorKind::AlreadyExists => already_exists(path),
         _ => miette!("{}: cannot be written: {error}", path.display()),

@@ -133,7 +133,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
     let mut session = Session::start(folder.path(), &["trap", "--record", "run.cast"]);
     session.wait_for("updates");
     session.press("2");
-    session.wait_for("loss of D");
+    session.wait_for("error of D");
     session.press("q");
     assert_eq!(session.end(), 0);
     let run = |args: &[&str]| {
@@ -150,7 +150,7 @@ fn recordings_play_back_and_completions_and_manual_are_printed() {
         end = seconds;
         if kind == "o" {
             screen.process(text.as_bytes());
-            seen |= screen.screen().contents().contains("loss of D");
+            seen |= screen.screen().contents().contains("error of D");
         }
     }
     assert!(seen, "the recording shows what was on the screen");

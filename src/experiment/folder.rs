@@ -192,7 +192,8 @@ impl Folder {
     /// The lock file cannot be created, or something else is in its place.
     pub fn lock(&self, job: &Job) -> Result<Option<Lock>, Report> {
         let path = self.0.join(format!("jobs/{}.lock", job.name));
-        let file = files::open_or_create(&path).map_err(|error| {
+        let opened = std::fs::create_dir_all(self.0.join("jobs")).and_then(|()| files::open_or_create(&path));
+        let file = opened.map_err(|error| {
             let help = "move it away, or give --out another folder";
             miette!(help = help, "{}: the job cannot be locked: {error}", path.display())
         })?;

@@ -61,7 +61,15 @@ pub fn unused_path(path: &Path) -> PathBuf {
 /// # Errors
 /// Returns the reason why it cannot.
 pub fn check_writable(path: &Path) -> Result<()> {
-    Target::resolve(path)?.create_temporary().map(|_| ())
+    let target = Target::resolve(path)?;
+    let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
+    let missing: Vec<&Path> = target.folder.ancestors().take_while(is_missing).collect();
+    let checked = target.create_temporary().map(|_| ());
+    // The run may be refused yet, and leave nothing behind.
+    for folder in missing {
+        let _ = std::fs::remove_dir(folder);
+    }
+    checked
 }
 
 /// A file to be written: its path with links resolved, and the metadata of the existing file.
@@ -186,6 +194,16 @@ mod tests {
 
     fn mode(path: &Path) -> u32 {
         path.metadata().expect("a file").permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn checking_leaves_no_folder_behind() {
+        let folder = folder();
+        check_writable(&folder.path().join("a/b/file")).expect("writable");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+        std::fs::create_dir(folder.path().join("a")).expect("created");
+        check_writable(&folder.path().join("a/b/file")).expect("writable");
+        assert!(folder.path().join("a").is_dir() && !folder.path().join("a/b").exists());
     }
 
     #[test]

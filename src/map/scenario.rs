@@ -76,10 +76,15 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
             return Ok(cell);
         }
         let (x, y) = (cell.x, cell.y);
+        let stated = (number(field)?, number(field + 1)?);
+        let mut place = format!("the {which} ({}, {})", stated.0, stated.1);
+        if stated != (x, y) {
+            place += &format!(" of a map of {stated_width} x {stated_height}, here ({x}, {y}),");
+        }
         let problem = if grid.contains(cell) {
-            format!("the {which} ({x}, {y}) is a wall of {}", grid.name())
+            format!("{place} is a wall of {}", grid.name())
         } else {
-            format!("the {which} ({x}, {y}) is outside the map of {} x {}", grid.width(), grid.height())
+            format!("{place} is outside the map of {} x {}", grid.width(), grid.height())
         };
         let help = "starts and goals must be free cells, as x, y from (0, 0) at the upper left; is this the right map?";
         Err(text.error(line, columns(field).start..columns(field + 1).end, problem, help))
@@ -91,4 +96,23 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
         optimal_octile: optimal_octile
             .ok_or_else(|| text.error(line, columns(8), format!("{:?} is not a length", fields[8]), EXPECTED_FIELDS))?,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use crate::map::{parse_map, parse_scenario_bytes};
+
+    #[test]
+    fn a_cell_that_does_not_fit_is_named_as_in_the_file() {
+        let map = parse_map("map", b"#...\n....\n").expect("a map");
+        let refused = |size: &str, cell: &str| {
+            let file = format!("version 1\n0\tmap\t{size}\t{cell}\t3\t1\t2\n");
+            parse_scenario_bytes("file", file.as_bytes(), &map).expect_err("refused").to_string()
+        };
+        assert!(refused("4\t2", "0\t0").contains("the start (0, 0) is a wall of map"));
+        let scaled = refused("40\t20", "1\t1");
+        assert!(scaled.contains("the start (1, 1) of a map of 40 x 20, here (0, 0), is a wall of map"), "{scaled}");
+        let outside = refused("4\t2", "7\t1");
+        assert!(outside.contains("the start (7, 1) is outside the map of 4 x 2"), "{outside}");
+    }
 }

@@ -22,7 +22,11 @@ impl<'a> Text<'a> {
             lines.pop();
         }
         if lines.is_empty() {
-            return Err(MapError::whole_file(file, "the file is empty", "a map needs at least one free cell"));
+            return Err(MapError::whole_file(
+                file,
+                "the file is empty",
+                "a map needs at least one free cell, a scenario the line 'version 1' and a task",
+            ));
         }
         Ok(Self { file, lines })
     }

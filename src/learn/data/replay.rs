@@ -99,6 +99,9 @@ impl ReplayState {
     }
 }
 
+/// No component of a stored state or goal is believed to be farther from 0: their squares must add up.
+const MOST: f32 = 1e9;
+
 impl Replay {
     /// Creates a replay with room for about `capacity` transitions of `agents` agents.
     pub fn new(sizes: ReplaySizes, agents: usize, capacity: usize) -> Self {
@@ -356,8 +359,9 @@ impl Replay {
         if !fits {
             return Err(StoreError::inconsistent("the stored replay does not fit these settings"));
         }
-        let finite = |numbers: &[f32]| numbers.iter().all(|v| v.is_finite());
-        if !finite(&state.states) || !finite(&state.actions) || !finite(&state.goals) || !self.has_valid_ends(state) {
+        let within = |numbers: &[f32], most: f32| numbers.iter().all(|v| v.abs() <= most);
+        let are_possible = within(&state.states, MOST) && within(&state.goals, MOST) && within(&state.actions, 1.0);
+        if !are_possible || !self.has_valid_ends(state) {
             return Err(StoreError::inconsistent("the stored replay contains values out of range"));
         }
         self.written.clone_from(&state.written);
@@ -421,6 +425,24 @@ mod tests {
         let floats = replay.states.capacity() + replay.actions.capacity() + replay.goals.capacity();
         let bytes = 4 * floats + 2 * replay.left.capacity();
         assert!(replay.capacity() >= 1_000_000 && bytes <= 48 << 20, "{bytes} bytes");
+    }
+
+    #[test]
+    fn impossible_numbers_are_not_restored() {
+        let mut replay = Replay::new((1, 1, 1).into(), 1, 100);
+        (0..5).for_each(|i| replay.push(0, &[i as f32], &[1.0], &[9.0]));
+        replay.end_episode(0, &[5.0]);
+        let state = replay.snapshot();
+        let restored = |change: &dyn Fn(&mut ReplayState)| {
+            let mut state = state.clone();
+            change(&mut state);
+            Replay::new((1, 1, 1).into(), 1, 100).restore(&state).is_ok()
+        };
+        assert!(restored(&|_| {}));
+        for wrong in [f32::NAN, f32::INFINITY, -3.4e38] {
+            assert!(!restored(&|s| s.states[3] = wrong) && !restored(&|s| s.goals[3] = wrong), "{wrong}");
+        }
+        assert!(!restored(&|s| s.actions[2] = -1.01), "actions lie in [-1, 1]");
     }
 
     #[test]

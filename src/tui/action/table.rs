@@ -132,7 +132,7 @@ pub const SECTIONS: &[Section] = &[
                 "exploring agents, trails, frontier goals, on or off",
             )
             .watching()
-            .also("explorers robots dots overlay layer hide show"),
+            .also("explorers exploration robots dots overlay layer hide show"),
             bind(
                 Action::Toggle(Overlay::Candidates),
                 "candidates",
@@ -212,7 +212,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::NextPane, "next-pane", &["tab"], "panes", "select the next pane").also("panel tab switch"),
             bind(Action::Maximise, "maximise", &["z"], "", "maximise or restore the pane")
                 .watching()
-                .also("maximize full screen fullscreen enlarge large pane panel"),
+                .also("maximize full screen fullscreen enlarge large pane panel sidebar explain meaning"),
             bind(Action::Scroll(-1), "scroll-back", &["pageup"], "", "scroll curves and log back")
                 .also("page up earlier"),
             bind(Action::Scroll(1), "scroll-on", &["pagedown"], "", "scroll curves and log forward")
@@ -248,7 +248,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::NewMap, "new-map", &[], "", "create an empty map").also("blank clear world"),
             bind(Action::RandomMap, "random-map", &[], "", "open a random map")
                 .also("generate maze city perfect labyrinth new world"),
-            bind(Action::ResizeMap, "resize-map", &[], "", "resize the map").also("size width height crop grow"),
+            bind(Action::ResizeMap, "resize-map", &[], "", "resize the map").also("size width height crop grow bigger smaller larger"),
             bind(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file")
                 .also("save export store world"),
             bind(Action::OpenMap, "open-map", &["shift-o"], "", "open another map")

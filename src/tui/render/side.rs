@@ -8,7 +8,7 @@ use ratatui::widgets::{Block, Borders, Paragraph};
 
 use super::text::{EXPLAINED_WIDTH, explain};
 use super::{BOLD, DIM, REVERSED, curves, log, training};
-use crate::tui::action::Action;
+use crate::tui::action::{Action, Mode};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::panes::Pane;
 use crate::tui::scene;
@@ -144,7 +144,9 @@ fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayou
     let fits = |texts: &&[String; 5]| {
         texts.iter().map(|text| Line::raw(text).width()).sum::<usize>() <= usize::from(area.width) + 1
     };
-    let texts = texts.iter().find(fits).cloned().unwrap_or_else(|| Pane::ALL.map(|pane| format!(" {} ", tab(pane).1)));
+    // The editor has other uses for the keys.
+    let with_keys = texts.iter().find(fits).filter(|_| screen.mode() != Mode::Editing).cloned();
+    let texts = with_keys.unwrap_or_else(|| Pane::ALL.map(|pane| format!(" {} ", tab(pane).1)));
     let mut bar = ClickableLine::default();
     for (pane, text) in Pane::ALL.into_iter().zip(texts) {
         bar.push(Span::styled(text, if pane == screen.pane { REVERSED } else { DIM }), Click::Act(Action::Show(pane)));

@@ -7,7 +7,10 @@ use crate::tui::panes::Pane;
 use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
-const WORDS: [(&str, Action); 99] = [
+const WORDS: [(&str, Action); 102] = [
+    ("exploration", Action::Toggle(Overlay::Agents)),
+    ("sidebar", Action::Maximise),
+    ("bigger", Action::ResizeMap),
     ("resume", Action::TogglePause),
     ("pause", Action::TogglePause),
     ("stop", Action::TogglePause),
