@@ -198,8 +198,9 @@ fn the_interface_survives_resizes_clicks_and_huge_pastes() {
     let mut session = Session::start(folder.path(), &["trap"]);
     session.wait_for("quit");
     for (cols, rows) in [(1, 1), (200, 60), (3, 2), (40, 10), (1, 50), (80, 24)] {
-        session.master.resize(size(cols, rows)).unwrap();
+        // The screen first: what is drawn for the new size must find it.
         session.screen.lock().unwrap().screen_mut().set_size(non_zero(rows), non_zero(cols));
+        session.master.resize(size(cols, rows)).unwrap();
         std::thread::sleep(Duration::from_millis(40));
     }
     session.press("\x1b[200~");
