@@ -132,7 +132,7 @@ pub const SECTIONS: &[Section] = &[
                 "exploring agents, trails, frontier goals, on or off",
             )
             .watching()
-            .also("explorers exploration robots dots overlay layer hide show"),
+            .also("explorers robots dots overlay layer hide show"),
             bind(
                 Action::Toggle(Overlay::Candidates),
                 "candidates",
@@ -248,7 +248,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::NewMap, "new-map", &[], "", "create an empty map").also("blank clear world"),
             bind(Action::RandomMap, "random-map", &[], "", "open a random map")
                 .also("generate maze city perfect labyrinth new world"),
-            bind(Action::ResizeMap, "resize-map", &[], "", "resize the map").also("size width height crop grow bigger smaller larger"),
+            bind(Action::ResizeMap, "resize-map", &[], "", "resize the map").also("size width height crop grow"),
             bind(Action::SaveMap, "save-map", &["ctrl-w"], "", "write the map to a file")
                 .also("save export store world"),
             bind(Action::OpenMap, "open-map", &["shift-o"], "", "open another map")

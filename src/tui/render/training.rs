@@ -197,7 +197,7 @@ fn bridges(screen: &Screen) -> Vec<Line<'static>> {
     }
     let search = screen.snapshot.search.as_ref().map_or("none yet".to_owned(), |s| match &s.found {
         // Less than a step is not nothing.
-        Some(bridge) => format!("gains {:.*}, {} tried", usize::from(bridge.gain < 1.0), bridge.gain, s.tried()),
+        Some(bridge) => format!("gains {:.*}, of {}", usize::from(bridge.gain < 1.0), bridge.gain, s.tried()),
         None => format!("none of {} helps", s.tried()),
     });
     let edges: usize = EdgeStatus::ALL.into_iter().map(|status| scene::edge_count(screen, status)).sum();

@@ -7,10 +7,9 @@ use crate::tui::panes::Pane;
 use crate::tui::scene::Tool;
 
 /// Words, and the action that must come first for them.
-const WORDS: [(&str, Action); 102] = [
-    ("exploration", Action::Toggle(Overlay::Agents)),
+const WORDS: [(&str, Action); 101] = [
+    ("exploration", Action::Toggle(Overlay::Unexplored)),
     ("sidebar", Action::Maximise),
-    ("bigger", Action::ResizeMap),
     ("resume", Action::TogglePause),
     ("pause", Action::TogglePause),
     ("stop", Action::TogglePause),
