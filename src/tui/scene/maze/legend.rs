@@ -40,7 +40,7 @@ pub fn lines(screen: &Screen) -> Vec<Line<'static>> {
     let trail = (if mono { TRAIL_MARK } else { '\u{2500}' }, theme.walker, "trail of @");
     let frontier = ('\u{2500}', theme.frontier, "frontier");
     let has_edge = !mono && !screen.maze.view.exploration.is_complete(&screen.maze.map);
-    lines.push(signs(screen, &[trail, frontier][..1 + usize::from(has_edge)]));
+    lines.push(signs(screen, &[trail, frontier][..=usize::from(has_edge)]));
     if screen.run().method.plans() {
         let tried = edge_count(screen, EdgeStatus::Confirmed) + edge_count(screen, EdgeStatus::Demoted);
         let walked = if tried > MAX_EDGES { "walked, near cursor" } else { "edges walked" };
