@@ -56,20 +56,17 @@ pub fn unused_path(path: &Path) -> PathBuf {
     numbered.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
 }
 
-/// Checks that a file can be written at `path` right now; changes nothing except that it creates the folder.
+/// Checks that a file can be written at `path` right now, in a folder that may have to be created; changes nothing.
 ///
 /// # Errors
 /// Returns the reason why it cannot.
 pub fn check_writable(path: &Path) -> Result<()> {
-    let target = Target::resolve(path)?;
-    let is_missing = |folder: &&Path| !folder.as_os_str().is_empty() && !folder.exists();
-    let missing: Vec<&Path> = target.folder.ancestors().take_while(is_missing).collect();
-    let checked = target.create_temporary().map(|_| ());
-    // The run may be refused yet, and leave nothing behind.
-    for folder in missing {
-        let _ = std::fs::remove_dir(folder);
-    }
-    checked
+    let mut target = Target::resolve(path)?;
+    // The run may be refused yet, and leaves no folders behind: those that are missing can be made where this one can be
+    // written to.
+    let existing = target.folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
+    target.folder = existing.to_owned();
+    target.create_temporary().map(|_| ())
 }
 
 /// A file to be written: its path with links resolved, and the metadata of the existing file.
