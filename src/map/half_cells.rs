@@ -54,8 +54,7 @@ impl HalfCells {
         Cell::new(at(cell.x), at(cell.y))
     }
 
-    /// Returns the steps that so many moves from point to point take: half a step is left over at the end, within the
-    /// goal radius.
+    /// Converts moves between points to steps; a leftover half step ends within the goal radius.
     pub fn steps(&self, moves: u32) -> u32 {
         if moves == UNREACHABLE { UNREACHABLE } else { moves / self.per_cell as u32 }
     }

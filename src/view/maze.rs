@@ -269,10 +269,14 @@ impl MazeWorker {
         [self.world.states()[0], self.world.states()[1]]
     }
 
+    /// Returns the search for true distances.
+    fn point_search(&mut self) -> &mut PointSearch {
+        self.point_search.get_or_insert_with(|| PointSearch::new(self.world.map()))
+    }
+
     /// Returns the true steps between two cells, if there is a path.
     fn true_steps(&mut self, from: Cell, to: Cell) -> Option<u32> {
-        let search = self.point_search.get_or_insert_with(|| PointSearch::new(self.world.map()));
-        let steps = search.steps_from(to)(from);
+        let steps = self.point_search().steps_from(to)(from);
         (steps != UNREACHABLE).then_some(steps)
     }
 

@@ -87,10 +87,10 @@ impl GroundTruth for MazeGroundTruth<'_> {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use rand::SeedableRng;
 
     use super::super::full_state_at;
+    use super::*;
     use crate::env::{Environment, PointMaze};
     use crate::map::{RandomMapKind, parse_map, random};
 

@@ -99,8 +99,8 @@ impl ReplayState {
     }
 }
 
-/// No component of a stored state or goal is believed to be farther from 0: their squares must add up.
-const MOST: f32 = 1e9;
+/// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may overflow.
+const MAX_MAGNITUDE: f32 = 1e9;
 
 impl Replay {
     /// Creates a replay with room for about `capacity` transitions of `agents` agents.
@@ -360,7 +360,8 @@ impl Replay {
             return Err(StoreError::inconsistent("the stored replay does not fit these settings"));
         }
         let within = |numbers: &[f32], most: f32| numbers.iter().all(|v| v.abs() <= most);
-        let are_possible = within(&state.states, MOST) && within(&state.goals, MOST) && within(&state.actions, 1.0);
+        let are_possible =
+            within(&state.states, MAX_MAGNITUDE) && within(&state.goals, MAX_MAGNITUDE) && within(&state.actions, 1.0);
         if !are_possible || !self.has_valid_ends(state) {
             return Err(StoreError::inconsistent("the stored replay contains values out of range"));
         }

@@ -135,10 +135,9 @@ pub fn exports(scene: SceneKind) -> Picker {
 /// Asks whether to save before quitting.
 pub fn quit_choices(unsaved_updates: u64, is_map_edited: bool, file: &Path, autosaves: &[PathBuf]) -> Picker {
     let map = if is_map_edited { " and map edits" } else { "" };
-    let updates = grouped(unsaved_updates);
     let lost = match autosaves.last().and_then(|path| path.file_name()) {
         Some(name) => format!("keeps the autosave {}, not what came later", name.to_string_lossy()),
-        None => format!("{updates} unsaved updates{map} are lost"),
+        None => format!("{} unsaved updates{map} are lost", grouped(unsaved_updates)),
     };
     let items = vec![
         Item::new("save and quit", format!("to {}", file.display()), Choice::Quit { save: true }).on('y'),

@@ -125,28 +125,23 @@ fn draw_pane(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut Screen
 /// Draws the names of the panes and their keys, the selected one reversed; close together or without keys where there is
 /// no room.
 fn tabs(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
-    let tab = |pane: Pane| {
+    let tabs = Pane::ALL.map(|pane| {
         let name = if pane == Pane::Legend { screen.scene().noun() } else { pane.name() };
         (screen.keymap.key_of(Action::Show(pane)), name)
-    };
+    });
     let formats: [fn(&str, &str) -> String; 3] = [
         |key, name| format!(" {key} {name} "),
         |key, name| format!("{key} {name} "),
         |key, name| format!("{key}{name} "),
     ];
-    let texts = formats.map(|format| {
-        Pane::ALL.map(|pane| {
-            let (key, name) = tab(pane);
-            format(&key, name)
-        })
-    });
+    let texts = formats.map(|format| tabs.each_ref().map(|(key, name)| format(key, name)));
     // The blank after the last one may be cut off.
     let fits = |texts: &&[String; 5]| {
         texts.iter().map(|text| Line::raw(text).width()).sum::<usize>() <= usize::from(area.width) + 1
     };
     // The editor has other uses for the keys.
     let with_keys = texts.iter().find(fits).filter(|_| screen.mode() != Mode::Editing).cloned();
-    let texts = with_keys.unwrap_or_else(|| Pane::ALL.map(|pane| format!(" {} ", tab(pane).1)));
+    let texts = with_keys.unwrap_or_else(|| tabs.map(|(_, name)| format!(" {name} ")));
     let mut bar = ClickableLine::default();
     for (pane, text) in Pane::ALL.into_iter().zip(texts) {
         bar.push(Span::styled(text, if pane == screen.pane { REVERSED } else { DIM }), Click::Act(Action::Show(pane)));

@@ -40,8 +40,8 @@ impl Exploration {
         let unvisited = |cell: Cell| visits.get(map.index(cell)) == Some(&0);
         let visited_beside: Vec<Cell> =
             map.free_cells().filter(|c| !unvisited(*c) && map.neighbours(*c).any(unvisited)).collect();
-        let is_begun = map.free_cells().any(|cell| visits.get(map.index(cell)).is_some_and(|count| *count > 0));
-        if !is_begun || !map.free_cells().any(unvisited) {
+        let has_visited = map.free_cells().any(|cell| !unvisited(cell));
+        if !has_visited || !map.free_cells().any(unvisited) {
             return Self::default();
         }
         let mut cells = vec![Knowledge::Known; map.free().len()];

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use super::{FilmedMap, MazeWorker, cell_of};
 use crate::learn::Policy;
-use crate::map::{PointSearch, UNREACHABLE};
+use crate::map::UNREACHABLE;
 use crate::view::{Field, Raster};
 
 /// Candidates considered at each pixel for D along the bridge graph.
@@ -89,8 +89,7 @@ impl MazeWorker {
 
     /// Returns the true steps to the goal; NaN where it is unreachable.
     fn true_distances(&mut self, positions: &[[f32; 2]], goal: [f32; 2]) -> Vec<f32> {
-        let search = self.point_search.get_or_insert_with(|| PointSearch::new(self.world.map()));
-        let steps = search.steps_from(cell_of(goal));
+        let steps = self.point_search().steps_from(cell_of(goal));
         let of = |at: &[f32; 2]| match steps(cell_of(*at)) {
             UNREACHABLE => f32::NAN,
             steps => steps as f32,
