@@ -299,6 +299,10 @@ impl Link {
 
 #[cfg(test)]
 mod tests {
+    use pathfinding::directed::dijkstra::dijkstra_all;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
     use super::*;
     use crate::bridge::candidates::tests::line;
 
@@ -379,6 +383,36 @@ mod tests {
         assert!((0..last).all(|i| route.next[i] as usize == i + 1));
         let route = graph.route_to_candidate(0);
         assert!(route.costs[1..].iter().all(|s| s.is_infinite()), "edges are directed");
+    }
+
+    #[test]
+    fn routes_cost_as_much_as_those_of_a_library_and_lead_along_edges() {
+        let line = row();
+        let count = line.candidates().len();
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        for density in [0.05, 0.2, 0.8] {
+            let mut edges = Vec::new();
+            for (from, to) in (0..count).flat_map(|from| (0..count).map(move |to| (from, to))) {
+                if from != to && rng.random::<f64>() < density {
+                    // Whole steps, so that many paths are equally long.
+                    let cost = rng.random_range(1..5) as f32;
+                    edges.push(Edge { from, to, distance: cost, length: cost, cost, status: EdgeStatus::Untried });
+                }
+            }
+            let graph = BridgeGraph::from_edges(&line.spec, &line.settings, line.candidates.clone(), edges);
+            let back = |to: &usize| {
+                let incoming = graph.edges().iter().filter(|edge| edge.to == *to);
+                incoming.map(|edge| (edge.from, edge.cost as u64)).collect::<Vec<_>>()
+            };
+            let route = graph.route_to_candidate(0);
+            let expected = dijkstra_all(&0, back);
+            for i in 1..count {
+                assert_eq!(route.costs[i], expected.get(&i).map_or(f32::INFINITY, |(_, cost)| *cost as f32), "{i}");
+                let next = route.next[i] as usize;
+                let edge = graph.edges().iter().find(|edge| (edge.from, edge.to) == (i, next));
+                assert!(edge.map_or(next == i, |edge| route.costs[i] == edge.cost + route.costs[next]), "{i}");
+            }
+        }
     }
 
     #[test]
