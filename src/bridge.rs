@@ -16,7 +16,7 @@ mod settings;
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub(crate) use candidates::{
     DETOUR_FACTOR, DETOUR_SLACK_STEPS, MANY_HOP_FAILURES, MANY_PATHS, MAX_FACTOR, MAX_SPACING_SHARE,
-    MAX_UNVERIFIED_FACTOR, MIN_SPACING_RADII, OPEN_SHARE, WELL_KNOWN_PATHS,
+    MAX_UNVERIFIED_FACTOR, MIN_SPACING_RADII, NEWCOMER_FACTOR, OPEN_SHARE, WELL_KNOWN_PATHS,
 };
 pub use excursion::Excursions;
 pub(crate) use excursion::{

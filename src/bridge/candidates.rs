@@ -21,6 +21,10 @@ pub const UNOBSERVED: u16 = u16::MAX;
 /// Distance that candidates keep from each other even where walls separate them, in goal radii.
 pub(crate) const MIN_SPACING_RADII: f32 = 1.0;
 
+/// At the maximum number of candidates, a state becomes one only at this multiple of the spacing: the others move apart
+/// for places that are out of their reach, not to fill gaps between them.
+pub(crate) const NEWCOMER_FACTOR: f32 = 1.5;
+
 /// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
 pub(crate) const WELL_KNOWN_PATHS: usize = 8;
 
@@ -259,8 +263,9 @@ impl Candidates {
         let latest = visits.back().map(|(step, from)| (*from as usize, clock - step));
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
-        if distance > self.spacing || (distance > self.min_spacing && self.is_behind_a_wall(state, latest)) {
-            near = self.add(state, distance <= self.spacing);
+        let spacing = self.spacing_of_newcomers();
+        if distance > spacing || (distance > self.min_spacing && self.is_behind_a_wall(state, spacing, latest)) {
+            near = self.add(state, distance <= spacing);
         }
         let visits = &mut self.visits[agent];
         let Some(to) = near else { return };
@@ -286,15 +291,21 @@ impl Candidates {
         self.spec.achieved(state).collect()
     }
 
-    /// Whether trajectories show that `state` is far from all candidates within the spacing: `latest`, the candidate
+    /// Returns the distance that a state must have from all candidates to become one: the spacing, and more if others have
+    /// to retire for it.
+    fn spacing_of_newcomers(&self) -> f32 {
+        if self.verified && self.len() >= self.max_count { NEWCOMER_FACTOR * self.spacing } else { self.spacing }
+    }
+
+    /// Whether trajectories show that `state` is far from all candidates within `spacing`: `latest`, the candidate
     /// that its agent visited last and the steps since, is not joined to any of them by a short path.
-    fn is_behind_a_wall(&self, state: &[f32], latest: Option<(usize, u32)>) -> bool {
+    fn is_behind_a_wall(&self, state: &[f32], spacing: f32, latest: Option<(usize, u32)>) -> bool {
         let Some((latest, steps)) = latest else { return false };
         if self.paths[latest].observed.len() < WELL_KNOWN_PATHS {
             return false;
         }
         let joined = |i, distance| self.may_be_joined(latest, i, distance + steps as f32);
-        !self.goal_index.any_within(&self.achieved(state), self.spacing, joined)
+        !self.goal_index.any_within(&self.achieved(state), spacing, joined)
     }
 
     /// Whether candidates `i` and `j` may be joined by a path that is not much longer than `distance`: such a path has
@@ -380,6 +391,25 @@ pub(super) mod tests {
             let near = |b: &[f32]| spec.goal_distance(a, b) <= MIN_SPACING_RADII * radius;
             assert!(!candidates.points()[2 * (i + 1)..].chunks_exact(2).any(near), "some lie within the least spacing");
         }
+    }
+
+    #[test]
+    fn others_retire_for_places_out_of_reach_but_not_to_fill_gaps() {
+        let (spec, settings) = line(5);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        walk(&mut candidates, 99.5);
+        let (ids, spacing) = (candidates.ids.clone(), candidates.spacing());
+        assert!(spacing > spec.goal_radius && ids.len() <= settings.max_candidates(), "{spacing}");
+        // At other places of the same line, until gaps between candidates are filled.
+        for offset in 1..20 {
+            (0..199).for_each(|i| candidates.visit(0, &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5]));
+            candidates.end_episode(0);
+        }
+        assert_eq!((&candidates.ids[..ids.len()], candidates.spacing()), (&ids[..], spacing), "none retired");
+        assert_eq!(candidates.len(), settings.max_candidates());
+        candidates.visit(0, &[50.0, 40.0]);
+        assert!(candidates.nearest(&[50.0, 40.0]).1 == 0.0 && candidates.spacing() > spacing);
+        assert!(candidates.len() <= settings.max_candidates());
     }
 
     #[test]

@@ -12,10 +12,14 @@ use crate::learn::GoalIndex;
 /// (The fastest agents move one goal radius per step.)
 pub(crate) const MAX_SPACING_SHARE: f32 = 0.45;
 
-/// Factor by which the spacing grows and shrinks.
-const SPACING_GROWTH: f32 = 1.1;
+/// Factor by which the spacing grows at a time: so little that not many more candidates retire than have to.
+const SPACING_GROWTH: f32 = 1.02;
 
-/// Failures per arrival of hops, all lengths alike, above which candidates move closer together.
+/// Factor by which it shrinks.
+const SPACING_SHRINKAGE: f32 = 1.1;
+
+/// Failures per arrival of hops, all lengths alike, above which candidates move closer together, and space does not count
+/// as open.
 pub(crate) const MANY_HOP_FAILURES: f32 = 0.2;
 
 /// Observed paths, for each candidate of the target number, beyond which candidates move apart in open space: paths are
@@ -46,21 +50,23 @@ impl Candidates {
         self.len() >= self.target_count && self.spacing < self.max_spacing
     }
 
-    /// Adapts the spacing of verified candidates to what trajectories and hops have shown. In open space, they move apart
-    /// if there are many paths between them. Otherwise, they move closer together if many hops fail: places between them
-    /// become candidates when agents come by.
+    /// Adapts the spacing of verified candidates to what trajectories and hops have shown. In open space, where hops seldom
+    /// fail, they move apart if there are many paths between them. Otherwise, they move closer together if many hops fail:
+    /// places between them become candidates when agents come by.
     pub fn adapt_spacing(&mut self) {
         if !self.verified {
             // Hops along unverified edges fail because of walls, at any spacing.
             return;
         }
-        if self.is_crowded() && (self.is_open || self.is_space_open()) {
+        let many_hops_fail = self.hops.failures_within(self.edge_cutoff_steps) > MANY_HOP_FAILURES;
+        // Between thin walls, known paths may come to join half of the candidates that are close, too.
+        if self.is_crowded() && (self.is_open || (!many_hops_fail && self.is_space_open())) {
             self.is_open = true;
             while self.is_crowded() {
                 self.move_apart();
             }
-        } else if self.hops.failures_within(self.edge_cutoff_steps) > MANY_HOP_FAILURES && self.len() < self.max_count {
-            self.spacing = (self.spacing / SPACING_GROWTH).max(self.least_spacing);
+        } else if many_hops_fail && self.len() < self.max_count {
+            self.spacing = (self.spacing / SPACING_SHRINKAGE).max(self.least_spacing);
         }
     }
 
@@ -188,6 +194,21 @@ mod tests {
         }
         closed.adapt_spacing();
         assert_eq!((closed.len(), closed.spacing()), (before[1].0, settings.candidate_spacing * spec.goal_radius));
+    }
+
+    #[test]
+    fn space_does_not_count_as_open_where_many_walks_fail() {
+        let (spec, settings) = line(7);
+        let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        wander(&mut candidates, 100_000);
+        let before = (candidates.len(), candidates.spacing());
+        (0..100).for_each(|_| candidates.record_walk((0, 1), 4.0, false));
+        candidates.adapt_spacing();
+        assert!(candidates.len() == before.0 && candidates.spacing() <= before.1, "they do not move apart");
+        (0..1000).for_each(|_| candidates.record_walk((0, 1), 4.0, true));
+        candidates.adapt_spacing();
+        assert!(candidates.len() < before.0, "they do");
     }
 
     #[test]

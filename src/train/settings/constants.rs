@@ -205,7 +205,7 @@ fn candidates() -> Vec<Constant> {
             "MANY_HOP_FAILURES",
             bridge::MANY_HOP_FAILURES,
             "failures per arrival",
-            "failed walks between candidates above which these move closer together",
+            "failed walks between candidates above which these move closer together, and space does not count as open",
         ),
         constant(
             "MANY_PATHS",
@@ -224,6 +224,12 @@ fn candidates() -> Vec<Constant> {
             bridge::MAX_FACTOR as f64,
             "candidates",
             "maximum number of candidates, as a multiple of the setting",
+        ),
+        constant(
+            "NEWCOMER_FACTOR",
+            bridge::NEWCOMER_FACTOR,
+            "spacings",
+            "at that number, distance from all candidates at which a place becomes one and others retire for it",
         ),
         constant(
             "MAX_UNVERIFIED_FACTOR",
