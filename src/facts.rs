@@ -95,13 +95,28 @@ fn facts(grid: &Grid) -> String {
     lines.join("\n") + "\n"
 }
 
-/// Returns what is wrong if starts and goals of a map lie in different components.
+/// Returns what is wrong if starts and goals of a map lie in different components, or the starts outside the largest.
 pub fn unconnected(grid: &Grid) -> Option<String> {
-    let is_marked = !grid.starts().is_empty() && !grid.goals().is_empty();
-    is_marked.then(|| unconnected_parts(grid, &StepSearch::new(grid).components(grid))).flatten()
+    let has_starts = !grid.starts().is_empty();
+    has_starts.then(|| unconnected_parts(grid, &StepSearch::new(grid).components(grid))).flatten()
 }
 
 fn unconnected_parts(grid: &Grid, components: &Components) -> Option<String> {
+    disconnected_marks(grid, components).or_else(|| cut_off_starts(grid, components))
+}
+
+fn cut_off_starts(grid: &Grid, components: &Components) -> Option<String> {
+    let own = components.of_cell[grid.index(*grid.starts().first()?)]?;
+    let largest = components.largest();
+    let is_reached = grid.starts().iter().any(|start| components.of_cell[grid.index(*start)] == Some(largest));
+    (!is_reached).then(|| {
+        let [own, largest] = [own, largest].map(|component| components.sizes[component as usize] as u64);
+        let own = counted(own, "cell");
+        format!("the start S is cut off, with {own}: agents that begin there stay there, but tasks are drawn among {largest} others")
+    })
+}
+
+fn disconnected_marks(grid: &Grid, components: &Components) -> Option<String> {
     let component = |cell: &Cell| components.of_cell[grid.index(*cell)];
     let (starts, goals) = (grid.starts(), grid.goals());
     let (start, goal) = (starts.first()?, goals.first()?);

@@ -373,6 +373,20 @@ fn a_start_without_a_path_to_the_goal_is_a_warning() {
 }
 
 #[test]
+fn a_start_that_is_cut_off_is_a_warning() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("pocket.txt");
+    for (text, warns) in [("S.#...\n###...\n", true), ("..#..S\n###...\n", false), ("S.#..S\n###...\n", false)] {
+        std::fs::write(&path, text).unwrap();
+        let output = gdg().arg("check").arg(&path).output().unwrap();
+        let facts = String::from_utf8_lossy(&output.stdout).into_owned();
+        let warning = "warning:    the start S is cut off, with 2 cells: agents that begin there stay there, but tasks are \
+                       drawn among 6 others";
+        assert_eq!(facts.contains(warning), warns, "{text}: {facts}");
+    }
+}
+
+#[test]
 fn an_evaluation_without_tasks_reports_no_numbers() {
     let map = file("valid/one-cell.txt");
     let args = ["--no-ui", &map, "--max-updates", "5", "--require-success", "0.5"];

@@ -766,4 +766,5 @@ fn a_full_standard_error_does_not_change_the_exit_status() {
     let status = headless(folder.path(), &args).stdout(full()).stderr(Stdio::null()).status().unwrap();
     assert_eq!(status.code(), Some(1), "records could not be written");
     assert!(folder.path().join("kept.safetensors").is_file(), "but the run is kept");
+    assert!(!folder.path().join("saves").exists(), "once");
 }

@@ -186,7 +186,7 @@ fn a_bad_map_is_named_with_its_line_before_anything_runs() {
     for (args, part) in [
         (&["no-such.map"][..], "no-such.map"),
         (&["fourroms"], "did you mean fourrooms"),
-        (&["."], "the folder has no .map files"),
+        (&["."], "the folder has no .map or .txt files"),
         (&["trap", "--set", "hiden=3"], "did you mean hidden"),
         (&["trap", "--out", "maps/open.map"], "results cannot be saved here"),
         (&[], "FOLDER|MAP"),
@@ -336,4 +336,14 @@ fn a_map_file_in_a_folder_may_have_any_name() {
     std::fs::write(place.path("maps").join(name), TWO_PARTS).unwrap();
     let listed = place.run(&["maps", "--budget", "30", "--out", "out", "--list"]);
     assert_eq!((listed.status, listed.out.lines().count()), (Some(0), 3), "{}{}", listed.out, listed.err);
+}
+
+#[test]
+fn a_folder_without_map_files_may_have_maps_in_text_files() {
+    let place = Place::new();
+    std::fs::create_dir(place.path("texts")).unwrap();
+    std::fs::write(place.path("texts/small.txt"), "S...\n....\n").unwrap();
+    let listed = place.run(&["texts", "--budget", "30", "--out", "out", "--list"]);
+    assert_eq!((listed.status, listed.out.lines().count()), (Some(0), 1), "{}{}", listed.out, listed.err);
+    has_parts(&listed.out, &["small"]);
 }

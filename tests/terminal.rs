@@ -101,6 +101,30 @@ fn a_user_can_train_edit_place_a_goal_save_quit_and_resume() {
 }
 
 #[test]
+fn a_run_has_one_file_however_impatiently_it_is_quit_and_is_saved_at_its_limit() {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::write(folder.path().join("rooms.txt"), ROOMS).unwrap();
+    let checkpoints = || {
+        let entries = std::fs::read_dir(folder.path()).unwrap().map(|entry| entry.unwrap().file_name());
+        entries.filter(|name| name.to_string_lossy().ends_with(".safetensors")).collect::<Vec<_>>()
+    };
+    let mut session = Session::start(folder.path(), &["rooms.txt", "--seed", "3", "--save", "own.safetensors"]);
+    session.wait_for("training");
+    session.press("e");
+    session.wait_for("EDIT");
+    session.press("kxlxlxuuqq");
+    assert_eq!(session.end(), 0);
+    assert_eq!(checkpoints(), ["own.safetensors"]);
+    let args = ["rooms.txt", "--seed", "4", "--save", "limit.safetensors", "--max-updates", "100"];
+    let mut session = Session::start(folder.path(), &args);
+    session.wait_for("saved limit.safetensors at update 100");
+    assert!(folder.path().join("limit.safetensors").is_file());
+    session.press("q");
+    assert_eq!(session.end(), 0);
+    assert_eq!(checkpoints().len(), 2);
+}
+
+#[test]
 fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
     let folder = tempfile::tempdir().unwrap();
     let mut session = Session::start(folder.path(), &["trap"]);

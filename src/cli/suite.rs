@@ -20,7 +20,7 @@ Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES)]
 pub struct SuiteArgs {
-    /// Built-in maps, map files, and folders whose .map files are used
+    /// Built-in maps, map files, and folders, of which the .map files are used, or the .txt files if there are none
     #[arg(value_name = "FOLDER|MAP", required = true)]
     pub maps: Vec<String>,
 

@@ -69,7 +69,8 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
     Ok(suite)
 }
 
-/// Returns the built-in map or the map file called `name`, or all `.map` files of the folder `name`, sorted by name.
+/// Returns the built-in map or the map file called `name`, or all `.map` files of the folder `name`, sorted by name; all
+/// `.txt` files if it has none.
 fn maps(name: &str, registry: &Registry) -> Result<Vec<Grid>, Report> {
     let folder = Path::new(name);
     if builtin(name).is_some() || !folder.is_dir() {
@@ -77,12 +78,17 @@ fn maps(name: &str, registry: &Registry) -> Result<Vec<Grid>, Report> {
     }
     let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let entries = entries.into_diagnostic().wrap_err_with(|| format!("{name}: cannot be read"))?;
-    let mut files: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
-    files.retain(|path| path.extension().is_some_and(|extension| extension == "map") && path.is_file());
+    let files: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
+    let ending = |extension: &str| {
+        let is_map = |path: &&PathBuf| path.extension().is_some_and(|own| own == extension) && path.is_file();
+        files.iter().filter(is_map).cloned().collect::<Vec<_>>()
+    };
+    // Texts beside maps are likely to be about them.
+    let mut files = Some(ending("map")).filter(|maps| !maps.is_empty()).unwrap_or_else(|| ending("txt"));
     files.sort();
     if files.is_empty() {
-        let help = "give a folder of .map files, map files, or names from 'gdg-tui maps'";
-        return Err(miette!(help = help, "{name}: the folder has no .map files"));
+        let help = "give a folder of .map or .txt files, map files, or names from 'gdg-tui maps'";
+        return Err(miette!(help = help, "{name}: the folder has no .map or .txt files"));
     }
     files.iter().map(|path| load_map(path).map_err(from_map_error)).collect()
 }

@@ -120,6 +120,13 @@ impl App {
         }
     }
 
+    /// Saves a run that has reached its limit, if the command line names a file.
+    pub(super) fn save_at_limit(&mut self) {
+        if self.saving.named.is_some() {
+            self.command(Command::Save(self.saving.to.clone(), self.notes()));
+        }
+    }
+
     /// Saves automatically, to a file next to the user's own.
     pub(super) fn autosave(&mut self) {
         self.autosaving_as = Some(self.what_is_autosaved());
@@ -259,10 +266,15 @@ impl App {
         let mut summary = self.screen.summary();
         let notes = self.notes();
         let (worth_saving, unsaved_map) = (self.is_worth_saving(), self.screen.has_unsaved_map());
-        let Self { saving, engine, .. } = self;
+        let Self { saving, engine, screen, .. } = self;
         let snapshots = engine.snapshots();
         let trainer = engine.stop();
         let snapshot = snapshots.borrow().clone();
+        let to = match (&snapshot.saved, &screen.snapshot.saved) {
+            // A save that the screen has not seen any more was the run's first: the file is its own by now.
+            (Some((_, path)), None) => SaveTo::Replace(path.to_path_buf()),
+            _ => saving.to,
+        };
         let wanted = saving.named.is_some();
         let (mut saved, mut saved_to) = (Ok(()), None);
         match trainer {
@@ -272,7 +284,7 @@ impl App {
                 let _ = trainer.ensure_finite();
                 trainer.set_notes(notes);
                 if !up_to_date {
-                    (saved_to, saved) = save_somewhere(&trainer, &saving.to, &mut summary);
+                    (saved_to, saved) = save_somewhere(&trainer, &to, &mut summary);
                 }
             }
             None if wanted || worth_saving => {
@@ -300,7 +312,7 @@ impl App {
                 summary += &format!("\nautosaved {}", path.display());
             }
         }
-        if let Some(file) = saved_to.or_else(|| newest_file(&saving.to, &snapshot)) {
+        if let Some(file) = saved_to.or_else(|| newest_file(&to, &snapshot)) {
             summary += &format!("\nresume with: {}", runs::resume_command(&file));
         }
         if failed {

@@ -53,6 +53,7 @@ impl App {
                 "done: limit reached; {} continues without it",
                 self.screen.keymap.key_of(Action::TogglePause)
             ));
+            self.save_at_limit();
         }
     }
 
