@@ -14,7 +14,10 @@ const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█
 pub fn report(groups: &[Vec<Job>], rows: &[Row], folder: &Folder) -> String {
     let mut out = format!("# Suite\n\n{}\n\n{}", about(groups), table::table(rows));
     out += "\nIn the pictures, colours show the learned distance D to the goal (orange), light near and dark far, with \
-            contour lines; from the start (blue), the plan is red and the path walked white.\n";
+            contour lines; from the start (blue), the plan is red and the path walked white.\n\nPlanned and greedy are success rates with \
+            plans and of the actor alone, straight that of walking straight at the goal; SPL is that of plans, weighted by \
+            path length (Anderson et al. 2018). Errors are mean absolute relative errors of D, of D up to 10 steps, and of \
+            the distance along the graph. False edges join places that no path of about their length does.\n";
     for (group, row) in groups.iter().zip(rows) {
         out += &format!("\n## {}\n\n{}.\n", row.map, size(group));
         for job in group {

@@ -28,15 +28,18 @@ fn walker(screen: &Screen) -> Vec<Line<'static>> {
     let has_path = shown.shortest.is_some();
     let shortest = shown.shortest.map_or("no path".to_owned(), |s| s.to_string());
     let state = if shown.arrived { "arrived" } else { "walking" };
+    // There is no plan without a path, and none is left after arrival.
+    let is_planned = has_path && !shown.arrived;
+    let planned = |name, value: String| fact(name, if is_planned { value } else { "-".to_owned() });
     let mut lines = vec![
         fact("from S", format_position(&shown.start)),
         fact("to G", format_position(&screen.maze.goal.centre())),
         fact(state, counted(u64::from(shown.steps), "step")),
         fact("shortest", shortest),
-        fact("D to goal", format_steps(shown.distances.0) + if has_path { "" } else { " (means nothing)" }),
-        fact("waypoint", shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at))),
-        fact("D to it", format_steps(shown.distances.1)),
-        fact("ahead", counted(screen.maze.view.path.len().saturating_sub(1) as u64, "waypoint")),
+        fact("D to goal", format_steps(shown.distances.0) + if has_path { "" } else { " (meaningless)" }),
+        planned("waypoint", shown.waypoint.map_or("the goal".to_owned(), |at| format_position(&at))),
+        planned("D to it", format_steps(shown.distances.1)),
+        planned("ahead", counted(screen.maze.view.path.len().saturating_sub(1) as u64, "waypoint")),
         heading("walks"),
         fact("arrived", format!("{} of {}", shown.finished_walks.0, shown.finished_walks.1)),
         fact("then", screen.on_arrival.name()),
