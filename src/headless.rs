@@ -8,7 +8,6 @@ mod table;
 
 use std::io::{ErrorKind, Write};
 use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::PathBuf;
 
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
@@ -179,7 +178,8 @@ impl Session<'_> {
 
     /// Saves to the path given by `--save`, if any.
     fn save(&mut self) -> Result<(), Report> {
-        let saved = self.write_checkpoint();
+        let (Some(saver), trainer) = (&mut self.saver, &mut self.setup.trainer) else { return Ok(()) };
+        let saved = saver.save(trainer);
         self.report_recovery()?;
         match saved? {
             Some(path) => print(&Record::saved(&self.setup.trainer, &path)),
@@ -196,22 +196,17 @@ impl Session<'_> {
 
     /// Saves at the end. If saving to the path given by `--save` fails, saves elsewhere and still returns an error.
     fn save_at_end(&mut self) -> Result<(), Report> {
-        let Err(error) = self.save() else { return Ok(()) };
-        // Perhaps the checkpoint is written, and only the record of it could not be.
-        let is_missing = self.write_checkpoint().is_err();
-        match self.saver.as_ref().filter(|_| is_missing) {
-            Some(saver) => match save_elsewhere(&self.setup.trainer, saver.path()) {
-                Some(path) => Err(miette::miette!("{error}; saved to {} instead", path.display())),
-                None => Err(error),
-            },
-            None => Err(error),
-        }
-    }
-
-    /// Writes a checkpoint to the path given by `--save`, if any, unless there is one of this state; returns the path it
-    /// took.
-    fn write_checkpoint(&mut self) -> Result<Option<PathBuf>, Report> {
-        self.saver.as_mut().map_or(Ok(None), |saver| saver.save(&mut self.setup.trainer))
+        self.save().map_err(|error| {
+            let trainer = &self.setup.trainer;
+            // Perhaps only the record of the checkpoint could not be written.
+            match self.saver.as_ref().filter(|saver| !saver.has_saved(trainer)) {
+                Some(saver) => match save_elsewhere(trainer, saver.path()) {
+                    Some(path) => miette::miette!("{error}; saved to {} instead", path.display()),
+                    None => error,
+                },
+                None => error,
+            }
+        })
     }
 
     /// Applies the edits of the world due at the current update.

@@ -51,9 +51,8 @@ impl Saver {
     /// The checkpoint cannot be saved.
     pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<PathBuf>, Report> {
         self.last_save = Instant::now();
-        let counters = trainer.counters();
-        let last_saved_state = Some((counters.updates, counters.env_steps, trainer.history().evaluations().len()));
-        if self.last_saved_state == last_saved_state {
+        let state = state(trainer);
+        if self.has_saved(trainer) {
             return Ok(None);
         }
         if let Err(error) = trainer.ensure_finite() {
@@ -72,7 +71,18 @@ impl Saver {
             eprint_line(&format!("{requested} {why}: saving to {path}"));
         }
         self.to = SaveTo::Replace(path.clone());
-        self.last_saved_state = last_saved_state;
+        self.last_saved_state = Some(state);
         Ok(Some(path))
     }
+
+    /// Whether the present state of `trainer` is saved.
+    pub fn has_saved(&self, trainer: &Trainer) -> bool {
+        self.last_saved_state == Some(state(trainer))
+    }
+}
+
+/// Returns what tells one state of `trainer` from another: updates, steps and evaluations.
+fn state(trainer: &Trainer) -> (u64, u64, usize) {
+    let counters = trainer.counters();
+    (counters.updates, counters.env_steps, trainer.history().evaluations().len())
 }

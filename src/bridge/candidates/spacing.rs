@@ -140,6 +140,7 @@ mod tests {
     use super::super::tests::{line, walk_corridor};
     use super::*;
     use crate::bridge::BridgeSettings;
+    use crate::env::Spec;
 
     /// The side of a square to walk in.
     const SIDE: u16 = 14;
@@ -155,6 +156,16 @@ mod tests {
                 candidates.visit(0, &at);
             }
         }
+    }
+
+    /// Returns candidates all over the square with many paths between them, and what they are made from.
+    fn crowded_square() -> (Spec, BridgeSettings, Candidates) {
+        let (spec, settings) = line(7);
+        // Paths so long that there are many along a corridor, too.
+        let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        wander(&mut candidates, 100_000);
+        (spec, settings, candidates)
     }
 
     /// Walks back and forth, several times, through a corridor that winds through the square: corridor and walls are
@@ -174,11 +185,7 @@ mod tests {
 
     #[test]
     fn only_in_open_space_do_many_paths_drive_candidates_apart() {
-        let (spec, settings) = line(7);
-        // Paths so long that there are many along a corridor, too.
-        let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
-        let mut open = Candidates::new(&spec, 1, &settings);
-        wander(&mut open, 100_000);
+        let (spec, settings, mut open) = crowded_square();
         let mut closed = Candidates::new(&spec, 1, &settings);
         walk_winding_corridor(&mut closed);
         for candidates in [&mut open, &mut closed] {
@@ -198,10 +205,7 @@ mod tests {
 
     #[test]
     fn space_does_not_count_as_open_where_many_walks_fail() {
-        let (spec, settings) = line(7);
-        let settings = BridgeSettings { edge_cutoff_steps: 30.0, ..settings };
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        wander(&mut candidates, 100_000);
+        let (_, _, mut candidates) = crowded_square();
         let before = (candidates.len(), candidates.spacing());
         (0..100).for_each(|_| candidates.record_walk((0, 1), 4.0, false));
         candidates.adapt_spacing();

@@ -226,16 +226,16 @@ fn candidates() -> Vec<Constant> {
             "maximum number of candidates, as a multiple of the setting",
         ),
         constant(
-            "NEWCOMER_FACTOR",
-            bridge::NEWCOMER_FACTOR,
-            "spacings",
-            "at that number, distance from all candidates at which a place becomes one and others retire for it",
-        ),
-        constant(
             "MAX_UNVERIFIED_FACTOR",
             bridge::MAX_UNVERIFIED_FACTOR as f64,
             "candidates",
             "the same without verify_edges",
+        ),
+        constant(
+            "NEWCOMER_FACTOR",
+            bridge::NEWCOMER_FACTOR,
+            "spacings",
+            "at the maximum number, distance from all candidates at which a place becomes one and others retire for it",
         ),
         constant(
             "MIN_SPACING_RADII",

@@ -102,6 +102,10 @@ impl App {
     /// Saves the run; returns whether the trainer accepted the command.
     pub(super) fn save(&mut self) -> bool {
         self.notify(&format!("saving {} ...", self.save_path().display()));
+        self.request_save()
+    }
+
+    fn request_save(&mut self) -> bool {
         self.command(Command::Save(self.saving.to.clone(), self.notes()))
     }
 
@@ -123,7 +127,7 @@ impl App {
     /// Saves a run that has reached its limit, if the command line names a file.
     pub(super) fn save_at_limit(&mut self) {
         if self.saving.named.is_some() {
-            self.command(Command::Save(self.saving.to.clone(), self.notes()));
+            self.request_save();
         }
     }
 
