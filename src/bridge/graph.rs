@@ -2,7 +2,10 @@
 
 mod routes;
 
-pub(crate) use routes::{CHANGED_GOALS, CHANGED_MARGIN, GROWN_FACTOR, GROWN_SLACK_STEPS, SHRUNK_SLACK_STEPS};
+pub(super) use routes::HopOptions;
+pub(crate) use routes::{
+    CHANGED_GOALS, CHANGED_MARGIN, GROWN_FACTOR, GROWN_SLACK_STEPS, SHRUNK_SLACK_STEPS, UNVERIFIED_FACTOR,
+};
 pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
 
 use std::sync::Arc;

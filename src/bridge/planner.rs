@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::graph::{BridgeGraph, LINK_CANDIDATES, Route};
+use super::graph::{BridgeGraph, HopOptions, LINK_CANDIDATES, Route, UNVERIFIED_FACTOR};
 use crate::learn::{Policy, Scratch};
 use crate::store::StoreError;
 
@@ -55,12 +55,24 @@ pub struct Hop {
     pub arrived: bool,
 }
 
+/// The best next hop to a candidate.
+struct PlannedHop {
+    candidate: usize,
+    /// D to it.
+    distance: f32,
+    /// Planning cost of the hop and the path from there to the goal.
+    total: f32,
+}
+
 /// A [`Walker`] as plain numbers, for checkpoints.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct WalkerState {
     goal: Vec<f32>,
     nearest: Option<usize>,
     links: Vec<(u32, u32)>,
+    /// `false` in older checkpoints.
+    #[serde(default)]
+    has_unverified_links: bool,
     target: Option<Target>,
     clock: u32,
     /// 0 in older checkpoints.
@@ -112,6 +124,7 @@ impl Walker {
             goal: self.route.goal.clone(),
             nearest: self.route.nearest,
             links: self.route.links.clone(),
+            has_unverified_links: self.route.has_unverified_links,
             target: self.target,
             clock: self.clock,
             distance: self.distance,
@@ -139,7 +152,10 @@ impl Walker {
             return Err(StoreError::inconsistent("a stored walk contains values out of range"));
         }
         Ok(Self {
-            route: graph.route_from_links(&state.goal, state.nearest, state.links),
+            route: Route {
+                has_unverified_links: state.has_unverified_links,
+                ..graph.route_from_links(&state.goal, state.nearest, state.links)
+            },
             target: state.target,
             clock: state.clock,
             distance: state.distance,
@@ -236,42 +252,59 @@ impl Walker {
         self.target_position(graph, target)
     }
 
-    /// Returns the best next target and D to it.
+    /// Returns the best next target and the steps to it by D.
     ///
-    /// This is the nearby candidate w that minimises D(s,w) + cost(w,g), with the delays to be expected, or the goal itself if D(s,g) is below the
-    /// cut-off and no longer than the detour. If no verified link is usable, unverified ones count; if the graph has no
-    /// path at all, the target is the goal.
+    /// This is the nearby candidate w that minimises D(s,w) + cost(w,g), with the delays to be expected, or the goal
+    /// itself if D(s,g) is below the cut-off and no longer than the detour. If no verified link is usable, unverified ones
+    /// count; at the goal as well, if the graph has no path there. If it still has none, the target is the goal, for as
+    /// long as one hop may take.
     fn choose_target(
-        &self,
+        &mut self,
         state: &[f32],
         graph: &BridgeGraph,
         policy: &dyn Policy,
         scratch: &mut Scratch,
     ) -> (Target, f32) {
         let options = &graph.options(&[state], &self.route, LINK_CANDIDATES, policy, scratch)[0];
-        let allowed = |target: Target| self.banned.iter().all(|(b, _)| *b != target);
+        let mut waypoint = self.best_waypoint(state, options, graph);
+        if waypoint.is_none()
+            && options.direct.is_none()
+            && let Some(route) = graph.route_by_unverified_links(&self.route, policy, scratch)
+        {
+            self.route = route;
+            waypoint = self.best_waypoint(state, options, graph);
+        }
+        let direct = options.direct.filter(|_| self.is_allowed(Target::Goal));
+        match (waypoint, direct) {
+            (Some(hop), Some(direct)) if direct.cost <= hop.total => (Target::Goal, options.to_goal),
+            (Some(hop), _) => (Target::Candidate(hop.candidate), hop.distance),
+            (None, Some(_)) => (Target::Goal, options.to_goal),
+            (None, None) => (Target::Goal, options.to_goal.min(graph.settings().window_steps() as f32)),
+        }
+    }
+
+    /// Returns the best hop to a candidate, if any may be used.
+    fn best_waypoint(&self, state: &[f32], options: &HopOptions, graph: &BridgeGraph) -> Option<PlannedHop> {
         let best = |verified: bool| {
             let usable = options.candidates.iter().filter_map(|hop| {
                 let cost = hop.link.map(|link| link.cost);
-                let cost = if verified { cost? } else { cost.unwrap_or(2.0 * hop.distance) };
-                let (i, ahead) = (hop.candidate, self.route.costs[hop.candidate]);
+                let cost = if verified { cost? } else { cost.unwrap_or(UNVERIFIED_FACTOR * hop.distance) };
+                let (candidate, ahead) = (hop.candidate, self.route.costs[hop.candidate]);
                 let usable = (cost + ahead).is_finite()
                     && ahead < self.remaining
-                    && allowed(Target::Candidate(i))
-                    && !graph.spec().reached(state, graph.point(i));
-                usable.then_some((i, hop.distance, cost + ahead))
+                    && self.is_allowed(Target::Candidate(candidate))
+                    && !graph.spec().reached(state, graph.point(candidate));
+                usable.then_some(PlannedHop { candidate, distance: hop.distance, total: cost + ahead })
             });
             // A stuck agent is where the actor makes no progress: take the shortest hop away from there.
-            let key = |option: &(usize, f32, f32)| if self.strikes >= MAX_STRIKES { option.1 } else { option.2 };
+            let key = |hop: &PlannedHop| if self.strikes >= MAX_STRIKES { hop.distance } else { hop.total };
             usable.min_by(|a, b| key(a).total_cmp(&key(b)))
         };
-        let waypoint = best(true).or_else(|| best(false));
-        let direct = options.direct.filter(|_| allowed(Target::Goal));
-        match (waypoint, direct) {
-            (Some((_, _, total)), Some(direct)) if direct.cost <= total => (Target::Goal, options.to_goal),
-            (Some((i, distance, _)), _) => (Target::Candidate(i), distance),
-            (None, _) => (Target::Goal, options.to_goal),
-        }
+        best(true).or_else(|| best(false))
+    }
+
+    fn is_allowed(&self, target: Target) -> bool {
+        self.banned.iter().all(|(banned, _)| *banned != target)
     }
 
     /// Returns the waypoints still ahead, as candidates, in walking order.
@@ -283,5 +316,62 @@ impl Walker {
             ahead.push(at);
         }
         ahead
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bridge::candidates::Candidates;
+    use crate::bridge::candidates::tests::line;
+
+    /// D is the distance along both axes.
+    struct Straight;
+
+    impl Policy for Straight {
+        fn distances(&self, states: &[f32], goals: &[f32], out: &mut [f32], _: &mut Scratch) {
+            let pairs = states.chunks_exact(2).zip(goals.chunks_exact(2));
+            out.iter_mut().zip(pairs).for_each(|(d, (s, g))| *d = (s[0] - g[0]).abs() + (s[1] - g[1]).abs());
+        }
+
+        fn actions(&self, _: &[f32], _: &[f32], _: &mut [f32], _: &mut Scratch) {}
+    }
+
+    #[test]
+    fn a_plan_leads_close_to_a_goal_whose_nearest_candidate_no_path_leads_to() {
+        let (spec, settings) = line(200);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..160).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        candidates.end_episode(0);
+        candidates.visit(0, &[84.0, 0.5]);
+        let mut scratch = Scratch::default();
+        let graph = BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let route = graph.route(&[85.0, 0.5], &Straight, &mut scratch);
+        assert!(route.costs[0].is_infinite(), "{:?}", route.costs);
+        let (mut walker, mut at) = (Walker::new(route), 2.0);
+        walker.step(&[at, 0.5], &graph, &Straight, &mut scratch);
+        assert!(matches!(walker.target(), Some(Target::Candidate(_))) && walker.route().costs[0].is_finite());
+        let mut walker = Walker::from_state(&graph, walker.state()).expect("its own state");
+        for _ in 0..100 {
+            let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
+            at += (aim - at).clamp(-1.0, 1.0);
+        }
+        assert_eq!(at, 85.0);
+        assert!(graph.route_by_unverified_links(walker.route(), &Straight, &mut scratch).is_none(), "once is enough");
+    }
+
+    #[test]
+    fn a_far_goal_without_a_plan_is_pursued_no_longer_than_a_hop() {
+        let (spec, settings) = line(200);
+        let candidates = Candidates::new(&spec, 1, &settings).frozen();
+        let mut scratch = Scratch::default();
+        let graph = BridgeGraph::build(&spec, &settings, &candidates, &Straight, &mut scratch);
+        let mut walker = Walker::new(graph.route(&[99.0, 0.5], &Straight, &mut scratch));
+        let longest = settings.late_after(settings.window_steps() as f32) as u32;
+        for _ in 0..=longest {
+            assert_eq!((walker.strikes, walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch)[0]), (0, 99.0));
+        }
+        walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch);
+        assert_eq!(walker.strikes, 1);
     }
 }

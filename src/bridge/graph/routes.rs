@@ -16,6 +16,9 @@ const COST_UNITS_PER_STEP: f32 = 1024.0;
 /// Number of candidates around a state or goal that are considered for first and last links.
 pub const LINK_CANDIDATES: usize = 48;
 
+/// Cost of a first or last link that no trajectory verifies, as a multiple of D. Only used where there is no other.
+pub(crate) const UNVERIFIED_FACTOR: f32 = 2.0;
+
 /// States per batch when composing distances.
 const DISTANCE_BATCH: usize = 64;
 
@@ -63,6 +66,8 @@ pub struct Route {
     pub nearest: Option<usize>,
     /// Candidates linked to the goal, and the cost of each link in parts of a step.
     pub(in crate::bridge) links: Vec<(u32, u32)>,
+    /// Whether links that are not verified are among them.
+    pub(in crate::bridge) has_unverified_links: bool,
 }
 
 impl Route {
@@ -130,20 +135,45 @@ impl BridgeGraph {
     /// Finds the shortest paths to `goal`: last links from the candidates around it, then a backward search through the
     /// graph.
     pub fn route(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Route {
-        // Preselect candidates by straight-line distance; D then gives their actual distance.
+        let nearby = self.distances_to(goal, policy, scratch);
+        let nearest = nearby.iter().min_by(|a, b| a.1.total_cmp(&b.1)).map(|(i, _)| *i);
+        let links = nearby.iter().filter_map(|(i, distance)| {
+            let cost = self.link(Some(*i), nearest, *distance)?.cost + self.settings.hop_steps;
+            Some((*i as u32, cost_units(cost)))
+        });
+        self.route_from_links(goal, nearest, links.collect())
+    }
+
+    /// Finds the shortest paths to the goal of `route` again, with all links to it, verified or not. On large maps,
+    /// candidates come and go, and no edge may lead yet to those that the links of `route` begin at. Returns `None` if it
+    /// has them already, or if links need not be verified.
+    pub(in crate::bridge) fn route_by_unverified_links(
+        &self,
+        route: &Route,
+        policy: &dyn Policy,
+        scratch: &mut Scratch,
+    ) -> Option<Route> {
+        if route.has_unverified_links || !self.settings.verify_edges {
+            return None;
+        }
+        let mut links = route.links.clone();
+        let is_linked = |i: usize| route.links.iter().any(|(linked, _)| *linked as usize == i);
+        let nearby = self.distances_to(&route.goal, policy, scratch).into_iter().filter(|(i, _)| !is_linked(*i));
+        links.extend(nearby.map(|(i, distance)| {
+            let cost = UNVERIFIED_FACTOR * distance + self.settings.hop_steps;
+            (i as u32, cost_units(cost))
+        }));
+        let route = self.route_from_links(&route.goal, route.nearest, links);
+        Some(Route { has_unverified_links: true, ..route })
+    }
+
+    /// Returns the candidates around `goal` and D from each to it: preselected by straight lines, as there are too many.
+    fn distances_to(&self, goal: &[f32], policy: &dyn Policy, scratch: &mut Scratch) -> Vec<(usize, f32)> {
         let nearby = self.candidates.goal_index().nearest_few(goal, LINK_CANDIDATES);
         let states: Vec<f32> = nearby.iter().flat_map(|i| self.candidate(*i).iter().copied()).collect();
         let mut distances = vec![0.0; nearby.len()];
         policy.distances(&states, &goal.repeat(nearby.len()), &mut distances, scratch);
-        let nearest = nearby.iter().zip(&distances).min_by(|a, b| a.1.total_cmp(b.1)).map(|(i, _)| *i);
-        let links: Vec<(u32, u32)> = nearby
-            .iter()
-            .zip(&distances)
-            .filter_map(|(i, d)| {
-                Some((*i as u32, cost_units(self.link(Some(*i), nearest, *d)?.cost + self.settings.hop_steps)))
-            })
-            .collect();
-        self.route_from_links(goal, nearest, links)
+        nearby.into_iter().zip(distances).collect()
     }
 
     /// Finds the shortest paths to candidate `i` as the goal.
@@ -182,7 +212,7 @@ impl BridgeGraph {
         }
         let in_steps = |cost| if cost == u64::MAX { f32::INFINITY } else { cost as f32 / COST_UNITS_PER_STEP };
         let costs = best.into_iter().map(in_steps).collect();
-        Route { goal: goal.to_vec(), costs, next, nearest, links }
+        Route { goal: goal.to_vec(), costs, next, nearest, links, has_unverified_links: false }
     }
 
     /// Returns the expected length of the path of `route` from each candidate, in steps; infinite if there is none.

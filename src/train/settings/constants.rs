@@ -250,6 +250,12 @@ fn candidates() -> Vec<Constant> {
             "observed paths from a candidate that make a missing path evidence of a wall",
         ),
         constant(
+            "DOUBT_PATHS",
+            bridge::DOUBT_PATHS as f64,
+            "paths",
+            "observed paths from each of two candidates that make the first one between them doubtful",
+        ),
+        constant(
             "DETOUR_FACTOR",
             bridge::DETOUR_FACTOR,
             "",
@@ -303,6 +309,12 @@ fn edges_and_plans() -> Vec<Constant> {
             bridge::LINK_CANDIDATES as f64,
             "candidates",
             "nearest candidates considered for first and last links",
+        ),
+        constant(
+            "UNVERIFIED_FACTOR",
+            bridge::UNVERIFIED_FACTOR,
+            "D",
+            "cost of a first or last link that no trajectory verifies, where there is no other",
         ),
         constant(
             "MAX_STRIKES",
