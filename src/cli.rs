@@ -62,7 +62,7 @@ Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --requi
 
 /// Watch agents learn distance and reach goals without any reward.
 #[derive(Debug, Parser)]
-#[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true)]
+#[command(version, about, after_help = EXAMPLES, args_conflicts_with_subcommands = true, allow_negative_numbers = true)]
 pub struct Cli {
     /// Subcommand; trains if there is none.
     #[command(subcommand)]

@@ -197,7 +197,7 @@ fn print(text: &str) -> u8 {
     match std::io::stdout().write_all(text.as_bytes()) {
         Ok(()) => 0,
         Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => 0,
-        Err(e) => fail(Report::msg(e), EXIT_FAILURE),
+        Err(e) => fail(Report::msg(e).wrap_err("standard output"), EXIT_FAILURE),
     }
 }
 

@@ -482,7 +482,8 @@ fn bad_usage_and_input_are_status_2_with_a_hint() {
             &["gdg+foo", "LEARNER+PLANNER", "gdg, gdg-distance, ddpg, her", "none, bridges, sorb"],
         ),
         (&["--no-ui", "--method", "my-own+none"], &["LEARNER+PLANNER", "none, bridges, sorb"]),
-        (&["--no-ui", "--max-updates", "-3"], &["-3"]),
+        (&["--no-ui", "--max-updates", "-3"], &["invalid value '-3' for '--max-updates"]),
+        (&["suite", "trap", "--budget", "-3"], &["invalid value '-3' for '--budget"]),
         (&["--no-ui", "--require-success", "2"], &["fraction from 0 to 1"]),
         (&["--no-ui", "--max-seconds", "soon"], &["number of seconds"]),
         (&["--nonsense"], &["--nonsense"]),
@@ -532,10 +533,13 @@ fn printed_settings_can_be_read_back() {
     let path = folder.path().join("settings.json");
     let printed = gdg().args(["--print-config", "--preset", "paper", "--set", "tau=0.25"]).output().unwrap();
     assert!(printed.status.success());
-    std::fs::write(&path, &printed.stdout).unwrap();
-    let again = gdg().args(["--print-config", "--config", path.to_str().unwrap()]).output().unwrap();
-    assert_eq!(String::from_utf8_lossy(&printed.stdout), String::from_utf8_lossy(&again.stdout));
-    assert!(String::from_utf8_lossy(&again.stdout).contains("\"tau\": 0.25"));
+    // Some editors begin a file with a byte-order mark.
+    for mark in ["", "\u{feff}"] {
+        std::fs::write(&path, [mark.as_bytes(), &printed.stdout].concat()).unwrap();
+        let again = gdg().args(["--print-config", "--config", path.to_str().unwrap()]).output().unwrap();
+        assert_eq!(String::from_utf8_lossy(&printed.stdout), String::from_utf8_lossy(&again.stdout));
+        assert!(String::from_utf8_lossy(&again.stdout).contains("\"tau\": 0.25"));
+    }
 }
 
 #[test]

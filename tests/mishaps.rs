@@ -762,6 +762,9 @@ fn a_full_standard_error_does_not_change_the_exit_status() {
         let status = isolated_command(folder.path()).args(args).stderr(full()).stdout(Stdio::null()).status().unwrap();
         assert_eq!(status.code(), Some(expected), "{args:?}");
     }
+    let maps = isolated_command(folder.path()).arg("maps").stdout(full()).output().unwrap();
+    let message = String::from_utf8_lossy(&maps.stderr);
+    assert!(message.contains("standard output") && message.contains("No space left"), "{message}");
     let args = ["trap", "--max-updates", "30", "--eval-tasks", "1", "--save", "kept.safetensors"];
     let status = headless(folder.path(), &args).stdout(full()).stderr(Stdio::null()).status().unwrap();
     assert_eq!(status.code(), Some(1), "records could not be written");

@@ -19,7 +19,7 @@ Exit status: 0 success; 1 failure while running; 2 bad usage or input; 129, 130 
 
 /// Options of `gdg-tui compare`.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct CompareArgs {
     /// Method on the left: a name as in --method, or LEARNER+PLANNER
     #[arg(value_name = "A", value_parser = MethodParser)]

@@ -39,7 +39,7 @@ impl BudgetArg {
 
 /// Options of `gdg-tui reproduce`.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct ReproduceArgs {
     /// Figures of the paper, or all of them
     #[arg(value_name = "FIGURE", required = true, value_parser = figures())]

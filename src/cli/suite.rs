@@ -18,7 +18,7 @@ Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3
 
 /// Options of `gdg-tui suite`.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct SuiteArgs {
     /// Built-in maps, map files, and folders, of which the .map files are used, or the .txt files if there are none
     #[arg(value_name = "FOLDER|MAP", required = true)]

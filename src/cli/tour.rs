@@ -16,7 +16,7 @@ Exit status: 0 success; 1 failure while running; 2 bad usage or input; 129, 130 
 
 /// Options of `gdg-tui tour`.
 #[derive(Debug, Args)]
-#[command(after_help = EXAMPLES)]
+#[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct TourArgs {
     /// Threads per update; results do not depend on their number [default: this machine's cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]

@@ -87,11 +87,13 @@ impl Folder {
             let help = "give --out a folder of its own";
             return Err(miette!(help = help, "{}: is not of gdg-tui and is not replaced", other.display()));
         }
-        let paths: Vec<PathBuf> = names.iter().map(|name| self.0.join(name)).collect();
-        paths.iter().try_for_each(|path| files::check_writable(path)).map_err(|error| {
-            let help = "give --out a writable folder";
-            miette!(help = help, "{}: results cannot be saved here: {error}", self.0.display())
-        })
+        let check = |path: PathBuf| {
+            files::check_writable(&path).map_err(|error| {
+                let help = "give --out a writable folder";
+                miette!(help = help, "{}: results cannot be saved here: {error}", path.display())
+            })
+        };
+        names.iter().map(|name| self.0.join(name)).try_for_each(check)
     }
 
     /// Checks that jobs have been run in it.

@@ -23,6 +23,8 @@ pub struct Progress {
     parallel: usize,
     items: Mutex<Vec<Item>>,
     shown: Mutex<Instant>,
+    /// The largest share shown so far: an estimate that falls would look like work lost.
+    largest_share: Mutex<f64>,
 }
 
 /// One job's progress, in updates or episodes.
@@ -69,7 +71,13 @@ impl Progress {
             bar.set_style(style);
         }
         let items = Mutex::new(jobs.iter().map(item).collect());
-        Self { bar, parallel: parallel.max(1), items, shown: Mutex::new(Instant::now()) }
+        Self {
+            bar,
+            parallel: parallel.max(1),
+            items,
+            shown: Mutex::new(Instant::now()),
+            largest_share: Mutex::new(0.0),
+        }
     }
 
     /// Notes that a job begins, of which `done` was done earlier.
@@ -117,7 +125,10 @@ impl Progress {
     }
 
     fn estimate(&self) -> Option<Overall> {
-        estimate(&self.items.lock(), self.parallel, Instant::now())
+        let overall = estimate(&self.items.lock(), self.parallel, Instant::now())?;
+        let mut largest = self.largest_share.lock();
+        *largest = largest.max(overall.share);
+        Some(Overall { share: *largest, ..overall })
     }
 }
 
@@ -200,6 +211,25 @@ mod tests {
         let resumed = Item { first: 80, ..item("a", 100, 90, Some(10)) };
         let overall = estimate(&[resumed, item("a", 100, 0, None)], 1, Instant::now());
         assert_eq!(overall.map(|o| o.seconds_left), Some(100.0), "10 in 10 s");
+    }
+
+    #[test]
+    fn the_share_done_never_falls() {
+        let progress = Progress {
+            bar: ProgressBar::hidden(),
+            parallel: 1,
+            items: Mutex::new(vec![item("fast", 100, 100, Some(10)), item("new", 100, 0, None)]),
+            shown: Mutex::new(Instant::now()),
+            largest_share: Mutex::new(0.0),
+        };
+        let share = || progress.estimate().map(|overall| overall.share);
+        assert_eq!(share(), Some(0.5));
+        // The other job turns out to take far longer.
+        progress.items.lock()[1] =
+            Item { began: Instant::now().checked_sub(Duration::from_secs(50)), done: 1, ..item("new", 100, 0, None) };
+        assert_eq!(share(), Some(0.5));
+        progress.items.lock()[1] = item("new", 100, 80, Some(10));
+        assert_eq!(share(), Some(1.0));
     }
 
     #[test]
