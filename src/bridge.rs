@@ -15,7 +15,7 @@ mod settings;
 
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub(crate) use candidates::{
-    DETOUR_FACTOR, DETOUR_SLACK_STEPS, DOUBT_PATHS, MANY_HOP_FAILURES, MANY_PATHS, MAX_FACTOR, MAX_SPACING_SHARE,
+    DETOUR_FACTOR, DETOUR_SLACK_STEPS, MANY_HOP_FAILURES, MANY_PATHS, MAX_FACTOR, MAX_SPACING_SHARE,
     MAX_UNVERIFIED_FACTOR, MIN_SPACING_RADII, NEWCOMER_FACTOR, OPEN_SHARE, WELL_KNOWN_PATHS,
 };
 pub use excursion::Excursions;
@@ -28,7 +28,7 @@ pub(crate) use graph::{
     OBSERVED_PENALTY_STEPS, OBSERVED_SLACK_STEPS, REVERSED_PENALTY_STEPS, SHRUNK_SLACK_STEPS, UNVERIFIED_FACTOR,
 };
 pub(crate) use hops::HOP_FORGETTING;
-pub(crate) use planner::MAX_STRIKES;
+pub(crate) use planner::{BAN_STRIKES, MAX_STRIKES};
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};

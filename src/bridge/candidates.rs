@@ -28,10 +28,6 @@ pub(crate) const NEWCOMER_FACTOR: f32 = 1.5;
 /// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
 pub(crate) const WELL_KNOWN_PATHS: usize = 8;
 
-/// Observed paths from each of two candidates that make the first one between them doubtful: the agent may have passed the
-/// second behind a wall.
-pub(crate) const DOUBT_PATHS: usize = 20;
-
 /// A path is a detour round a wall if it takes more than this multiple of the straight line's steps ...
 pub(crate) const DETOUR_FACTOR: f32 = 2.0;
 
@@ -82,8 +78,6 @@ pub struct Candidates {
     paths: Vec<Arc<KnownPaths>>,
     /// Each agent's recent visits: step within the episode, candidate.
     visits: Vec<VecDeque<(u32, u32)>>,
-    /// Each agent's latest visit, if it may be to a candidate behind a wall: step, candidate.
-    doubted: Vec<Option<(u32, u32)>>,
     /// Steps in each agent's episode so far.
     clocks: Vec<u32>,
     /// Outcomes of walks between candidates, by D.
@@ -140,7 +134,6 @@ impl Candidates {
             next_id: 0,
             paths: Vec::new(),
             visits: vec![VecDeque::new(); agents],
-            doubted: vec![None; agents],
             clocks: vec![0; agents],
             hops: HopOutcomes::default(),
         }
@@ -156,7 +149,6 @@ impl Candidates {
             ids: self.ids.clone(),
             paths: self.paths.clone(),
             visits: Vec::new(),
-            doubted: Vec::new(),
             clocks: Vec::new(),
             ..*self
         })
@@ -265,11 +257,9 @@ impl Candidates {
         let clock = self.clocks[agent];
         self.clocks[agent] += 1;
         let visits = &mut self.visits[agent];
-        let is_past = |(step, _): &(u32, u32)| clock - step > self.window as u32;
-        while visits.front().is_some_and(is_past) {
+        while visits.front().is_some_and(|(step, _)| clock - step > self.window as u32) {
             visits.pop_front();
         }
-        self.doubted[agent].take_if(|doubted| is_past(doubted));
         let latest = visits.back().map(|(step, from)| (*from as usize, clock - step));
         let (nearest, distance) = self.nearest(state);
         let mut near = (distance < self.near_radius()).then_some(nearest);
@@ -277,54 +267,17 @@ impl Candidates {
         if distance > spacing || (distance > self.min_spacing && self.is_behind_a_wall(state, spacing, latest)) {
             near = self.add(state, distance <= spacing);
         }
-        let Some(to) = near else { return };
-        if self.doubted[agent].is_some_and(|(_, doubted)| doubted as usize == to) {
-            return;
-        }
-        self.settle_doubt(agent, to, clock);
-        let is_doubtful = self.has_paths(to, DOUBT_PATHS)
-            && self.came_from(agent).is_some_and(|(step, from)| !self.are_joined(from, to, (clock - step) as f32));
-        if is_doubtful {
-            self.doubted[agent] = Some((clock, to as u32));
-        } else {
-            self.record_visit(agent, clock, to);
-        }
-    }
-
-    /// Returns the latest visit of `agent` to a candidate that is known well enough to doubt others: step, candidate.
-    fn came_from(&self, agent: usize) -> Option<(u32, usize)> {
-        let mut visits = self.visits[agent].iter().rev().map(|(step, at)| (*step, *at as usize));
-        visits.find(|(_, at)| self.has_paths(*at, DOUBT_PATHS))
-    }
-
-    /// Decides about the visit of `agent` that is in doubt, as it has come to candidate `next` at step `clock`. If a short
-    /// path leads there from the candidate in doubt, the agent has been at that, and has found a new way to it. If one
-    /// leads there from where it came from instead, it has passed it on this side of a wall.
-    fn settle_doubt(&mut self, agent: usize, next: usize, clock: u32) {
-        let Some((step, doubted)) = self.doubted[agent] else { return };
-        if self.are_joined(doubted as usize, next, (clock - step) as f32) {
-            self.record_visit(agent, step, doubted as usize);
-            self.doubted[agent] = None;
-        } else if self.came_from(agent).is_some_and(|(step, from)| self.are_joined(from, next, (clock - step) as f32)) {
-            self.doubted[agent] = None;
-        }
-    }
-
-    /// Records that `agent` was at candidate `at` at step `clock`.
-    fn record_visit(&mut self, agent: usize, clock: u32, at: usize) {
         let visits = &mut self.visits[agent];
-        for (step, other) in visits.iter().filter(|(_, other)| *other as usize != at) {
-            let (from, to) = if *step <= clock { (*other, at as u32) } else { (at as u32, *other) };
-            KnownPaths::observe(&mut self.paths[from as usize], to, clock.abs_diff(*step) as u16);
+        let Some(to) = near else { return };
+        for (step, from) in visits.iter().filter(|(_, from)| *from as usize != to) {
+            KnownPaths::observe(&mut self.paths[*from as usize], to as u32, (clock - step) as u16);
         }
-        let position = visits.partition_point(|(step, _)| *step < clock);
-        visits.insert(position, (clock, at as u32));
+        visits.push_back((clock, to as u32));
     }
 
     /// Ends `agent`'s episode: its next state does not follow from the previous one.
     pub fn end_episode(&mut self, agent: usize) {
         self.visits[agent].clear();
-        self.doubted[agent] = None;
         self.clocks[agent] = 0;
     }
 
@@ -348,7 +301,7 @@ impl Candidates {
     /// that its agent visited last and the steps since, is not joined to any of them by a short path.
     fn is_behind_a_wall(&self, state: &[f32], spacing: f32, latest: Option<(usize, u32)>) -> bool {
         let Some((latest, steps)) = latest else { return false };
-        if !self.has_paths(latest, WELL_KNOWN_PATHS) {
+        if self.paths[latest].observed.len() < WELL_KNOWN_PATHS {
             return false;
         }
         let joined = |i, distance| self.may_be_joined(latest, i, distance + steps as f32);
@@ -358,18 +311,12 @@ impl Candidates {
     /// Whether candidates `i` and `j` may be joined by a path that is not much longer than `distance`: such a path has
     /// been observed, or too little has been observed around them to tell.
     fn may_be_joined(&self, i: usize, j: usize, distance: f32) -> bool {
-        let well_known = |i: usize| self.has_paths(i, WELL_KNOWN_PATHS);
-        !well_known(i) || !well_known(j) || self.are_joined(i, j, distance)
-    }
-
-    /// Whether at least `paths` paths from candidate `i` have been observed.
-    fn has_paths(&self, i: usize, paths: usize) -> bool {
-        self.paths[i].observed.len() >= paths
-    }
-
-    /// Whether a path between candidates `i` and `j` has been observed that is not much longer than `distance`.
-    fn are_joined(&self, i: usize, j: usize, distance: f32) -> bool {
-        f32::from(self.observed(i, j).min(self.observed(j, i))) <= self.longest_way(distance)
+        let well_known = |i: usize| self.paths[i].observed.len() >= WELL_KNOWN_PATHS;
+        let longest = self.longest_way(distance);
+        !well_known(i)
+            || !well_known(j)
+            || f32::from(self.observed(i, j)) <= longest
+            || f32::from(self.observed(j, i)) <= longest
     }
 
     /// Returns the steps that a path may take over this `distance` in a straight line unless it goes round a wall.
@@ -443,49 +390,6 @@ pub(super) mod tests {
         for (i, a) in candidates.points().chunks_exact(2).enumerate() {
             let near = |b: &[f32]| spec.goal_distance(a, b) <= MIN_SPACING_RADII * radius;
             assert!(!candidates.points()[2 * (i + 1)..].chunks_exact(2).any(near), "some lie within the least spacing");
-        }
-    }
-
-    /// Returns candidates along two corridors twenty units apart, and their settings.
-    fn two_corridors() -> (Spec, BridgeSettings, Candidates) {
-        let (spec, settings) = line(200);
-        let settings = BridgeSettings { candidate_spacing: 0.9, ..settings };
-        let mut candidates = Candidates::new(&spec, 1, &settings);
-        [0.5, 20.5].into_iter().for_each(|y| walk_corridor(&mut candidates, y, (40, 80)));
-        (spec, settings, candidates)
-    }
-
-    #[test]
-    fn an_agent_that_passes_a_candidate_behind_a_wall_has_not_been_there() {
-        let (spec, settings, mut candidates) = two_corridors();
-        let (here, there) = (candidates.nearest(&[51.0, 0.5]).0, candidates.nearest(&[52.0, 20.5]).0);
-        let before = candidates.paths.clone();
-        // As if the second corridor were next to the first.
-        [[50.0, 0.5], [51.0, 0.5], [52.0, 20.5]].iter().for_each(|at| candidates.visit(0, at));
-        let mut restored = Candidates::new(&spec, 1, &settings);
-        restored.restore(&candidates.state()).expect("its own state");
-        for mut candidates in [candidates, restored] {
-            candidates.visit(0, &[53.0, 0.5]);
-            candidates.visit(0, &[54.0, 0.5]);
-            assert_eq!([(here, there), (there, here)].map(|(i, j)| candidates.observed(i, j)), [UNOBSERVED; 2]);
-            assert_eq!(candidates.paths, before);
-        }
-        let (_, _, mut candidates) = two_corridors();
-        let state = CandidatesState { doubted: vec![0, 9_999], ..candidates.state() };
-        assert!(candidates.restore(&state).is_err(), "an unknown candidate");
-    }
-
-    #[test]
-    fn an_agent_that_goes_on_behind_a_wall_has_found_a_door() {
-        let (spec, settings, mut candidates) = two_corridors();
-        let places = [[50.0, 0.5], [51.0, 0.5], [52.0, 20.5], [53.0, 20.5]];
-        places[..3].iter().for_each(|at| candidates.visit(0, at));
-        let mut restored = Candidates::new(&spec, 1, &settings);
-        restored.restore(&candidates.state()).expect("its own state");
-        for mut candidates in [candidates, restored] {
-            candidates.visit(0, &places[3]);
-            let at = places.map(|place| candidates.nearest(&place).0);
-            assert_eq!([(0, 2), (1, 2), (1, 3)].map(|(i, j)| candidates.observed(at[i], at[j])), [2, 1, 2]);
         }
     }
 

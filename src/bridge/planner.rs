@@ -9,6 +9,9 @@ use crate::store::StoreError;
 /// Number of consecutive late targets after which an agent counts as stuck.
 pub(crate) const MAX_STRIKES: u32 = 2;
 
+/// Number of consecutive late targets by which bans get as long again.
+pub(crate) const BAN_STRIKES: u32 = 4;
+
 /// What a walker heads for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Target {
@@ -224,9 +227,11 @@ impl Walker {
                 }
                 _ if late && !reached => {
                     self.at = None;
-                    self.banned.push((current, self.clock + settings.ban_steps));
                     self.remaining = f32::INFINITY;
                     self.strikes += 1;
+                    // The longer an agent is stuck, the more targets it tries before any of them again.
+                    let ban = settings.ban_steps.saturating_mul((self.strikes / BAN_STRIKES).max(1));
+                    self.banned.push((current, self.clock.saturating_add(ban)));
                 }
                 _ => {}
             }
@@ -373,5 +378,25 @@ mod tests {
         }
         walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch);
         assert_eq!(walker.strikes, 1);
+    }
+
+    #[test]
+    fn bans_last_longer_the_longer_an_agent_is_stuck() {
+        let (spec, settings) = line(200);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..80).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        let mut scratch = Scratch::default();
+        let graph = BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let mut walker = Walker::new(graph.route(&[39.0, 0.5], &Straight, &mut scratch));
+        let mut bans = [0; 2 * BAN_STRIKES as usize + 1];
+        while walker.strikes < 2 * BAN_STRIKES {
+            walker.step(&[5.0, 0.5], &graph, &Straight, &mut scratch);
+            // The step at which a target is late is counted already.
+            let latest = walker.banned.last().map_or(0, |(_, until)| until + 1 - walker.clock);
+            bans[walker.strikes as usize] = latest.max(bans[walker.strikes as usize]);
+        }
+        let expected = |strikes: u32| settings.ban_steps * (strikes / BAN_STRIKES).max(1);
+        assert_eq!(bans[1..], (1..=2 * BAN_STRIKES).map(expected).collect::<Vec<_>>());
+        assert!(walker.banned.len() > 1, "{:?}", walker.banned);
     }
 }

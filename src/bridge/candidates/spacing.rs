@@ -129,9 +129,6 @@ impl Candidates {
             let moved = visits.iter().filter_map(|(step, i)| new_index[*i as usize].map(|i| (*step, i)));
             *visits = moved.collect();
         }
-        for doubted in &mut self.doubted {
-            *doubted = doubted.and_then(|(step, i)| Some((step, new_index[i as usize]?)));
-        }
     }
 }
 

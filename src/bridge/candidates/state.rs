@@ -29,8 +29,6 @@ pub struct CandidatesState {
     pub practice: Vec<u32>,
     /// Each agent's clock, number of visits, and visits.
     pub visits: Vec<u32>,
-    /// Each agent's visit in doubt, as step and candidate; both [`u32::MAX`] if there is none, empty in older formats.
-    pub doubted: Vec<u32>,
     /// Discounted numbers of arrivals and failures, by D; empty in older formats.
     pub hops: Vec<f32>,
     /// 1 if space has turned out to be open, 0 otherwise; empty in older formats.
@@ -48,7 +46,6 @@ impl CandidatesState {
         store.put(format!("{prefix}.observed.steps"), self.steps);
         store.put(format!("{prefix}.practice"), self.practice);
         store.put(format!("{prefix}.visits"), self.visits);
-        store.put(format!("{prefix}.doubted"), self.doubted);
         store.put(format!("{prefix}.hops"), self.hops);
         store.put(format!("{prefix}.open"), self.is_open);
     }
@@ -60,7 +57,7 @@ impl CandidatesState {
     pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
         let ids = store.u32(&format!("{prefix}.names"))?.to_vec();
         let (dense, hops) = (format!("{prefix}.observed"), format!("{prefix}.hops"));
-        let (is_open, doubted) = (format!("{prefix}.open"), format!("{prefix}.doubted"));
+        let is_open = format!("{prefix}.open");
         let (ends, to, steps) = if store.has(&dense) {
             // Older formats hold a dense table of all pairs.
             to_sparse(store.u16(&dense)?, ids.len().saturating_sub(1))
@@ -80,7 +77,6 @@ impl CandidatesState {
             steps,
             practice: store.u32(&format!("{prefix}.practice"))?.to_vec(),
             visits: store.u32(&format!("{prefix}.visits"))?.to_vec(),
-            doubted: if store.has(&doubted) { store.u32(&doubted)?.to_vec() } else { Vec::new() },
             hops: if store.has(&hops) { store.f32(&hops)?.to_vec() } else { Vec::new() },
             is_open: if store.has(&is_open) { store.u32(&is_open)?.to_vec() } else { Vec::new() },
         })
@@ -124,8 +120,6 @@ impl Candidates {
             state.visits.extend([*clock, own.len() as u32]);
             state.visits.extend(own.iter().flat_map(|(step, i)| [*step, *i]));
         }
-        let numbers = |doubted: &Option<(u32, u32)>| doubted.map_or([u32::MAX; 2], |(step, i)| [step, i]);
-        state.doubted = self.doubted.iter().flat_map(numbers).collect();
         state
     }
 
@@ -159,7 +153,6 @@ impl Candidates {
             self.hops = HopOutcomes::from_state(&state.hops).ok_or_else(inconsistent)?;
         }
         self.restore_visits(&state.visits, n).ok_or_else(inconsistent)?;
-        self.restore_doubted(&state.doubted, n).ok_or_else(inconsistent)?;
         (self.spacing, self.is_open) = (spacing, state.is_open.first().is_some_and(|open| *open != 0));
         self.states.clone_from(&state.states);
         let mut places = GoalIndex::new(&self.spec);
@@ -188,22 +181,6 @@ impl Candidates {
                 before = step;
                 visits.push_back((step, candidate));
             }
-        }
-        Some(())
-    }
-
-    /// Restores the agents' visits in doubt, after the others; returns `None` if they are inconsistent.
-    fn restore_doubted(&mut self, numbers: &[u32], n: usize) -> Option<()> {
-        self.doubted.fill(None);
-        let (numbers, []) = numbers.as_chunks::<2>() else { return None };
-        if !numbers.is_empty() && numbers.len() != self.doubted.len() {
-            return None;
-        }
-        for (i, [step, candidate]) in numbers.iter().enumerate().filter(|(_, numbers)| **numbers != [u32::MAX; 2]) {
-            if *candidate as usize >= n || *step >= self.clocks[i] {
-                return None;
-            }
-            self.doubted[i] = Some((*step, *candidate));
         }
         Some(())
     }

@@ -250,12 +250,6 @@ fn candidates() -> Vec<Constant> {
             "observed paths from a candidate that make a missing path evidence of a wall",
         ),
         constant(
-            "DOUBT_PATHS",
-            bridge::DOUBT_PATHS as f64,
-            "paths",
-            "observed paths from each of two candidates that make the first one between them doubtful",
-        ),
-        constant(
             "DETOUR_FACTOR",
             bridge::DETOUR_FACTOR,
             "",
@@ -321,6 +315,12 @@ fn edges_and_plans() -> Vec<Constant> {
             bridge::MAX_STRIKES,
             "waypoints",
             "late waypoints in a row after which a walk takes the shortest hop",
+        ),
+        constant(
+            "BAN_STRIKES",
+            bridge::BAN_STRIKES,
+            "waypoints",
+            "late waypoints in a row by which a ban lasts as long again",
         ),
         constant(
             "ACTIVATION_DIVISOR",
