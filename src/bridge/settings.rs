@@ -70,7 +70,7 @@ pub struct BridgeSettings {
     pub late_factor: f32,
     /// ... plus this many steps.
     pub late_slack_steps: f32,
-    /// Steps for which a late waypoint is banned.
+    /// Steps for which a late waypoint is banned, as long again with every `BAN_STRIKES` late ones in a row.
     pub ban_steps: u32,
     /// Probability that an episode's first goal is a bridge point (Algorithm 1's epsilon; method gdg-bridge).
     pub bridge_epsilon: f32,

@@ -320,7 +320,7 @@ fn edges_and_plans() -> Vec<Constant> {
             "BAN_STRIKES",
             bridge::BAN_STRIKES,
             "waypoints",
-            "late waypoints in a row by which a ban lasts as long again",
+            "late waypoints in a row by which ban_steps lasts as long again",
         ),
         constant(
             "ACTIVATION_DIVISOR",

@@ -489,7 +489,7 @@ pub const SETTINGS: [Setting; 66] = [
         "ban_steps",
         "steps",
         "an integer from 0 to 4294967295",
-        "steps for which a late waypoint is banned",
+        "steps for which a late waypoint is banned; more if the agent is stuck",
     ),
     Setting::new(
         Planning,
