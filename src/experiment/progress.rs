@@ -215,13 +215,8 @@ mod tests {
 
     #[test]
     fn the_share_done_never_falls() {
-        let progress = Progress {
-            bar: ProgressBar::hidden(),
-            parallel: 1,
-            items: Mutex::new(vec![item("fast", 100, 100, Some(10)), item("new", 100, 0, None)]),
-            shown: Mutex::new(Instant::now()),
-            largest_share: Mutex::new(0.0),
-        };
+        let progress = Progress::new(&[], 1);
+        *progress.items.lock() = vec![item("fast", 100, 100, Some(10)), item("new", 100, 0, None)];
         let share = || progress.estimate().map(|overall| overall.share);
         assert_eq!(share(), Some(0.5));
         // The other job turns out to take far longer.

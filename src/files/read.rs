@@ -61,15 +61,16 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
     if found > max_bytes { Err(too_large(found)) } else { Ok(bytes) }
 }
 
-/// Like [`read`], but returns text.
+/// Like [`read`], but returns text, without the byte-order mark that some editors begin a file with.
 ///
 /// # Errors
 /// Fails like [`read`], and on bytes that are not UTF-8.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
-    String::from_utf8(read(path, max_bytes)?).map_err(|e| {
+    let text = String::from_utf8(read(path, max_bytes)?).map_err(|e| {
         let text = format!("byte {} is not valid UTF-8", e.utf8_error().valid_up_to());
         Error::new(ErrorKind::InvalidData, text)
-    })
+    })?;
+    Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
 }
 
 /// Returns an error unless `kind` is a regular file.

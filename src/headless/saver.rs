@@ -51,7 +51,6 @@ impl Saver {
     /// The checkpoint cannot be saved.
     pub fn save(&mut self, trainer: &mut Trainer) -> Result<Option<PathBuf>, Report> {
         self.last_save = Instant::now();
-        let state = state(trainer);
         if self.has_saved(trainer) {
             return Ok(None);
         }
@@ -71,7 +70,7 @@ impl Saver {
             eprint_line(&format!("{requested} {why}: saving to {path}"));
         }
         self.to = SaveTo::Replace(path.clone());
-        self.last_saved_state = Some(state);
+        self.last_saved_state = Some(state(trainer));
         Ok(Some(path))
     }
 
@@ -81,7 +80,7 @@ impl Saver {
     }
 }
 
-/// Returns what tells one state of `trainer` from another: updates, steps and evaluations.
+/// Returns the counters that identify a state of `trainer`: updates, environment steps, evaluations.
 fn state(trainer: &Trainer) -> (u64, u64, usize) {
     let counters = trainer.counters();
     (counters.updates, counters.env_steps, trainer.history().evaluations().len())

@@ -265,8 +265,7 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
         let help = "give a JSON file in the format of --print-config".to_owned();
         ConfigError::new(format!("cannot be read: {e}"), help).at(format!("{}: ", sanitized(&file)))
     })?;
-    // Some editors begin a file with a byte-order mark.
-    apply_text(values, &file, text.strip_prefix('\u{feff}').unwrap_or(&text))
+    apply_text(values, &file, &text)
 }
 
 fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {
