@@ -33,7 +33,7 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     if file.extension().is_none_or(|e| e != "scen") {
         if map_file.is_some() {
             let help = "leave --map out, or give a .scen file with it";
-            return Err(miette!(help = help, "{}: is no scenario, which --map belongs to", file.display()));
+            return Err(miette!(help = help, "{}: is not a scenario: --map goes with a .scen file", file.display()));
         }
         return Ok(facts(&match file.to_str() {
             Some(name) => find_map(name, &Registry::builtin())?,

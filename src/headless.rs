@@ -15,7 +15,7 @@ use serde_json::{Map, Value};
 use crate::cli::{EXIT_NOT_REACHED, TrainArgs};
 use crate::setup::{Setup, save_elsewhere};
 use crate::signals::TerminationSignal;
-use crate::text::{eprint_line, escape_json_line};
+use crate::text::{eprint_line, escape_json_line, grouped};
 use crate::train::{EndReason, Evaluation, Tick, Trainer};
 use interruptible::run_interruptibly;
 use progress::Progress;
@@ -120,6 +120,12 @@ impl Session<'_> {
     /// Trains until a limit is reached or a signal arrives.
     fn train(&mut self) -> Result<EndReason, Report> {
         self.apply_due_edits()?;
+        if self.limit_reached() == Some(EndReason::MaxUpdates) {
+            let updates = grouped(self.setup.trainer.counters().updates);
+            eprint_line(&format!(
+                "nothing to train: the run has {updates} updates already, and --max-updates counts all"
+            ));
+        }
         if self.missed_evaluation() && self.evaluate()?.is_none() {
             return Ok(EndReason::Interrupted);
         }

@@ -30,6 +30,7 @@ pub(crate) use data::batch::{
     GRAPH_LOWER_FACTOR, GRAPH_LOWER_SLACK_STEPS, RELEARN_N_STEP, RELEARN_RECENT, STUCK_BOUND, STUCK_PROGRESS_STEPS,
 };
 pub use data::goal_index::GoalIndex;
+pub(crate) use data::replay::MAX_MAGNITUDE;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub(crate) use ddpg::{MAX_NOISE_DEVIATIONS, MIN_REMAINING};
 pub use gdg::Gdg;

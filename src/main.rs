@@ -179,7 +179,12 @@ fn train(cli: &Cli) -> u8 {
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.to_string();
     if sanitized_lines(&text) == text {
-        let _ = error.print();
+        match error.print() {
+            Err(problem) if !error.use_stderr() && problem.kind() != std::io::ErrorKind::BrokenPipe => {
+                return ExitCode::from(fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE));
+            }
+            _ => {}
+        }
     } else {
         // It quotes an argument that contains terminal control characters.
         eprint_line(sanitized_lines(&text).trim_end());

@@ -104,15 +104,17 @@ fn name(file: &Path) -> String {
     sanitized(&file.file_name().unwrap_or_default().to_string_lossy())
 }
 
-/// Describes a saved run in a few words: `57,000 updates, saved yesterday`.
+/// Describes a saved run in a few words: `57,000 updates, seed 1, saved yesterday`.
 pub fn summary(found: &Description) -> String {
     let age = found.written.and_then(local).map_or(String::new(), |at| format!(", saved {}", age(&at, &Zoned::now())));
-    format!("{} updates{age}", grouped(found.updates))
+    format!("{} updates, seed {}{age}", grouped(found.updates), found.run.seed)
 }
 
 /// Returns the command that continues the run saved in `file`, quoted for a shell.
 pub fn resume_command(file: &Path) -> String {
     let file = file.to_string_lossy();
+    // Otherwise, it would look like an option.
+    let file = if file.starts_with('-') { format!("./{file}").into() } else { file };
     format!("gdg-tui --resume {}", shlex::try_quote(&file).unwrap_or_else(|_| file.clone()))
 }
 

@@ -16,7 +16,7 @@ use crate::files;
 use crate::map::{self, Grid, MapError};
 use crate::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::runs::{self, SAVES};
-use crate::text::sanitized;
+use crate::text::{safe_file_name, sanitized};
 use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 /// A scheduled change of the world.
@@ -247,7 +247,8 @@ pub fn refuse_input<'a>(
 
 /// Returns whether two paths lead to the same existing file.
 fn is_same_file(a: &Path, b: &Path) -> bool {
-    same_file::is_same_file(a, b).unwrap_or(false)
+    // Comparing opens them, which waits for the other end of a pipe.
+    a.is_file() && b.is_file() && same_file::is_same_file(a, b).unwrap_or(false)
 }
 
 /// Returns the requested number of threads, else the number of cores.
@@ -316,13 +317,16 @@ fn load_edits(args: &TrainArgs, trainer: &Trainer) -> Result<Vec<Edit>, Report> 
     };
     let mut edits = args.edit_at.iter().map(load).collect::<Result<Vec<Edit>, Report>>()?;
     let last = edits.iter().rfind(|edit| edit.updates == begun).and_then(|edit| PointMaze::downcast_ref(&*edit.world));
-    if args.resume.is_some() && last.is_some_and(|edited| edited.map() == map) {
+    // Checkpoints have names without what could lead out of a folder.
+    let as_saved = |map: &Grid| map.clone().named(&safe_file_name(map.name()));
+    if args.resume.is_some() && last.is_some_and(|edited| as_saved(edited.map()) == **map) {
         edits.retain(|edit| edit.updates != begun);
     }
     Ok(edits)
 }
 
-/// Rejects the path of an existing file unless it may be replaced. What is not a checkpoint never replaces one.
+/// Rejects the path of an existing file unless it may be replaced. What is not a checkpoint never replaces one, and
+/// nothing replaces what is not a file.
 ///
 /// # Errors
 /// The file exists.
@@ -332,6 +336,12 @@ pub fn refuse_existing(path: &Path, overwrite: bool) -> Result<(), Report> {
     }
     if train::is_checkpoint(path) {
         return Err(miette!(help = "give another name", "{}: is a checkpoint and is not replaced", path.display()));
+    }
+    if let Ok(found) = path.metadata()
+        && !found.is_file()
+    {
+        let kind = if found.is_dir() { "a folder" } else { "not a regular file" };
+        return Err(miette!(help = "give the name of a file", "{}: cannot be written: it is {kind}", path.display()));
     }
     if overwrite { Ok(()) } else { Err(already_exists(path)) }
 }

@@ -276,7 +276,7 @@ fn saved_runs_are_listed_and_the_newest_is_resumed() {
     assert!(err(&misspelt).contains("did you mean city?"), "{}", err(&misspelt));
     let no_scenario = in_folder(&["check", "city", "--map", "city.map"]);
     assert_eq!(no_scenario.status.code(), Some(2));
-    assert!(err(&no_scenario).contains("is no scenario, which --map belongs to"), "{}", err(&no_scenario));
+    assert!(err(&no_scenario).contains("is not a scenario: --map goes with a .scen file"), "{}", err(&no_scenario));
     for (map, seed, updates) in [("trap", "4", "20"), ("fourrooms", "5", "30")] {
         let file = format!("saves/{map}.safetensors");
         let args = ["--no-ui", map, "--seed", seed, "--max-updates", updates, "--eval-tasks", "1", "--save", &file];

@@ -556,16 +556,19 @@ fn a_damaged_checkpoint_falls_back_to_the_previous_one() {
     let folder = folder();
     let path = checkpoint(folder.path());
     let mut bytes = std::fs::read(&path).unwrap();
-    std::fs::copy(&path, folder.path().join("small.safetensors.bak")).unwrap();
+    std::fs::copy(&path, folder.path().join("small.safetensors.gdg-previous")).unwrap();
     let middle = bytes.len() / 2;
     bytes[middle] ^= 1;
     std::fs::write(&path, &bytes).unwrap();
     let args = ["--resume", "small.safetensors", "--max-updates", "360", "--eval-tasks", "1"];
     let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
     assert_eq!(status, 0, "{errors}");
-    assert!(errors.contains("small.safetensors is damaged") && errors.contains("small.safetensors.bak"), "{errors}");
+    assert!(
+        errors.contains("small.safetensors is damaged") && errors.contains("small.safetensors.gdg-previous"),
+        "{errors}"
+    );
     assert_eq!(events(&output)[0]["updates"], 350);
-    std::fs::remove_file(folder.path().join("small.safetensors.bak")).unwrap();
+    std::fs::remove_file(folder.path().join("small.safetensors.gdg-previous")).unwrap();
     let (status, _, errors) = outcome(&mut headless(folder.path(), &args));
     assert!(status == 2 && errors.contains("checksum"), "{errors}");
 }
@@ -683,6 +686,11 @@ fn special_files_are_refused_without_blocking() {
             &["--no-ui", "--config", file],
             &["--no-ui", "trap", "--scen", file],
             &["frames", file, "--at", "1"],
+            &["--no-ui", file, "--csv", "q.csv"],
+            &["--no-ui", "trap", "--scen", file, "--csv", "q.csv"],
+            &["--no-ui", "trap", "--config", file, "--csv", "q.csv"],
+            &["--no-ui", "trap", "--csv", file, "--overwrite"],
+            &["ablate", file, "--json", "q.json"],
         ] {
             let began = Instant::now();
             let (status, _, errors) = outcome(isolated_command(folder.path()).args(args));

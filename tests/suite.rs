@@ -324,7 +324,7 @@ fn files_of_others_are_not_replaced() {
     std::fs::write(place.path("out/pictures/mine.png"), "mine").unwrap();
     let ran = place.run(&["maps/open.map", "--seeds", "1", "--out", "out"]);
     assert_eq!(ran.status, Some(2), "{}", ran.err);
-    has_parts(&ran.err, &["pictures: is not of gdg-tui and is not replaced", "a folder of its own"]);
+    has_parts(&ran.err, &["pictures: was not written by gdg-tui and is not replaced", "a folder of its own"]);
 }
 
 #[cfg(target_os = "linux")]

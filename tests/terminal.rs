@@ -7,7 +7,7 @@ mod support;
 use std::time::Duration;
 
 use portable_pty::{CommandBuilder, native_pty_system};
-use support::{Session, non_zero, size};
+use support::{Session, kill, non_zero, size};
 
 #[test]
 fn the_interface_opens_pauses_shows_help_saves_and_leaves_a_summary() {
@@ -141,17 +141,37 @@ fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
             signal("-TSTP");
         }
         session.wait(|session| count(session, b"\x1b[?1049l") == round);
+        let opened = count(&session, b"\x1b[?1049h");
         // More than once: the program may not have stopped yet.
         session.wait(|session| {
             signal("-CONT");
-            count(session, b"\x1b[?1049h") == round + 1
+            count(session, b"\x1b[?1049h") > opened
         });
         session.wait_for("training");
     }
+    // Stopped so that it could not restore the terminal, and by key.
+    let opened = count(&session, b"\x1b[?1049h");
+    signal("-STOP");
+    signal("-CONT");
+    session.wait(|session| count(session, b"\x1b[?1049h") > opened);
+    let opened = count(&session, b"\x1b[?1049h");
+    session.press("\x0c");
+    session.wait(|session| count(session, b"\x1b[?1049h") > opened);
     session.press("q");
     session.wait_for_end_or("quit without saving");
     session.press("\x03");
     assert_eq!(session.end(), 0);
+}
+
+#[test]
+fn signals_while_the_terminal_is_asked_what_it_shows_are_handled() {
+    for (name, status) in [("TERM", 143), ("HUP", 129)] {
+        let folder = tempfile::tempdir().unwrap();
+        let mut session = Session::start(folder.path(), &["trap"]);
+        session.wait(|session| session.raw.lock().unwrap().windows(3).any(|w| w == b"\x1b[c"));
+        kill(session.child.process_id().unwrap(), name);
+        assert_eq!(session.end(), status);
+    }
 }
 
 #[test]

@@ -8,6 +8,7 @@ mod runs;
 use std::path::Path;
 use std::sync::Arc;
 
+use gdg_tui::bridge::BridgeSettings;
 use gdg_tui::env::{PointMaze, Restart};
 use gdg_tui::learn::{Auto, LearnSettings, Scratch};
 use gdg_tui::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
@@ -256,7 +257,12 @@ fn a_setting_that_applies_immediately_changes_nothing_else() {
         run.learner().save(&mut store).unwrap();
         store
     };
-    let (before, replay) = (learned(&run), run.replay().snapshot());
+    let graphs = |run: &Trainer| -> Vec<_> {
+        let (arrays, _) = run.save().unwrap().into_parts();
+        arrays.into_iter().filter(|(name, _)| name.starts_with("graph.") || name.starts_with("bridge.")).collect()
+    };
+    let (before, replay, graph) = (learned(&run), run.replay().snapshot(), graphs(&run));
+    assert!(graph.iter().any(|(name, _)| name.starts_with("graph.")), "the run has a graph by now");
     let mut changed = run.run().clone();
     changed.settings.learn.learning_rate = 1e-4;
     changed.settings.train.random_actions = 0.9;
@@ -264,6 +270,7 @@ fn a_setting_that_applies_immediately_changes_nothing_else() {
     assert!(kept.networks && kept.agents);
     assert_eq!(learned(&run), before);
     assert_eq!(run.replay().snapshot(), replay);
+    assert!(graphs(&run) == graph, "plans go on");
     assert_eq!(run.counters().updates, 300);
     train_to(&mut run, 400);
 }
@@ -272,6 +279,9 @@ fn a_setting_that_applies_immediately_changes_nothing_else() {
 fn changing_any_setting_keeps_the_documented_state() {
     let mut base = settings();
     base.learn.buffer_size = 5_000;
+    // So few that there are more than the limit of planners that verify nothing.
+    base.bridge.candidates = 6;
+    base.bridge.candidate_spacing = 0.6;
     for (name, value) in train::list_settings(&base) {
         let other = match (name.as_str(), value.as_str()) {
             ("backend", _) => "tape".to_owned(),
@@ -296,12 +306,20 @@ fn changing_any_setting_keeps_the_documented_state() {
         let mut run = trainer(base.clone(), 5, 1);
         train_to(&mut run, 20);
         let stored = run.replay().len();
+        assert!(
+            run.candidates().len() > BridgeSettings { verify_edges: false, ..base.bridge.clone() }.max_candidates()
+        );
         let kept = run.change_run(Run { settings, ..run.run().clone() }).unwrap();
         let effect = train::Setting::named(&name).unwrap().effect;
         assert_eq!(kept.networks, effect != Effect::NewNetworks, "{name}");
         assert_eq!(kept.agents, effect != Effect::NewAgents, "{name}");
         assert!(run.replay().len() > stored / 2, "{name} loses the replay");
-        train_to(&mut run, 25);
+        let mut resumed = Trainer::load(&run.save().unwrap(), &Registry::builtin(), 1)
+            .unwrap_or_else(|error| panic!("after a change of {name}: {error}"));
+        for run in [&mut run, &mut resumed] {
+            train_to(run, 40);
+        }
+        assert_same(&run, &resumed);
     }
 }
 

@@ -241,13 +241,14 @@ impl Walker {
         }
         let clock = self.clock;
         self.banned.retain(|(_, until)| *until > clock);
-        let planned = || match (settings.open_loop, self.at) {
-            // Continue the single plan from the waypoint reached.
-            (true, Some(at)) => Some(Target::from(Some(self.route.next[at] as usize).filter(|next| *next != at))),
-            _ => None,
-        };
-        let target = target.or_else(planned).unwrap_or_else(|| {
-            let (target, distance) = self.choose_target(state, graph, policy, scratch);
+        // An open loop continues its single plan from the waypoint reached.
+        let on_plan = self.at.filter(|_| settings.open_loop);
+        let planned = on_plan.map(|at| Target::from(Some(self.route.next[at] as usize).filter(|next| *next != at)));
+        let target = target.unwrap_or_else(|| {
+            let (target, distance) = match planned {
+                Some(target) => (target, policy.distance(state, self.target_position(graph, target), scratch)),
+                None => self.choose_target(state, graph, policy, scratch),
+            };
             self.distance = distance;
             self.deadline = clock + settings.late_after(distance) as u32;
             target
@@ -327,6 +328,7 @@ impl Walker {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::bridge::BridgeSettings;
     use crate::bridge::candidates::Candidates;
     use crate::bridge::candidates::tests::line;
 
@@ -378,6 +380,26 @@ mod tests {
         }
         walker.step(&[1.0, 0.5], &graph, &Straight, &mut scratch);
         assert_eq!(walker.strikes, 1);
+    }
+
+    #[test]
+    fn each_waypoint_of_a_single_plan_has_its_own_deadline() {
+        let (spec, settings) = line(200);
+        let settings = BridgeSettings { open_loop: true, progress_check: true, ..settings };
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..160).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        candidates.end_episode(0);
+        let mut scratch = Scratch::default();
+        let graph = BridgeGraph::build(&spec, &settings, &candidates.frozen(), &Straight, &mut scratch);
+        let (mut walker, mut at) = (Walker::new(graph.route(&[79.0, 0.5], &Straight, &mut scratch)), 1.0);
+        let mut hops = 0;
+        while at < 79.0 {
+            let aim = walker.step(&[at, 0.5], &graph, &Straight, &mut scratch)[0];
+            hops += u32::from(walker.finished_hop().is_some_and(|hop| hop.arrived));
+            assert_eq!(walker.strikes, 0, "late at {at}, on the way to {aim}");
+            at += (aim - at).clamp(-1.0, 1.0);
+        }
+        assert!(hops > 5, "{hops}");
     }
 
     #[test]

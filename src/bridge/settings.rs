@@ -70,7 +70,8 @@ pub struct BridgeSettings {
     pub late_factor: f32,
     /// ... plus this many steps.
     pub late_slack_steps: f32,
-    /// Steps for which a late waypoint is banned, as long again with every `BAN_STRIKES` late ones in a row.
+    /// Steps for which a late waypoint is banned, times the number of complete runs of `BAN_STRIKES` late ones in a row (at
+    /// least 1).
     pub ban_steps: u32,
     /// Probability that an episode's first goal is a bridge point (Algorithm 1's epsilon; method gdg-bridge).
     pub bridge_epsilon: f32,
@@ -168,7 +169,14 @@ impl BridgeSettings {
         }
     }
 
-    /// Returns the probability of an excursion beyond the frontier, given whether any action is left to try.
+    /// Whether bridge candidates are the same with these settings as with `other`: compares all that
+    /// [`super::Candidates::new`] reads.
+    pub(crate) fn makes_same_candidates(&self, other: &Self) -> bool {
+        let read = |s: &Self| (s.candidates, s.candidate_spacing, s.edge_cutoff_steps, s.verify_edges);
+        read(self) == read(other)
+    }
+
+    /// Returns the share of steps to spend on excursions beyond the frontier, given whether any action is left to try.
     pub fn frontier_share(&self, has_frontier: bool) -> f32 {
         self.frontier_epsilon.given().unwrap_or(if has_frontier { FRONTIER_SHARE } else { EXPLORED_SHARE })
     }

@@ -85,7 +85,7 @@ impl Folder {
             && let Some(other) = names.iter().filter_map(first_part).find(is_used)
         {
             let help = "give --out a folder of its own";
-            return Err(miette!(help = help, "{}: is not of gdg-tui and is not replaced", other.display()));
+            return Err(miette!(help = help, "{}: was not written by gdg-tui and is not replaced", other.display()));
         }
         let check = |path: PathBuf| {
             files::check_writable(&path).map_err(|error| {

@@ -13,6 +13,10 @@ use crate::train::{Evaluation, Method, Preset, Run, Trainer};
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
 
+/// Part of every key. Raise it with any change of what a run learns or measures, so that no folder mixes results of
+/// different programs.
+const RESULTS_VERSION: u32 = 2;
+
 /// A run in a world, its length, and what is measured.
 #[derive(Clone, Debug)]
 pub struct Job {
@@ -34,14 +38,8 @@ impl Job {
     /// # Errors
     /// The run cannot be written as JSON.
     pub fn new(world: JobWorld, label: Option<&str>, run: Run, plan: Plan) -> Result<Self, Report> {
-        let (version, text) = (env!("CARGO_PKG_VERSION"), world.content());
-        // The results of suites made before there were other plans keep their keys.
-        let determines = match plan.of_suite() {
-            Some((updates, tasks, evaluations)) => {
-                serde_json::to_string(&(version, world.name(), text, &run, updates, tasks, evaluations))
-            }
-            None => serde_json::to_string(&(version, world.name(), text, &run, &plan)),
-        };
+        let version = (env!("CARGO_PKG_VERSION"), RESULTS_VERSION);
+        let determines = serde_json::to_string(&(version, world.name(), world.content(), &run, &plan));
         let key = format!("{:08x}", crc32fast::hash(determines.into_diagnostic()?.as_bytes()));
         let label = label.map_or(String::new(), |label| format!("{label}-"));
         let name = format!("{}-{label}{}-{}", file_stem(world.name()), run.seed, &key[..NAME_DIGITS]);

@@ -101,12 +101,6 @@ impl Plan {
         Self { picture: true, ..Self::new(Length::Updates(updates), SUITE_EVALUATIONS, eval_tasks) }
     }
 
-    /// Returns updates, tasks and evaluations if this is the plan of a suite's job.
-    pub fn of_suite(&self) -> Option<(u64, u32, u64)> {
-        let updates = self.length.amount();
-        (*self == Self::suite(updates, self.eval_tasks)).then_some((updates, self.eval_tasks, self.evaluations))
-    }
-
     /// Returns after how many updates, episodes or steps to evaluate, in order.
     pub fn marks(&self) -> Vec<u64> {
         let amount = u128::from(self.length.amount());
@@ -134,7 +128,7 @@ impl Plan {
 
     /// Whether anything but evaluations is measured at the end: in all jobs but those of suites.
     pub fn measures(&self) -> bool {
-        self.of_suite().is_none()
+        *self != Self::suite(self.length.amount(), self.eval_tasks)
     }
 }
 
@@ -163,9 +157,9 @@ mod tests {
     }
 
     #[test]
-    fn only_plans_of_suites_are_recognised_as_such() {
-        assert_eq!(Plan::suite(60, 2).of_suite(), Some((60, 2, SUITE_EVALUATIONS)));
-        assert_eq!(Plan { max_steps: Some(500), ..Plan::suite(60, 2) }.of_suite(), None);
-        assert_eq!(Plan { length: Length::Episodes(60), ..Plan::suite(60, 2) }.of_suite(), None);
+    fn all_but_suites_measure_more_than_evaluations() {
+        assert!(!Plan::suite(60, 2).measures());
+        assert!(Plan { max_steps: Some(500), ..Plan::suite(60, 2) }.measures());
+        assert!(Plan { length: Length::Episodes(60), ..Plan::suite(60, 2) }.measures());
     }
 }

@@ -84,7 +84,12 @@ fn maps(name: &str, registry: &Registry) -> Result<Vec<Grid>, Report> {
         files.iter().filter(is_map).cloned().collect::<Vec<_>>()
     };
     // Texts beside maps are likely to be about them.
-    let mut files = Some(ending("map")).filter(|maps| !maps.is_empty()).unwrap_or_else(|| ending("txt"));
+    let (maps, texts) = (ending("map"), ending("txt"));
+    if !maps.is_empty() && !texts.is_empty() {
+        let left_out = counted(texts.len() as u64, ".txt file");
+        eprint_line(&format!("{name}: {left_out} left out, as there are .map files: name those that are maps"));
+    }
+    let mut files = if maps.is_empty() { texts } else { maps };
     files.sort();
     if files.is_empty() {
         let help = "give a folder of .map or .txt files, map files, or names from 'gdg-tui maps'";

@@ -4,6 +4,8 @@ use std::fs::{File, FileType, OpenOptions};
 use std::io::{Error, ErrorKind, Read, Result};
 use std::path::Path;
 
+use crate::text::line_and_column;
+
 /// Opens a regular file for reading: a FIFO without a writer would block forever, and a device may have no end.
 ///
 /// # Errors
@@ -67,7 +69,9 @@ pub fn read(path: &Path, max_bytes: u64) -> Result<Vec<u8>> {
 /// Fails like [`read`], and on bytes that are not UTF-8.
 pub fn read_text(path: &Path, max_bytes: u64) -> Result<String> {
     let text = String::from_utf8(read(path, max_bytes)?).map_err(|e| {
-        let text = format!("byte {} is not valid UTF-8", e.utf8_error().valid_up_to());
+        let valid = e.utf8_error().valid_up_to();
+        let (line, column) = line_and_column(&String::from_utf8_lossy(&e.as_bytes()[..valid]), valid);
+        let text = format!("line {line}, column {column} is not valid UTF-8");
         Error::new(ErrorKind::InvalidData, text)
     })?;
     Ok(text.strip_prefix('\u{feff}').map(str::to_owned).unwrap_or(text))
@@ -108,7 +112,7 @@ mod tests {
         assert_eq!(read(&path, 4).expect_err("too large").kind(), ErrorKind::FileTooLarge);
         assert_eq!(read(folder.path(), 4).expect_err("a folder").kind(), ErrorKind::IsADirectory);
         std::fs::write(&path, b"ab\xff").expect("written");
-        assert!(read_text(&path, 9).expect_err("no text").to_string().contains("byte 2"));
+        assert!(read_text(&path, 9).expect_err("no text").to_string().contains("line 1, column 3"));
     }
 
     #[cfg(unix)]

@@ -6,10 +6,11 @@ use std::path::{Path, PathBuf};
 use super::read::read;
 use super::write::{Target, sync_folder};
 
-/// Returns where the previous version of `path` is kept until the new one has been read back.
+/// Returns where the previous version of `path` is kept until the new one has been read back: at a name that nobody else
+/// gives to a copy, as it is removed in the end.
 pub fn backup_path(path: &Path) -> PathBuf {
     let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".bak");
+    name.push(".gdg-previous");
     path.with_file_name(name)
 }
 
@@ -27,14 +28,12 @@ pub fn write_verified(path: &Path, bytes: &[u8], is_valid: impl Fn(&[u8]) -> boo
         keep_backup(path, &backup, target.exists(), good)?;
         file.persist(path).map_err(|e| e.error)
     })?;
-    let has_backup = backup.symlink_metadata().is_ok();
     if good(&target.path) {
-        if has_backup {
-            std::fs::remove_file(&backup)?;
-        }
+        // The new file is in place, whether or not the old one can be removed.
+        let _ = std::fs::remove_file(&backup);
         return Ok(());
     }
-    if has_backup {
+    if backup.symlink_metadata().is_ok() {
         std::fs::rename(&backup, &target.path)?;
         sync_folder(target.path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))?;
     }
@@ -73,6 +72,10 @@ mod tests {
         write_verified(&path, b"good 2", is_valid).expect("written");
         assert_eq!(std::fs::read(&path).expect("there"), b"good 2");
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 1, "no backup is left");
+        let copy = folder.path().join("file.bak");
+        std::fs::write(&copy, b"the user's own").expect("written");
+        write_verified(&path, b"good 3", is_valid).expect("written");
+        assert_eq!(std::fs::read(&copy).expect("there"), b"the user's own");
     }
 
     #[test]

@@ -9,7 +9,7 @@ use ratatui::layout::Rect;
 use super::{buffer_of, check_within, duration, play};
 use crate::cli::FramesArgs;
 use crate::files::write_atomically;
-use crate::setup::refuse_existing;
+use crate::setup::{refuse_existing, refuse_input};
 use crate::tui::{PageColours, picture_of};
 use crate::view::Animation;
 
@@ -32,12 +32,7 @@ pub fn write(args: &FramesArgs, out: &Path) -> Result<String, Report> {
         return Err(miette::miette!(help = "give --from below --to", "the animation would be empty"));
     }
     refuse_existing(out, args.overwrite)?;
-    let is_input =
-        std::fs::canonicalize(out).is_ok_and(|out| std::fs::canonicalize(&args.cast).is_ok_and(|c| c == out));
-    if is_input {
-        let help = "give --animate another file";
-        return Err(miette::miette!(help = help, "{}: is the recording itself", out.display()));
-    }
+    refuse_input(("--animate", out), std::iter::once(args.cast.as_path()))?;
     let step = args.speed / f64::from(args.fps);
     let count = ((to - args.from) / step).ceil() as usize;
     if count > MAX_FRAMES {
@@ -184,7 +179,7 @@ mod tests {
         args.overwrite = true;
         args.to = None;
         let cast = args.cast.clone();
-        assert!(write(&args, &cast).expect_err("its input").to_string().contains("the recording itself"));
+        assert!(write(&args, &cast).expect_err("its input").to_string().contains("is read by this run"));
         (args.overwrite, args.from, args.to) = (false, 2.0, Some(2.0));
         assert!(write(&args, &out).expect_err("empty").to_string().contains("empty"));
         assert!(!out.exists());

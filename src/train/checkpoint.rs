@@ -232,8 +232,9 @@ pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loa
         Ok(trainer) => Ok(Loaded { trainer, warning: None }),
         Err(problem) => match backup.is_file().then(|| load(&backup)) {
             Some(Ok(trainer)) => {
-                let (problem, name) = (truncated(&problem, MAX_REASON_CHARS), sanitized(&path.to_string_lossy()));
-                let warning = format!("{name} {problem}; loaded the previous save, {name}.bak");
+                let problem = truncated(&problem, MAX_REASON_CHARS);
+                let [name, previous] = [path, &backup].map(|path| sanitized(&path.to_string_lossy()));
+                let warning = format!("{name} {problem}; loaded the previous save, {previous}");
                 tracing::warn!("{warning}");
                 Ok(Loaded { trainer, warning: Some(warning) })
             }

@@ -271,9 +271,7 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
 fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
         let help = "a settings file is a JSON object of names and values, in the format of --print-config".to_owned();
-        let message = e.to_string();
-        let problem = truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS);
-        ConfigError::new(problem, help).in_file(file, text, (offset_of(text, e.line(), e.column()), 0))
+        ConfigError::new(without_place(&e), help).in_file(file, text, (offset_of(text, e.line(), e.column()), 0))
     })?;
     let mut given: BTreeMap<&str, &str> = BTreeMap::new();
     for (Key(name), raw) in &entries.0 {
@@ -293,14 +291,19 @@ fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result
             };
             return Err(ConfigError::new(problem, help).in_file(file, text, location(name)));
         }
-        let value = serde_json::from_str(raw.get()).map_err(|e| {
-            ConfigError::new(truncated(&e.to_string(), MAX_QUOTED_CHARS), "write a JSON value".to_owned())
-        });
+        let value = serde_json::from_str(raw.get())
+            .map_err(|e| ConfigError::new(without_place(&e), "write a JSON value".to_owned()));
         value
             .and_then(|value| apply(values, name, &value))
             .map_err(|e| e.in_file(file, text, location(if known.is_some() { raw.get() } else { name })))?;
     }
     Ok(())
+}
+
+/// Returns what is wrong with JSON, without the place, which is reported as in other files.
+fn without_place(error: &serde_json::Error) -> String {
+    let message = error.to_string();
+    truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS)
 }
 
 /// Returns the byte offset of a line and column (from 1), as counted by serde_json.

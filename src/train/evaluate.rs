@@ -29,7 +29,7 @@ pub struct Evaluation {
     pub distance_error: Option<DistanceError>,
     /// The bridge graph against ground truth, if there is a graph.
     pub bridges: Option<BridgeFacts>,
-    /// Fraction of the world explored by the agents, if defined (in a maze: of the cells of its largest component).
+    /// Fraction of the world explored by the agents, if defined (in a maze: of the cells within reach).
     pub coverage: Option<f64>,
     /// The world's default task, if it has one (on a map: from its first start to its first goal).
     pub marked: Option<MarkedTask>,

@@ -12,7 +12,7 @@ use crate::bridge::{
     BridgeGraph, BridgeSettings, Candidates, Excursions, Hop, SearchOutcome, Walker, WalkerState, search,
 };
 use crate::env::{EnvSettings, Environment, Restart};
-use crate::learn::{Acting, Policy, Replay, Scratch, look_ahead};
+use crate::learn::{Acting, MAX_MAGNITUDE, Policy, Replay, Scratch, look_ahead};
 use crate::store::StoreError;
 
 /// An agent gives up on a goal after this multiple of D to it ...
@@ -518,7 +518,8 @@ impl Rollout {
     pub fn restore(&mut self, state: RolloutState, graph: Option<&BridgeGraph>) -> Result<(), StoreError> {
         let (size, g) = (self.env.full_state(0).len(), self.env.spec().goal_dim());
         let a = self.env.spec().action_dim;
-        let sound = |numbers: &[f32], length: usize| numbers.len() == length && numbers.iter().all(|v| v.is_finite());
+        let within = |numbers: &[f32]| numbers.iter().all(|v| v.abs() <= MAX_MAGNITUDE);
+        let sound = |numbers: &[f32], length: usize| numbers.len() == length && within(numbers);
         let agents = state.agents.iter().all(|agent| {
             sound(&agent.goal, g)
                 && agent.after_bridge.as_ref().is_none_or(|goal| sound(goal, g))

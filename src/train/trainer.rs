@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::error::TrainError;
 use super::evaluate::{Evaluation, EvaluationJob};
 use super::film::Film;
-use super::graphs::{ACTIVATION_DIVISOR, BuiltGraph, GraphJob, Graphs, StoredGraph};
+use super::graphs::{ACTIVATION_DIVISOR, BuiltGraph, EDIT_ACTIVATION_DIVISOR, GraphJob, Graphs, StoredGraph};
 use super::history::{History, Notes};
 use super::memory;
 use super::registry::Registry;
@@ -115,6 +115,11 @@ fn new_replay(run: &Run, spec: &Spec) -> Replay {
     Replay::new(sizes.into(), run.settings.train.agents, run.settings.learn.buffer_size)
 }
 
+/// Creates an empty set of candidates as the method's planner wants them.
+fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
+    Candidates::new(spec, run.settings.train.agents, &run.bridge())
+}
+
 impl Trainer {
     /// Creates a new run in `world`. `threads` share the work of each update without changing its result.
     ///
@@ -127,7 +132,7 @@ impl Trainer {
             rollout: Rollout::new(world, stream(run.seed, Stream::Explore)),
             replay: new_replay(&run, spec),
             batch_rng: stream(run.seed, Stream::Batch),
-            candidates: Candidates::new(spec, run.settings.train.agents, &run.settings.bridge),
+            candidates: new_candidates(&run, spec),
             graphs: Graphs::default(),
             counters: Counters::default(),
             seconds: 0.0,
@@ -390,6 +395,15 @@ impl Trainer {
         if now.is_multiple_of(self.run.settings.bridge.graph_every_updates) {
             self.candidates.adapt_spacing();
             self.start_graph(ACTIVATION_DIVISOR)?;
+        }
+        Ok(())
+    }
+
+    /// Drops the bridge graph, and starts to build another one that soon takes its place, if there is to be one.
+    fn replace_graph(&mut self) -> Result<()> {
+        self.graphs = Graphs::default();
+        if self.needs_graph() {
+            self.start_graph(EDIT_ACTIVATION_DIVISOR)?;
         }
         Ok(())
     }

@@ -134,6 +134,8 @@ pub enum Action {
     SearchHelp,
     /// Close the topmost dialog or mode.
     Close,
+    /// Draw the whole screen again.
+    Redraw,
     /// Stop the program until the shell resumes it.
     Suspend,
     /// Quit.
@@ -198,6 +200,7 @@ impl Action {
                 | A::Marker
                 | A::Help
                 | A::Close
+                | A::Redraw
                 | A::Suspend
                 | A::Quit
         )

@@ -23,7 +23,7 @@ use tokio::sync::watch;
 use super::action::{Action, Mode};
 use super::config::UiConfig;
 use super::dialog::{Choice, Dialog};
-use super::event_loop::Interface;
+use super::event_loop::{Interface, TerminalRequest};
 use super::export;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::keymap::{self, Keymap};
@@ -74,7 +74,10 @@ pub struct App {
     pub(super) rng: ChaCha8Rng,
     done: bool,
     /// Whether to suspend the program until the shell resumes it.
-    suspending: bool,
+    /// What the terminal has been asked to do.
+    terminal_request: Option<TerminalRequest>,
+    /// Whether the press of the mouse button that is down has had its effect, so that dragging on does nothing.
+    press_is_spent: bool,
     /// The pending export.
     export: Option<ExportKind>,
     /// The film being written, and its notice.
@@ -105,7 +108,8 @@ impl App {
             failures: Vec::new(),
             rng: ChaCha8Rng::seed_from_u64(snapshot.run.seed),
             done: false,
-            suspending: false,
+            terminal_request: None,
+            press_is_spent: false,
             export: None,
             film_export: None,
             feed: (engine.snapshots(), viewer.views()),
@@ -155,10 +159,10 @@ impl App {
         self.done
     }
 
-    /// Returns whether the program is to be suspended.
+    /// Returns what the terminal has been asked for.
     #[cfg(test)]
-    pub fn is_suspending(&self) -> bool {
-        self.suspending
+    pub fn terminal_request(&self) -> Option<TerminalRequest> {
+        self.terminal_request
     }
 
     /// Stops training and returns the trainer.
@@ -346,12 +350,8 @@ impl Interface for App {
         App::on_tick(self)
     }
 
-    fn suspend(&mut self) {
-        self.suspending = true;
-    }
-
-    fn take_suspend_request(&mut self) -> bool {
-        std::mem::take(&mut self.suspending)
+    fn take_terminal_request(&mut self) -> Option<TerminalRequest> {
+        self.terminal_request.take()
     }
 
     fn is_training(&self) -> bool {

@@ -27,7 +27,7 @@ use super::action::Mode;
 use super::app::{App, ClosedRun, Files};
 use super::config::UiConfig;
 use super::dialog::Dialog;
-use super::event_loop::{self, Interface};
+use super::event_loop::{self, Interface, TerminalRequest};
 use super::graphics::{Graphics, Picture, Redraw};
 use super::keymap::Keymap;
 use super::layout::ScreenLayout;
@@ -73,7 +73,7 @@ pub struct Comparison {
     /// Whether there was an internal error.
     failed: bool,
     done: bool,
-    suspending: bool,
+    terminal_request: Option<TerminalRequest>,
 }
 
 /// Shows a comparison and returns the exit status.
@@ -138,7 +138,7 @@ impl Comparison {
             layout: ScreenLayout::default(),
             failed: false,
             done: false,
-            suspending: false,
+            terminal_request: None,
             sides,
         };
         let start = comparison.race.random_start(goal);
@@ -238,12 +238,8 @@ impl Interface for Comparison {
         changed
     }
 
-    fn suspend(&mut self) {
-        self.suspending = true;
-    }
-
-    fn take_suspend_request(&mut self) -> bool {
-        std::mem::take(&mut self.suspending)
+    fn take_terminal_request(&mut self) -> Option<TerminalRequest> {
+        self.terminal_request.take()
     }
 
     fn is_training(&self) -> bool {

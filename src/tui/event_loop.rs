@@ -29,6 +29,15 @@ const POLL_INTERVAL: Duration = Duration::from_millis(100);
 /// CPU.
 const IDLE_FRAME_INTERVAL: Duration = Duration::from_millis(130);
 
+/// What an interface, or another process, wants of the terminal.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum TerminalRequest {
+    /// Give the terminal back and stop the program until it is resumed.
+    Suspend,
+    /// Draw everything again.
+    Redraw,
+}
+
 /// What fills the screen: the trainer, or a comparison.
 pub trait Interface {
     /// Waits for the next snapshot or view, and shows it. Nothing is lost if the future is dropped.
@@ -40,11 +49,8 @@ pub trait Interface {
     /// Handles the passing of time; returns whether the screen changes.
     fn on_tick(&mut self) -> bool;
 
-    /// Asks to be suspended, as another process requested it.
-    fn suspend(&mut self);
-
-    /// Returns whether the program is to be suspended, and clears the request.
-    fn take_suspend_request(&mut self) -> bool;
+    /// Returns what the terminal is to do, and clears the request.
+    fn take_terminal_request(&mut self) -> Option<TerminalRequest>;
 
     /// Whether training runs, so that the screen changes all the time.
     fn is_training(&self) -> bool;
@@ -82,8 +88,13 @@ pub fn show(
     termination: &TerminationSignal,
 ) -> Result<u8, Report> {
     let runtime = tokio::runtime::Builder::new_current_thread().enable_all().build().into_diagnostic()?;
+    // Before the terminal's modes change: a program stopped by the signal's default would leave them behind.
+    let job_control = {
+        let _context = runtime.enter();
+        JobControl::listen().into_diagnostic()?
+    };
     let mut terminal = Terminal::enter(recorder, marker).into_diagnostic()?;
-    let draw = || runtime.block_on(event_loop(&mut interface, &mut terminal, termination));
+    let draw = || runtime.block_on(event_loop(&mut interface, &mut terminal, job_control, termination));
     let shown = catch_unwind(AssertUnwindSafe(draw));
     if termination.number().is_some() || !matches!(shown, Ok(Ok(()))) {
         interface.on_signal();
@@ -106,13 +117,14 @@ pub fn show(
 async fn event_loop(
     app: &mut impl Interface,
     terminal: &mut Terminal,
+    mut job_control: JobControl,
     termination: &TerminationSignal,
 ) -> std::io::Result<()> {
     let mut events = EventStream::new();
     let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
-    let mut suspend_signals = SuspendSignals::listen()?;
     terminal.take_typed().iter().for_each(|event| app.on_event(event));
     while !app.is_done() && termination.number().is_none() {
+        let mut request = None;
         tokio::select! {
             event = events.next() => match event {
                 Some(event) => {
@@ -129,11 +141,14 @@ async fn event_loop(
                 None => break,
             },
             () = app.update() => timer.changed = true,
-            () = suspend_signals.next() => app.suspend(),
+            signalled = job_control.next() => request = Some(signalled),
             () = tokio::time::sleep(timer.until_due()) => {}
         }
-        if app.take_suspend_request() {
-            terminal.suspend()?;
+        if let Some(request) = request.or(app.take_terminal_request()) {
+            match request {
+                TerminalRequest::Suspend => terminal.suspend()?,
+                TerminalRequest::Redraw => terminal.reopen()?,
+            }
             timer.immediate = true;
         }
         timer.changed |= app.on_tick();
@@ -153,29 +168,43 @@ fn is_hovering(event: &Event) -> bool {
     matches!(event, Event::Mouse(MouseEvent { kind: MouseEventKind::Moved, .. }))
 }
 
-/// Requests by other processes to suspend (SIGTSTP).
-struct SuspendSignals {
+/// Signals of job control: another process wants the program to stop (SIGTSTP), or has continued it (SIGCONT) after a stop
+/// that it could not prepare for.
+struct JobControl {
     #[cfg(unix)]
-    signals: tokio::signal::unix::Signal,
+    stop: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    continued: tokio::signal::unix::Signal,
 }
 
-impl SuspendSignals {
+impl JobControl {
+    #[cfg(unix)]
     fn listen() -> std::io::Result<Self> {
-        Ok(Self {
-            #[cfg(unix)]
-            signals: tokio::signal::unix::signal(tokio::signal::unix::SignalKind::from_raw(
-                signal_hook::consts::SIGTSTP,
-            ))?,
-        })
+        use signal_hook::consts::{SIGCONT, SIGTSTP};
+        use tokio::signal::unix::{SignalKind, signal};
+
+        let listen = |number| signal(SignalKind::from_raw(number));
+        Ok(Self { stop: listen(SIGTSTP)?, continued: listen(SIGCONT)? })
     }
 
-    /// Waits for the next request.
-    async fn next(&mut self) {
-        #[cfg(unix)]
-        if self.signals.recv().await.is_some() {
-            return;
+    #[cfg(not(unix))]
+    fn listen() -> std::io::Result<Self> {
+        Ok(Self {})
+    }
+
+    /// Waits for the next signal; returns what it asks for.
+    #[cfg(unix)]
+    async fn next(&mut self) -> TerminalRequest {
+        tokio::select! {
+            Some(()) = self.stop.recv() => TerminalRequest::Suspend,
+            Some(()) = self.continued.recv() => TerminalRequest::Redraw,
+            else => std::future::pending().await,
         }
-        std::future::pending::<()>().await;
+    }
+
+    #[cfg(not(unix))]
+    async fn next(&mut self) -> TerminalRequest {
+        std::future::pending().await
     }
 }
 

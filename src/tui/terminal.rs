@@ -210,6 +210,16 @@ impl Terminal {
         restore();
         #[cfg(unix)]
         signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
+        self.reopen()
+    }
+
+    /// Sets the terminal up again and has the next frame draw everything, whatever is on the screen.
+    ///
+    /// # Errors
+    /// Errors of the terminal.
+    pub fn reopen(&mut self) -> std::io::Result<()> {
+        // The library would not set what it believes to be set.
+        let _ = disable_raw_mode();
         set_up_modes()?;
         // A new instance knows nothing of the old screen, so it redraws everything without querying the terminal.
         self.closed.set(true);

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::{Candidates, KnownPaths, UNOBSERVED, WalkRecord};
+use super::{Candidates, KnownPaths, MAX_FACTOR, UNOBSERVED, WalkRecord};
 use crate::bridge::hops::HopOutcomes;
 use crate::learn::GoalIndex;
 use crate::store::{Store, StoreError};
@@ -130,11 +130,14 @@ impl Candidates {
     pub fn restore(&mut self, state: &CandidatesState) -> Result<(), StoreError> {
         let inconsistent = || StoreError::inconsistent("the stored bridge candidates do not fit these settings");
         let n = state.states.len() / self.spec.state_dim();
-        if n > self.max_count || !state.states.len().is_multiple_of(self.spec.state_dim()) {
+        // Former versions kept more of them where nothing verifies edges: the next ones that come make them move apart.
+        if n > MAX_FACTOR * self.target_count || !state.states.len().is_multiple_of(self.spec.state_dim()) {
             return Err(inconsistent());
         }
         let ([spacing] | [spacing, _]) = state.spacing[..] else { return Err(inconsistent()) };
-        if !(spacing > 0.0 && spacing.is_finite() && state.states.iter().all(|v| v.is_finite())) {
+        // It never falls below where it begins; from far below, candidates would take hours to move apart.
+        let plausible = spacing >= 0.5 * self.least_spacing && spacing.is_finite();
+        if !(plausible && state.states.iter().all(|v| v.is_finite())) {
             return Err(StoreError::inconsistent("the stored bridge candidates contain values out of range"));
         }
         let (next_id, ids) = state.ids.split_last().ok_or_else(inconsistent)?;

@@ -136,8 +136,7 @@ impl BatchSampler {
             batch.steps.push(steps as f32);
             batch.bootstrap.push(if reached { 0.0 } else { 1.0 });
             let bound = if self.settings.hindsight_bound { bound } else { f32::INFINITY };
-            let most = self.settings.max_distance_steps;
-            batch.bound.push(if most > 0.0 { bound.min(most) } else { bound });
+            batch.bound.push(bound.min(self.max_distance()));
             batch.lower.push(0.0);
             let recent = relearning.filter(|_| row < recent_rows);
             let moment = recent.and_then(|r| replay.sample_recent(r.recent_slots, rng)).unwrap_or(moment);
@@ -162,6 +161,9 @@ impl BatchSampler {
             let towards = if self.settings.actor_waypoints { waypoint } else { to };
             let goals = [to, towards].map(|place| known.goals.goal(place as usize));
             batch.set_graph_distance(i, state_of(from as usize), goals, steps);
+            for limit in [&mut batch.bound[i], &mut batch.lower[i]] {
+                *limit = limit.min(self.max_distance());
+            }
         }
         let Some(changed) = known.changed else { return count };
         let mut changed_goals = GoalIndex::new(&self.spec);
@@ -178,6 +180,11 @@ impl BatchSampler {
             }
         }
         count
+    }
+
+    /// Returns the upper bound of all targets, in steps; infinite if there is none.
+    fn max_distance(&self) -> f32 {
+        Some(self.settings.max_distance_steps).filter(|most| *most > 0.0).unwrap_or(f32::INFINITY)
     }
 
     /// Chooses a goal for `moment`, which `left` steps of the episode follow, and appends it to `goals`; returns the
@@ -257,7 +264,8 @@ mod tests {
         assert!(batch.greedy_targets && !batch.frees_stuck_actor && batch.lower.iter().all(|steps| *steps == 0.0));
         assert!(batch.bound.iter().any(|bound| *bound > 20.0));
         let bounded = LearnSettings { max_distance_steps: 20.0, ..settings };
-        BatchSampler::new(&spec, &bounded).sample(&replay, None, &mut rng, &mut batch);
+        let bounded = BatchSampler::new(&spec, &bounded);
+        bounded.sample(&replay, None, &mut rng, &mut batch);
         assert!(batch.bound.iter().all(|bound| *bound <= 20.0));
         // Places at both ends; from the first to the second it is much farther than D says.
         let pair = |from, to, steps| KnownPair { from, to, steps, waypoint: to };
@@ -274,6 +282,9 @@ mod tests {
             assert_eq!((batch.steps[i], batch.bootstrap[i]), (0.0, 1.0), "lookahead decides in between");
         }
         assert!(batch.lower[16..].iter().all(|steps| *steps == 0.0), "other pairs stay as they are");
+        bounded.add_known(&known, &mut rng, &mut batch);
+        assert!(batch.bound.iter().chain(&batch.lower).all(|steps| *steps <= 20.0), "the limit is for all pairs");
+        sampler.add_known(&known, &mut rng, &mut batch);
         sampler.add_known(&KnownDistances { changed: Some(&changed), ..known }, &mut rng, &mut batch);
         for i in 16..64 {
             let (state, goal) = (batch.states[i], batch.goals[i]);

@@ -100,7 +100,7 @@ impl ReplayState {
 }
 
 /// Largest magnitude of a component of a stored state or goal: sums of squares beyond it may overflow.
-const MAX_MAGNITUDE: f32 = 1e9;
+pub(crate) const MAX_MAGNITUDE: f32 = 1e9;
 
 impl Replay {
     /// Creates a replay with room for about `capacity` transitions of `agents` agents.

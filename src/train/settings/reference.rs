@@ -538,6 +538,8 @@ pub fn reference_page() -> String {
             let former = former.map_or(String::new(), |former| format!(" (was `{former}`)"));
             let effect = effect.about();
             let values = presets.each_ref().map(|values| values[i].1.as_str()).join(" | ");
+            // A bar would end the cell.
+            let about = about.replace('|', "\\|");
             page += &format!("| `{name}`{former} | {values} | {unit} | {range} | {about} | {effect} |\n");
         }
     }

@@ -4,12 +4,10 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::recovery::LastGood;
-use super::{Result, Stream, Trainer, fork_world, new_learner, new_replay, stream};
-use crate::bridge::Candidates;
+use super::{Result, Stream, Trainer, fork_world, new_candidates, new_learner, new_replay, stream};
 use crate::env::{Change, Environment};
 use crate::store::Store;
 use crate::train::config::list_settings;
-use crate::train::graphs::{EDIT_ACTIVATION_DIVISOR, Graphs};
 use crate::train::rollout::Rollout;
 use crate::train::run::Run;
 use crate::train::settings::reference::SETTINGS;
@@ -61,19 +59,17 @@ impl Trainer {
             self.replay.retain_possible(|s, a, next| world.is_possible(s, a, next));
         self.rebuild_candidates();
         if change.may_lengthen || transitions_restored > 0 {
-            self.counters.relearns_until = self.counters.updates + self.run.settings.learn.relearn_updates;
+            self.counters.relearns_until =
+                self.counters.updates.saturating_add(self.run.settings.learn.relearn_updates);
         }
         self.counters.changed_at_step = self.counters.env_steps;
-        self.graphs = Graphs::default();
-        if self.needs_graph() {
-            self.start_graph(EDIT_ACTIVATION_DIVISOR)?;
-        }
+        self.replace_graph()?;
         let Change { summary, warning, facts, .. } = change;
         Ok(WorldChange { summary, warning, facts, transitions_removed, transitions_restored })
     }
 
-    /// Continues with other settings, method or preset. Keeps the replay buffer and all counters, and networks and
-    /// agents where they fit.
+    /// Continues with other settings, method or preset. Keeps the replay buffer and all counters, and networks, agents and
+    /// bridge graph where they fit.
     ///
     /// # Errors
     /// The learner fails; nothing has changed then.
@@ -97,11 +93,14 @@ impl Trainer {
             let now = (self.run.method.name(), self.learns());
             self.history.methods.change(self.counters.updates, (before.method.name(), learned), now);
         }
-        self.graphs = Graphs::default();
-        self.rollout.discard_plans();
         // The change may have fixed the cause of earlier divergence.
         self.counters.recoveries = 0;
         let agents = self.fit_agents(&before);
+        let same_graph = self.run.bridge() == before.bridge() && self.run.method.planner == before.method.planner;
+        if !(networks && agents && same_graph) {
+            self.rollout.discard_plans();
+            self.replace_graph()?;
+        }
         Ok(KeptState { networks, agents })
     }
 
@@ -117,7 +116,7 @@ impl Trainer {
         } else {
             self.restart_agents(same_replay);
         }
-        if !agents || candidate_settings(&self.run.settings) != candidate_settings(&before.settings) {
+        if !agents || !self.run.bridge().makes_same_candidates(&before.bridge()) {
             self.rebuild_candidates();
         }
         agents
@@ -144,7 +143,7 @@ impl Trainer {
     /// Rebuilds the bridge candidates and observed paths between them from the replay buffer.
     fn rebuild_candidates(&mut self) {
         let settings = &self.run.settings;
-        let fresh = Candidates::new(self.spec(), settings.train.agents, &settings.bridge);
+        let fresh = new_candidates(&self.run, self.spec());
         let Self { candidates, replay, .. } = self;
         candidates.reset_to(fresh);
         // An episode that begins where the agent's last one ended continues its trajectory.
@@ -178,9 +177,4 @@ impl Trainer {
 fn keeps_networks(before: &Settings, now: &Settings) -> bool {
     let values = list_settings(now).into_iter().zip(list_settings(before));
     SETTINGS.iter().zip(values).all(|(s, (now, before))| s.effect != Effect::NewNetworks || now == before)
-}
-
-/// Returns the settings that bridge candidates depend on.
-fn candidate_settings(settings: &Settings) -> (usize, f32, usize) {
-    (settings.bridge.candidates, settings.bridge.candidate_spacing, settings.bridge.window_steps())
 }

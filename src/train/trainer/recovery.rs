@@ -134,6 +134,7 @@ impl Trainer {
             times: self.counters.recoveries,
             learning_rate: self.run.settings.learn.learning_rate,
         };
+        self.replace_graph()?;
         tracing::warn!("{recovery}");
         self.recovery = Some(recovery);
         Ok(())

@@ -179,7 +179,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::Forth, "forth-in-time", &["]"], "", "forward in time, and back to the present")
                 .watching()
                 .also("future now present film forward later next time travel movie replay"),
-            bind(Action::Projection, "projection", &["shift-p"], "turn", "choose the next projection")
+            bind(Action::Projection, "projection", &["shift-p"], "projection", "choose the next projection")
                 .watching()
                 .also("side top front orbit rotate camera angle"),
             bind(Action::Alone, "alone", &["shift-z"], "", "show the chosen projection alone, or all")
@@ -293,6 +293,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::SearchHelp, "search-help", &["/"], "", "show only what contains some words")
                 .within(When::Help),
             bind(Action::Close, "close", &["esc"], "", "close the topmost dialog or mode").also("cancel back escape"),
+            bind(Action::Redraw, "redraw", &["ctrl-l"], "", "draw the whole screen again").also("refresh repaint garbled"),
             bind(Action::Suspend, "suspend", &["ctrl-z"], "", "suspend to the shell; fg resumes").also("background"),
             bind(Action::Quit, "quit", &["q", "ctrl-c"], "quit", "quit").also("exit leave close end bye"),
         ],

@@ -9,6 +9,7 @@ use crate::bridge::EdgeStatus;
 use crate::train::{Command, Step};
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question, lists};
+use crate::tui::event_loop::TerminalRequest;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
@@ -87,7 +88,7 @@ impl App {
                 let none = self.screen.marker == Marker::Pixels && self.screen.picture_character().is_none();
                 let more = match self.screen.theme.depth {
                     ColourDepth::Mono => ", once there are colours: without them, the map is drawn in characters",
-                    _ if none => ", but there are none here: as auto",
+                    _ if none => " (not supported here: as auto)",
                     _ => "",
                 };
                 self.say(&format!("marker: {}{more}", self.screen.marker.name()));
@@ -130,7 +131,8 @@ impl App {
                 }
             }
             Action::Close => self.close_top(),
-            Action::Suspend => self.suspending = true,
+            Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
+            Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
             Action::Quit => self.quit(),
             _ => self.act_in_scene(action),
         }

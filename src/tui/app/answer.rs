@@ -22,6 +22,9 @@ pub(super) enum AnswerError {
     /// An existing file: confirming replaces it.
     #[error("{FILE_EXISTS}")]
     Exists,
+    /// A checkpoint, which no map replaces.
+    #[error("this file is a checkpoint: enter another name")]
+    IsCheckpoint,
     /// An empty name of a checkpoint.
     #[error("enter a name, e.g. rooms-at-95-percent")]
     NoName,

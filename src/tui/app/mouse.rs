@@ -11,12 +11,19 @@ use crate::tui::layout::Click;
 impl App {
     pub(super) fn on_mouse(&mut self, mouse: MouseEvent) {
         let at = Position::new(mouse.column, mouse.row);
+        match mouse.kind {
+            MouseEventKind::Down(_) => self.press_is_spent = !self.screen.dialogs.is_empty(),
+            MouseEventKind::Drag(_) if self.press_is_spent => return,
+            MouseEventKind::Up(_) if std::mem::take(&mut self.press_is_spent) => return,
+            _ => {}
+        }
         if !self.screen.dialogs.is_empty() {
             return self.on_mouse_in_dialog(mouse.kind, at);
         }
         if mouse.kind == MouseEventKind::Down(MouseButton::Left)
             && let Some(Click::Act(action)) = self.screen.layout.click(at)
         {
+            self.press_is_spent = true;
             return self.act(action);
         }
         let drawing = self.screen.maze.editor.is_drawing();

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 use super::App;
 use crate::files::write_atomically;
 use crate::runs;
+use crate::text::grouped;
 use crate::train::Description;
 use crate::tui::action::Action;
 use crate::tui::config::used_path;
@@ -37,7 +38,8 @@ pub fn search(title: String) -> std::io::Result<Search> {
 impl App {
     /// Offers a saved run, and logs it for later.
     pub fn offer(&mut self, found: Description) {
-        let text = format!("{} are saved in {}", runs::summary(&found), found.file.display());
+        let updates = grouped(found.updates);
+        let text = format!("a run of {updates} updates, seed {}, is saved in {}", found.run.seed, found.file.display());
         self.screen.log.record(&text, self.screen.snapshot.moment());
         self.screen.offer = Some(Offer { found, since: Instant::now() });
     }

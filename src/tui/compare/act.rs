@@ -2,6 +2,7 @@
 
 use super::{Comparison, LETTERS};
 use crate::tui::action::{Action, bindings};
+use crate::tui::event_loop::TerminalRequest;
 use crate::view::Field;
 
 impl Comparison {
@@ -37,7 +38,8 @@ impl Comparison {
                 self.larger = self.larger.map_or(Some(0), |side| Some(side + 1).filter(|next| *next < LETTERS.len()));
             }
             Action::Help => self.sides[0].app.act(action),
-            Action::Suspend => self.suspending = true,
+            Action::Redraw => self.terminal_request = Some(TerminalRequest::Redraw),
+            Action::Suspend => self.terminal_request = Some(TerminalRequest::Suspend),
             Action::Quit => self.done = true,
             _ => self.both(action),
         }
@@ -47,7 +49,7 @@ impl Comparison {
     pub(super) fn refuse(&mut self, action: Action) {
         let Some(binding) = bindings().find(|binding| binding.action == action) else { return };
         let help = self.sides[0].app.screen.keymap.key_of(Action::Help);
-        self.notify(&format!("not in a comparison: {} ({help} shows its keys)", binding.long));
+        self.notify(&format!("a comparison has no \"{}\" ({help} shows its keys)", binding.name));
     }
 
     fn both(&mut self, action: Action) {

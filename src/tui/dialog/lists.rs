@@ -151,12 +151,12 @@ pub fn quit_choices(unsaved_updates: u64, is_map_edited: bool, file: &Path, auto
 pub fn load_choices(unsaved_updates: u64, file: PathBuf) -> Picker {
     let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
     let items = leave_items("load it", lost, Choice::LoadUnsaved(file));
-    Picker::new("load a checkpoint although this run is not saved?", items)
+    Picker::new("load a checkpoint without saving this run?", items)
 }
 
 /// Asks whether to continue with `method`, which needs other networks, although this run is not saved.
 pub fn method_choices(unsaved_updates: u64, method: Method) -> Picker {
-    let lost = format!("what {} unsaved updates taught is lost", grouped(unsaved_updates));
+    let lost = format!("{} unsaved updates are lost", grouped(unsaved_updates));
     let items = leave_items(&format!("continue with {}", method.name()), lost, Choice::MethodUnsaved(method));
     Picker::new("discard the networks, which are not saved?", items)
 }

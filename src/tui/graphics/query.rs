@@ -145,8 +145,7 @@ pub fn ask(to: &mut impl Write) -> std::io::Result<Answer> {
     let mut bytes = Vec::new();
     loop {
         let answer = Answer::read(&bytes);
-        let left = end.saturating_duration_since(Instant::now());
-        if answer.is_complete || left.is_zero() || !has_input(from, left)? {
+        if answer.is_complete || !has_input(from, end)? {
             return Ok(answer);
         }
         let mut more = [0; 1024];
@@ -158,14 +157,20 @@ pub fn ask(to: &mut impl Write) -> std::io::Result<Answer> {
     }
 }
 
+/// Waits for input until `end`.
 #[cfg(unix)]
-fn has_input(from: std::os::fd::BorrowedFd, within: Duration) -> std::io::Result<bool> {
+fn has_input(from: std::os::fd::BorrowedFd, end: Instant) -> std::io::Result<bool> {
     use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
 
-    let timeout = PollTimeout::try_from(within).unwrap_or(PollTimeout::ZERO);
-    match poll(&mut [PollFd::new(from, PollFlags::POLLIN)], timeout) {
-        Err(nix::errno::Errno::EINTR) => Ok(true),
-        ready => Ok(ready? > 0),
+    loop {
+        let left = end.saturating_duration_since(Instant::now());
+        let timeout = PollTimeout::try_from(left).unwrap_or(PollTimeout::ZERO);
+        match poll(&mut [PollFd::new(from, PollFlags::POLLIN)], timeout) {
+            // A signal, which the event loop will handle. Reading now could wait for a key.
+            Err(nix::errno::Errno::EINTR) if !left.is_zero() => {}
+            Err(nix::errno::Errno::EINTR) => return Ok(false),
+            ready => return Ok(ready? > 0),
+        }
     }
 }
 

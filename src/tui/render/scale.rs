@@ -29,7 +29,7 @@ pub fn scale(screen: &Screen, bar: usize) -> Line<'static> {
         Field::Plain => return Line::from(name),
         Field::Error => {
             let most = 100.0 * MAX_SHOWN_ERROR;
-            (format!("too short -{most:.0} %"), format!("+{most:.0} % too long"))
+            (format!("-{most:.0} % short"), format!("+{most:.0} % long"))
         }
         Field::Visits => ("0".to_owned(), short(f64::from(farthest))),
         _ => ("0".to_owned(), format!("{farthest:.0} steps")),

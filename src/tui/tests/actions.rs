@@ -73,7 +73,7 @@ fn state(app: &App) -> String {
             app.screen.following,
             app.screen.pausing,
             app.is_done(),
-            app.is_suspending()
+            app.terminal_request()
         ),
         (app.screen.log.entries().len(), app.screen.log.notice().map(|notice| notice.text.to_owned())),
         app.screen.maze.map.free_count(),

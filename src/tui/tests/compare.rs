@@ -286,7 +286,7 @@ fn a_refused_key_does_not_hide_what_the_next_one_did() {
     let mut comparison = comparison();
     let notice = |comparison: &mut Comparison| {
         let shown = text(&draw(comparison, (120, 40)));
-        shown.contains("not in a comparison")
+        shown.contains("a comparison has no")
     };
     press(&mut comparison, KeyCode::Char('o'));
     assert!(notice(&mut comparison));

@@ -11,7 +11,7 @@ fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
         let found = saved_run(folder.path(), &app);
         app.offer(found.clone());
         let shown = text(&draw(&mut app, 120, 40));
-        assert!(shown.contains("gdg: 0 updates, saved just now: r resumes  Esc hides"), "{shown}");
+        assert!(shown.contains("gdg: 0 updates, seed 1, saved just now: r resumes  Esc hides"), "{shown}");
         if by_key {
             press(&mut app, KeyCode::Char('r'));
         } else {
@@ -50,7 +50,7 @@ fn an_offer_is_hidden_by_esc_and_its_key_means_directions_again() {
     let method = app.screen.run().method.clone();
     app.offer(saved_run(folder.path(), &app));
     let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("gdg: 0 updates, saved just now: r resumes"), "{shown}");
+    assert!(shown.contains("gdg: 0 updates, seed 1, saved just now: r resumes"), "{shown}");
     press(&mut app, KeyCode::Esc);
     assert!(app.screen.offer.is_none());
     press(&mut app, KeyCode::Char('r'));

@@ -188,7 +188,7 @@ fn m_chooses_pixels_and_says_if_there_are_none() {
     press(&mut app, KeyCode::Char('m'));
     assert_eq!(app.screen.marker, Marker::Pixels);
     let shown = text(&draw(&mut app, 80, 24));
-    assert!(shown.contains("marker: pixels, but there are none here"), "{shown}");
+    assert!(shown.contains("marker: pixels (not supported here"), "{shown}");
 }
 
 #[test]

@@ -237,7 +237,7 @@ fn bridge(screen: &Screen, tour: &mut Tour) -> Caption {
         let end = if tour.elapsed < PATIENCE_SECS {
             "Wait for a find."
         } else {
-            "None lately: where D goes the short way already, no bridge makes it shorter."
+            "None lately: D already takes the shortest way, so no bridge shortens it."
         };
         let text = format!("Agents look for bridges B on the way from a to g: D(a,B) + D(B,g) < D(a,g). {end}");
         return Caption { text, subject: vec![screen.maze.goal.centre()], ..Caption::default() };

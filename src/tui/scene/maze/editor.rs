@@ -90,8 +90,8 @@ struct Stroke {
     cells: Vec<Cell>,
     from: Cell,
     to: Cell,
-    /// The last position of the mouse; `None` for a stroke by keyboard.
-    at: Option<Position>,
+    /// The first and the last position of the mouse; `None` for a stroke by keyboard.
+    at: Option<[Position; 2]>,
 }
 
 impl Editor {
@@ -140,8 +140,15 @@ impl Editor {
         let free = second || self.tool == Tool::Eraser;
         let begun = Stroke { free, cells: Vec::new(), from: cell, to: cell, at: None };
         let stroke = self.stroke.get_or_insert(begun);
-        stroke.to = cell;
-        let from = stroke.at.replace(to).unwrap_or(to);
+        let [begun, from] = stroke.at.unwrap_or([to; 2]);
+        stroke.at = Some([begun, to]);
+        if let (Tool::Line | Tool::Rectangle, Some(first)) = (self.tool, frame.cell_at(begun, map)) {
+            // All that the characters at both ends show.
+            stroke.from = outermost(first, &frame.cells_at(begun, map), cell);
+            stroke.to = outermost(cell, &frame.cells_at(to, map), first);
+        } else {
+            stroke.to = cell;
+        }
         let along =
             |from: u16, to: u16, i: i32, n: i32| (i32::from(from) + (i32::from(to) - i32::from(from)) * i / n) as u16;
         let n = i32::from(from.x.abs_diff(to.x).max(from.y.abs_diff(to.y))).max(1);
@@ -191,8 +198,16 @@ impl Editor {
         let (from, to) = (stroke.from, stroke.to);
         let new = match self.tool {
             Tool::Fill => map.with_cells(area(map, to).into_iter().map(|cell| (cell, !map.is_free(to)))),
-            Tool::Start => Some(map.with_marks(with_mark_moved(map.starts(), from, to), map.goals().to_vec())),
-            Tool::Goal => Some(map.with_marks(map.starts().to_vec(), with_mark_moved(map.goals(), from, to))),
+            // A cell has one mark: map files have one character for it.
+            Tool::Start => {
+                let starts = with_mark_moved(map.starts(), from, to);
+                let goals = without(map.goals(), &starts);
+                Some(map.with_marks(starts, goals))
+            }
+            Tool::Goal => {
+                let goals = with_mark_moved(map.goals(), from, to);
+                Some(map.with_marks(without(map.starts(), &goals), goals))
+            }
             _ => map.with_cells(self.cells_of(stroke).into_iter().map(|cell| (cell, stroke.free))),
         };
         self.record(map, new?)
@@ -230,6 +245,11 @@ pub fn offset_cell(at: Cell, (dx, dy): (isize, isize), map: &Grid) -> Cell {
     Cell::new(to.x.min(map.width() - 1), to.y.min(map.height() - 1))
 }
 
+/// Returns the marks that are not on one of `others`.
+fn without(marks: &[Cell], others: &[Cell]) -> Vec<Cell> {
+    marks.iter().filter(|mark| !others.contains(mark)).copied().collect()
+}
+
 /// Returns the marks after a press at `from` and a release at `to`: one is moved, removed or added.
 fn with_mark_moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
     let mut marks = marks.to_vec();
@@ -241,6 +261,14 @@ fn with_mark_moved(marks: &[Cell], from: Cell, to: Cell) -> Vec<Cell> {
         None => marks.push(to),
     }
     marks
+}
+
+/// Returns the cell in the row or column of `cell` that is farthest from `other` among `shown`, along the longer axis.
+fn outermost(cell: Cell, shown: &[Cell], other: Cell) -> Cell {
+    let [dx, dy] = [cell.x.abs_diff(other.x), cell.y.abs_diff(other.y)];
+    let same_line = |c: &&Cell| if dx > dy { c.y == cell.y } else { c.x == cell.x };
+    let far = |c: &&Cell| if dx > dy { c.x.abs_diff(other.x) } else { c.y.abs_diff(other.y) };
+    shown.iter().filter(|_| dx + dy > 0).filter(same_line).max_by_key(far).copied().unwrap_or(cell)
 }
 
 /// Returns the cells on a straight line, each adjacent to the one before.
