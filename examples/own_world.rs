@@ -36,6 +36,7 @@ pub fn registry() -> Arc<Registry> {
     let table = LearnerKind {
         name: "table",
         about: "Q-learning on intervals of a wire",
+        is_rewarded: false,
         create: |spec, _, _, _| Ok(Box::new(Table::new(spec)?)),
         parameters: |_, _| (BINS * ACTIONS.len() * BINS) as u64,
     };

@@ -173,6 +173,9 @@ pub struct AblateArgs {
     /// Parallel runs, each on one thread [default: this machine's cores]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
     pub jobs: Option<u16>,
+    /// Folder of the results: runs that are done are not repeated, interrupted ones go on
+    #[arg(long, value_name = "FOLDER", default_value = "saves/ablation")]
+    pub out: PathBuf,
     /// Also write all results to this file as JSON
     #[arg(long, value_name = "FILE")]
     pub json: Option<PathBuf>,

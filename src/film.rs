@@ -5,10 +5,11 @@ use std::path::PathBuf;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::FilmArgs;
+use crate::engine::Snapshot;
 use crate::files;
 use crate::report::from_checkpoint_error;
 use crate::setup::refuse_existing;
-use crate::train::{self, Registry, Snapshot};
+use crate::train::{self, Registry};
 use crate::view::{FilmError, animate};
 
 /// Writes the film in a checkpoint and returns a line that says where.

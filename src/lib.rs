@@ -12,7 +12,7 @@
 //! Each module depends only on modules to its left:
 //!
 //! ```text
-//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- view <- headless, tui, experiment
+//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- engine <- view <- headless, tui, experiment
 //! ```
 //!
 //! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely. [`faults`]: collects
@@ -25,8 +25,9 @@
 //!   threads; [`learn::Reference`] computes the same by candle's autograd, for tests and for other devices).
 //! * [`bridge`]: candidates and the paths between them that trajectories have taken, the bridge graph, following plans through
 //!   it, the published search.
-//! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints; and
-//!   [`train::Engine`], which runs a trainer on its own thread. [`train::Registry`] lists worlds and learners.
+//! * [`train`]: [`train::Trainer`] runs agents and updates in one fixed order; evaluation, settings, checkpoints.
+//!   [`train::Registry`] lists worlds and learners.
+//! * [`engine`]: [`engine::Engine`] runs a trainer on its own thread for the interface: commands in, snapshots out.
 //! * [`view`]: what the screen shows of a run, computed on its own thread: distance fields, the bridge graph, an agent that
 //!   walks to the goal; a folder for each kind of scene; colours, contours and pictures.
 //! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in parallel, whose results
@@ -77,6 +78,8 @@ pub mod bench;
 pub mod bridge;
 #[forbid(unsafe_code)]
 pub mod cli;
+#[forbid(unsafe_code)]
+pub mod engine;
 #[forbid(unsafe_code)]
 pub mod env;
 #[forbid(unsafe_code)]

@@ -47,7 +47,7 @@ fn main() -> ExitCode {
         Some(Command::Compare(args)) => run_comparison(args),
         Some(Command::Suite(args)) => run_suite(args),
         Some(Command::Reproduce(args)) => run_reproduce(args),
-        Some(Command::Ablate(args)) => printed(ablate::run(args), EXIT_BAD_INPUT),
+        Some(Command::Ablate(args)) => ablate::run(args).unwrap_or_else(|error| fail(error, EXIT_BAD_INPUT)),
         #[cfg(feature = "tui")]
         Some(Command::Frames(args)) => printed(frames::run(args), EXIT_BAD_INPUT),
         #[cfg(feature = "tui")]

@@ -1,9 +1,7 @@
-//! Training: exploring agents, updates interleaved with their steps, evaluation, checkpoints, and the engine that runs
-//! all of it for the front ends.
+//! Training: exploring agents, updates interleaved with their steps, evaluation and checkpoints.
 
 mod checkpoint;
 mod config;
-mod engine;
 mod error;
 mod evaluate;
 mod film;
@@ -27,7 +25,6 @@ pub use config::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from, settings_from_text,
     settings_in_world, with_setting,
 };
-pub use engine::{Command, Engine, FollowedAgent, MakeWorld, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
 pub use error::TrainError;
 pub use evaluate::{
     BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
@@ -37,6 +34,7 @@ pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes
 pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
 pub use policy_file::policy_file;
 pub use registry::Registry;
+pub use rollout::Rollout;
 pub use run::{Counters, EndReason, Limits, Run, Tick};
 pub use score::{DistanceScore, Score, Success};
 pub use settings::reference::{Group, SETTINGS, Setting, reference_page};

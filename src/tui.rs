@@ -53,11 +53,12 @@ use std::thread::JoinHandle;
 use miette::{IntoDiagnostic, Report};
 
 use crate::cli::{InterfaceArgs, TourArgs, TrainArgs};
+use crate::engine::Engine;
 use crate::map;
 use crate::report::ExplainedError;
 use crate::setup::{self, Setup};
 use crate::signals::TerminationSignal;
-use crate::train::{Engine, Limits, Registry, Trainer};
+use crate::train::{Limits, Registry, Trainer};
 use crate::view::Viewer;
 use app::{App, Files};
 pub use compare::{prepare as prepare_comparison, run as compare};

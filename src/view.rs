@@ -19,8 +19,9 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
+use crate::engine::{Engine, Networks, Snapshot};
 use crate::env::Scene;
-use crate::train::{Engine, FilmFrame, Networks, Snapshot};
+use crate::train::FilmFrame;
 pub use animation::Animation;
 pub use arm::ArmView;
 use arm::ArmWorker;

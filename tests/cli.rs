@@ -180,6 +180,7 @@ fn ablate_prints_a_table_and_writes_json() {
     let folder = tempfile::tempdir().unwrap();
     let json = folder.path().join("all.json");
     let mut command = gdg();
+    command.current_dir(&folder);
     command.args(["ablate", "trap", "--updates", "30", "--seeds", "1", "--eval-tasks", "1", "--json"]).arg(&json);
     let output = command.output().unwrap();
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
@@ -191,7 +192,10 @@ fn ablate_prints_a_table_and_writes_json() {
     let all = all.as_array().unwrap();
     assert_eq!(all.len(), table.lines().filter(|l| l.starts_with("| ")).count() - 1, "a row for each, below the head");
     assert!(all.iter().all(|o| o["evaluation"]["greedy"]["success"].is_number()));
-    command.arg("--overwrite").assert().success();
+    let again = command.arg("--overwrite").output().unwrap();
+    assert!(again.status.success() && String::from_utf8_lossy(&again.stdout) == table);
+    let done = format!("{} jobs done, 0 to run", all.len());
+    assert!(String::from_utf8_lossy(&again.stderr).contains(&done), "what is done is not repeated");
 }
 
 #[test]

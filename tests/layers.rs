@@ -5,13 +5,14 @@
 use std::path::{Path, PathBuf};
 
 /// Modules from the lowest layer to the highest; modules of the same layer may depend on each other.
-const LAYERS: [&[&str]; 8] = [
+const LAYERS: [&[&str]; 9] = [
     &["text", "faults", "files", "store"],
     &["map"],
     &["env"],
     &["learn"],
     &["bridge"],
     &["train"],
+    &["engine"],
     &["view"],
     &[
         "bench",
@@ -34,10 +35,21 @@ const LAYERS: [&[&str]; 8] = [
 ];
 
 /// Modules that work with states, goals and actions, and do not depend on maps.
-const MAP_FREE_MODULES: [&str; 3] = ["learn", "bridge", "train"];
+const MAP_FREE_MODULES: [&str; 4] = ["learn", "bridge", "train", "engine"];
 
 /// Identifiers that only modules with access to maps use.
-const MAP_TYPES: [&str; 6] = ["Grid", "Cell", "PointMaze", "MazeScene", "StepSearch", "Diameter"];
+const MAP_TYPES: [&str; 10] = [
+    "Grid",
+    "Cell",
+    "PointMaze",
+    "MazeScene",
+    "StepSearch",
+    "Diameter",
+    "Flood",
+    "HalfCells",
+    "PointSearch",
+    "ScenarioTask",
+];
 
 /// Returns every source file and the top-level module that it belongs to.
 fn sources() -> Vec<(String, PathBuf)> {

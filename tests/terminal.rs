@@ -167,7 +167,7 @@ fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
 fn signals_while_the_terminal_is_asked_what_it_shows_are_handled() {
     for (name, status) in [("TERM", 143), ("HUP", 129)] {
         let folder = tempfile::tempdir().unwrap();
-        let mut session = Session::start(folder.path(), &["trap"]);
+        let session = Session::start(folder.path(), &["trap"]);
         session.wait(|session| session.raw.lock().unwrap().windows(3).any(|w| w == b"\x1b[c"));
         kill(session.child.process_id().unwrap(), name);
         assert_eq!(session.end(), status);

@@ -5,9 +5,10 @@ use std::time::{Duration, Instant};
 
 use super::cases::OPEN_MAP_SIDE;
 use super::{InterfaceTimes, median, quantile};
+use crate::engine::{Command, Engine, Phase};
 use crate::env::PointMaze;
 use crate::map::Grid;
-use crate::train::{Command, Engine, Limits, Method, Phase, Preset, Registry, Run, Settings, TrainError, Trainer};
+use crate::train::{Limits, Method, Preset, Registry, Run, Settings, TrainError, Trainer};
 use crate::tui::{MeasuredInterface, MeasuredScreen};
 
 /// Columns and rows of the screen for the interface.

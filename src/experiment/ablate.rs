@@ -1,25 +1,27 @@
 //! `gdg-tui ablate`: measures the effect of switching off each component of the default preset, or of adding one after the
 //! other to the preset `paper`.
 
-use std::io::Write;
 use std::path::Path;
-use std::sync::Arc;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
-use parking_lot::Mutex;
 use serde::Serialize;
 
-use crate::cli::AblateArgs;
-use crate::env::PointMaze;
+use super::folder::Folder;
+use super::job::Job;
+use super::plan::{Length, Plan};
+use super::runner::Runner;
+use super::suite::{any_failed, print};
+use super::world::JobWorld;
+use crate::cli::{AblateArgs, EXIT_FAILURE};
 use crate::files::{check_writable, write_atomically};
 use crate::map::Grid;
 use crate::report::from_config_error;
 use crate::setup::{find_map, refuse_existing, refuse_input, threads};
 use crate::text::{counted, eprint_line};
-use crate::train::{Evaluation, Limits, Method, Overrides, Preset, Registry, Run, Settings, Trainer, settings_from};
+use crate::train::{Evaluation, Method, Overrides, Preset, Registry, Run, Settings, settings_from};
 
 /// What is trained and evaluated.
+#[derive(Clone)]
 struct Case {
     name: &'static str,
     method: &'static str,
@@ -123,49 +125,50 @@ struct Outcome {
     evaluation: Evaluation,
 }
 
-/// Trains every variant and returns the table as Markdown.
+/// Trains every variant that has no result yet and prints the table as Markdown; returns the exit status.
 ///
 /// # Errors
-/// Fails if the map is invalid, if the JSON file already exists or cannot be written, or if candle fails.
-pub fn run(args: &AblateArgs) -> Result<String, Report> {
+/// The map is invalid, the folder is not writable, or the JSON file exists already or cannot be written.
+pub fn run(args: &AblateArgs) -> Result<u8, Report> {
     if let Some(path) = &args.json {
         check_json(path, args)?;
     }
-    let map = Arc::new(find_map(&args.map, &Registry::builtin())?);
-    let world = PointMaze::new(map.clone(), 0);
-    let cases = cases(args.ladder);
-    let runs: Vec<(&Case, u64)> =
-        cases.iter().flat_map(|case| (1..=args.seeds).map(move |seed| (case, seed))).collect();
-    let (next, outcomes) = (AtomicUsize::new(0), Mutex::new(Vec::new()));
-    let work = || -> Result<(), Report> {
-        while let Some((case, seed)) = runs.get(next.fetch_add(1, Ordering::Relaxed)) {
-            let evaluation = train(case, *seed, &world, args)?;
-            let mut outcomes = outcomes.lock();
-            let (done, success) = (outcomes.len() + 1, evaluation.success(args.updates));
-            eprint_line(&format!("{done} of {}: {}, seed {seed}: {success}", runs.len(), case.name));
-            let Case { name, method, preset, set } = case;
-            let (variant, set) = (*name, set.join(" "));
-            outcomes.push(Outcome { variant, preset: *preset, set, method, seed: *seed, evaluation });
+    let registry = Registry::builtin();
+    let map = find_map(&args.map, &registry)?;
+    let plan = Plan::new(Length::Updates(args.updates), 1, args.eval_tasks);
+    let mut runs = Vec::new();
+    for case in cases(args.ladder) {
+        for seed in 1..=args.seeds {
+            let method: Method = case.method.parse().into_diagnostic()?;
+            let run = Run { method, preset: case.preset, seed, settings: settings(&case)? };
+            let job = Job::new(JobWorld::maze(&map, seed), Some(&slug(case.name)), run, plan.clone())?;
+            runs.push((case.clone(), job));
         }
-        Ok(())
-    };
-    std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..threads(args.jobs)).map(|_| scope.spawn(work)).collect();
-        workers
-            .into_iter()
-            .try_for_each(|worker| worker.join().unwrap_or_else(|panic| std::panic::resume_unwind(panic)))
-    })?;
-    let mut outcomes = outcomes.into_inner();
-    let place = |name: &str| cases.iter().position(|case| case.name == name);
-    outcomes.sort_by_key(|o| (place(o.variant), o.seed));
-    let table = table(&map, &outcomes, args);
-    if let Some(path) = &args.json {
-        // Print the table even if the file cannot be written.
-        write_json(path, args.overwrite, &outcomes).inspect_err(|_| {
-            let _ = std::io::stdout().write_all(table.as_bytes());
-        })?;
     }
-    Ok(table)
+    let folder = Folder::new(&args.out);
+    folder.check_writable(&["jobs/NAME.json"])?;
+    let jobs = runs.iter().map(|(_, job)| job);
+    let outcome = Runner::run_open((&folder, &registry), jobs, threads(args.jobs), false)?;
+    let failed = any_failed(&outcome);
+    let result = |(case, job): &(Case, Job)| {
+        let evaluation = folder.result_of(job)?.last()?.clone();
+        let Case { name, method, preset, ref set } = *case;
+        Some(Outcome { variant: name, preset, set: set.join(" "), method, seed: job.run.seed, evaluation })
+    };
+    let Some(outcomes) = runs.iter().map(result).collect::<Option<Vec<Outcome>>>() else {
+        eprint_line("the table needs all jobs: the same command runs those that are left");
+        return Ok(outcome.interrupted.unwrap_or(EXIT_FAILURE));
+    };
+    // Before the file: the table is printed even if that cannot be written.
+    print(&table(&map, &outcomes, args))?;
+    args.json.as_ref().map_or(Ok(()), |path| write_json(path, args.overwrite, &outcomes))?;
+    Ok(outcome.interrupted.unwrap_or(if failed { EXIT_FAILURE } else { 0 }))
+}
+
+/// Returns a variant's name as a part of file names.
+fn slug(name: &str) -> String {
+    let words = name.split(|c: char| !c.is_ascii_alphanumeric()).filter(|word| !word.is_empty());
+    words.collect::<Vec<_>>().join("-").to_lowercase()
 }
 
 /// Checks that the results can be written, to fail before hours of training instead of after.
@@ -192,18 +195,6 @@ fn write_json(path: &Path, overwrite: bool, outcomes: &[Outcome]) -> Result<(), 
 fn settings(case: &Case) -> Result<Settings, Report> {
     let set: Vec<String> = case.set.iter().map(|set| (*set).to_owned()).collect();
     settings_from(case.preset, &Overrides { set: &set, ..Overrides::default() }).map_err(from_config_error)
-}
-
-fn train(case: &Case, seed: u64, world: &PointMaze, args: &AblateArgs) -> Result<Evaluation, Report> {
-    let method: Method = case.method.parse().into_diagnostic()?;
-    let run = Run { method, preset: case.preset, seed, settings: settings(case)? };
-    let mut trainer = Trainer::new(run, world, &Registry::builtin(), 1).into_diagnostic()?;
-    let limits = Limits { updates: Some(args.updates), ..Limits::default() };
-    while trainer.limit_reached(&limits).is_none() {
-        trainer.tick().into_diagnostic()?;
-    }
-    let tasks = trainer.tasks(args.eval_tasks as usize);
-    trainer.evaluate(&tasks).into_diagnostic()
 }
 
 fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {

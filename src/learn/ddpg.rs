@@ -60,6 +60,7 @@ static DISTANCE: Variant =
 pub const DDPG: LearnerKind = LearnerKind {
     name: SPARSE.name,
     about: "deep deterministic policy gradient; -1 a step up to the goal",
+    is_rewarded: true,
     create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&SPARSE, (spec, settings), threads, rng)?)),
     parameters,
 };
@@ -68,6 +69,7 @@ pub const DDPG: LearnerKind = LearnerKind {
 pub const HER: LearnerKind = LearnerKind {
     name: HINDSIGHT.name,
     about: "ddpg with hindsight experience replay",
+    is_rewarded: true,
     create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&HINDSIGHT, (spec, settings), threads, rng)?)),
     parameters,
 };
@@ -76,6 +78,7 @@ pub const HER: LearnerKind = LearnerKind {
 pub const DDPG_DISTANCE: LearnerKind = LearnerKind {
     name: DISTANCE.name,
     about: "ddpg rewarded by minus the straight-line distance",
+    is_rewarded: true,
     create: |spec, settings, threads, rng| Ok(Box::new(Ddpg::new(&DISTANCE, (spec, settings), threads, rng)?)),
     parameters,
 };

@@ -38,6 +38,7 @@ use part::Part;
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
     about: "trains an actor through a distance critic and a dynamics model",
+    is_rewarded: false,
     create: |spec, settings, threads, rng| Ok(Box::new(Gdg::new(spec, settings, threads, rng)?)),
     parameters: Gdg::parameters,
 };

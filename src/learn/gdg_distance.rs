@@ -41,6 +41,7 @@ use policy::{FrozenActor, Nets};
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
     about: "gdg with D given as the straight line; learns model and actor",
+    is_rewarded: false,
     create: |spec, settings, threads, rng| Ok(Box::new(GdgDistance::new(spec, settings, threads, rng)?)),
     parameters,
 };

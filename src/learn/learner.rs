@@ -22,6 +22,8 @@ pub struct LearnerKind {
     pub name: &'static str,
     /// Short description.
     pub about: &'static str,
+    /// Whether it learns from a reward. Runs of such a learner have settings tuned for it, unless others are given.
+    pub is_rewarded: bool,
     /// Creates a new learner. Checks the [`Spec`] and returns an error for a world that the learner cannot handle, such
     /// as one with more state components than it supports.
     pub create: CreateLearner,

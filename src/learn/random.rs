@@ -13,6 +13,7 @@ use crate::store::Store;
 pub const KIND: LearnerKind = LearnerKind {
     name: NAME,
     about: "random actions without learning",
+    is_rewarded: false,
     create: |spec, settings, threads, rng| Ok(Box::new(Random(Gdg::new(spec, settings, threads, rng)?))),
     parameters: gdg::KIND.parameters,
 };

@@ -183,10 +183,8 @@ impl Preset {
 
     /// Returns the preset that a run of `method` has unless another is given.
     pub fn of_method(method: &Method) -> Self {
-        match method.learner.as_str() {
-            "ddpg" | "her" | "ddpg-distance" => Self::Tuned,
-            _ => Self::Default,
-        }
+        let is_rewarded = LEARNERS.iter().any(|learner| learner.name == method.learner && learner.is_rewarded);
+        if is_rewarded { Self::Tuned } else { Self::Default }
     }
 
     /// Returns the name used on the command line and in records.

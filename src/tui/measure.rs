@@ -17,7 +17,8 @@ use super::graphics::patches::Patches;
 use super::graphics::{Graphics, Protocol, Redraw};
 use super::keymap::Keymap;
 use super::theme::{ColourDepth, Theme, ThemeName};
-use crate::train::{Command, Engine, Limits, Phase, Snapshot, TrainError, Trainer};
+use crate::engine::{Command, Engine, Phase, Snapshot};
+use crate::train::{Limits, TrainError, Trainer};
 use crate::view::{View, Viewer};
 
 /// A run with the interface open on an invisible screen.

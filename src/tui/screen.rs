@@ -18,9 +18,10 @@ use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
 use crate::bridge::SearchOutcome;
+use crate::engine::{Phase, Snapshot};
 use crate::env::Scene;
 use crate::text::grouped;
-use crate::train::{FilmFrame, Phase, Preset, Run, Settings, Snapshot, Success, changed_from, settings_in_world};
+use crate::train::{FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world};
 use crate::view::{Field, OnArrival};
 
 /// Everything that the screen shows.

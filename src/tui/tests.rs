@@ -33,11 +33,10 @@ use super::render;
 use super::scene::Tool;
 use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
+use crate::engine::{Engine, Phase, Snapshot};
 use crate::env::{Environment, PointMaze};
 use crate::map::{Cell, Grid, parse_map};
-use crate::train::{
-    self, Description, Engine, Limits, Method, Phase, Preset, Registry, Run, SaveTo, Settings, Snapshot, Trainer,
-};
+use crate::train::{self, Description, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer};
 use crate::view::{Field, Viewer};
 
 const ROOMS: &str = "\

@@ -14,8 +14,9 @@ use super::dialog::lists;
 use super::layers::Overlay;
 use super::raster::Viewport;
 use super::screen::Screen;
+use crate::engine::Command;
 use crate::map::{Cell, builtin};
-use crate::train::{Command, Method, Preset, Run};
+use crate::train::{Method, Preset, Run};
 use crate::view::{Field, OnArrival};
 use steps::{Caption, FoundBridge, MAP, START, STEPS, Step};
 

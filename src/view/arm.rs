@@ -12,10 +12,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
 use super::{Field, SceneWorker, ShownNetworks, View};
+use crate::engine::Snapshot;
 use crate::env::fetch_reach::Pose;
 use crate::env::{ArmScene, Environment, FetchReach, Scene};
 use crate::learn::Scratch;
-use crate::train::{FilmFrame, Snapshot};
+use crate::train::FilmFrame;
 pub use past::{film_field, film_goal};
 pub use plane::Plane;
 pub use reach::Reach;

@@ -6,9 +6,10 @@ use super::{
     Animation, Ground, Picture, Raster, Rgb, blend, contour, contour_interval, contour_lines, distance_colour,
     text_size,
 };
+use crate::engine::Snapshot;
 use crate::env::{ArmScene, MazeScene, Scene};
 use crate::text::grouped;
-use crate::train::{FilmFrame, Snapshot};
+use crate::train::FilmFrame;
 
 /// Pixels along the longer side of a map, and along a cell's side, at most.
 const MAX_MAP_PIXELS: usize = 400;

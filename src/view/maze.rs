@@ -13,10 +13,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::pilot::{Candidate, OnArrival, Pilot, ShownEdge};
 use super::{Field, Raster, RefreshTimer, SceneWorker, ShownNetworks, View, pause_factor};
+use crate::engine::Snapshot;
 use crate::env::{Environment, MazeScene, PointMaze, Scene};
 use crate::learn::Scratch;
 use crate::map::{Cell, Grid, PointSearch, StepSearch, UNREACHABLE};
-use crate::train::{FilmFrame, Snapshot};
+use crate::train::FilmFrame;
 pub use exploration::{Exploration, Knowledge};
 pub use past::{FilmedMap, FilmedPixels};
 pub use walk::Walk;

@@ -5,9 +5,10 @@ use std::time::Instant;
 
 use super::{RefreshTimer, pause_factor};
 use crate::bridge::{BridgeGraph, BridgeSettings, EdgeStatus, Target, Walker};
+use crate::engine::{Networks, Snapshot};
 use crate::env::Spec;
 use crate::learn::Scratch;
-use crate::train::{Networks, Run, Snapshot};
+use crate::train::Run;
 
 /// What the walking agent does after arriving.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -6,7 +6,7 @@ use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
 use crate::bridge::EdgeStatus;
-use crate::train::{Command, Step};
+use crate::engine::{Command, Step};
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question, lists};
 use crate::tui::event_loop::TerminalRequest;

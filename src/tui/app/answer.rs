@@ -7,11 +7,10 @@ use rand::RngExt;
 
 use super::files::{checkpoint_file, remember_map};
 use super::{App, maze_on};
+use crate::engine::{Command, MakeWorld};
 use crate::env::{WORLDS, WorldKind, maze};
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{
-    Command, ConfigError, Effect, MakeWorld, Run, Setting, list_settings, settings_in_world, with_setting,
-};
+use crate::train::{ConfigError, Effect, Run, Setting, list_settings, settings_in_world, with_setting};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 use crate::tui::scene::SceneKind;

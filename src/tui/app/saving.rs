@@ -5,13 +5,14 @@ use std::path::{Path, PathBuf};
 use miette::Report;
 
 use super::{App, Autosaved};
+use crate::engine::{Command, Phase, Snapshot};
 use crate::files::unused_path;
 use crate::logging;
 use crate::report::from_checkpoint_error;
 use crate::runs::{self, SAVES};
 use crate::setup::save_elsewhere;
 use crate::text::grouped;
-use crate::train::{self, Command, Notes, Phase, SaveTo, Snapshot, Trainer};
+use crate::train::{self, Notes, SaveTo, Trainer};
 use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
 
 /// Unsaved training that may be discarded without asking.

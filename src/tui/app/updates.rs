@@ -4,8 +4,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::App;
+use crate::engine::{Phase, Snapshot};
 use crate::text::grouped;
-use crate::train::{Phase, Snapshot};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Item, Picker, lists};
 use crate::view::{OnArrival, View};

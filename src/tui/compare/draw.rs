@@ -18,7 +18,7 @@ use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 
 use super::facts::{Fact, column, facts, text};
 use super::{Comparison, Side, curves};
-use crate::train::Phase;
+use crate::engine::Phase;
 use crate::tui::action::{Action, Mode};
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};

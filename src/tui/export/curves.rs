@@ -4,7 +4,8 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::ExportError;
-use crate::train::{CurvePoint, Evaluation, Snapshot};
+use crate::engine::Snapshot;
+use crate::train::{CurvePoint, Evaluation};
 use crate::tui::screen::Screen;
 
 /// Size of the drawing.

@@ -2,7 +2,7 @@
 
 use ratatui::text::Line;
 
-use crate::train::FollowedAgent;
+use crate::engine::FollowedAgent;
 use crate::tui::action::Action;
 use crate::tui::render::text::fact;
 use crate::tui::screen::Screen;

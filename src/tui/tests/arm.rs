@@ -271,7 +271,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     // From a map's screen, loading it switches the world.
     let mut app = app_on(rooms(), gdg());
     draw(&mut app, 80, 24);
-    app.command(train::Command::Load(path));
+    app.command(crate::engine::Command::Load(path));
     wait_until(&mut app, |app| app.screen.scene() == SceneKind::Arm);
     assert_eq!(app.screen.arm.goal, goal);
     draw(&mut app, 80, 24);

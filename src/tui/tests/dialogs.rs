@@ -198,11 +198,11 @@ fn a_changed_setting_is_named_with_its_old_and_new_value() {
     let mut run = app.screen.run().clone();
     let before = run.settings.learn.batch_size;
     run.settings.learn.batch_size = 16;
-    app.command(train::Command::Change(Box::new(run.clone())));
+    app.command(crate::engine::Command::Change(Box::new(run.clone())));
     let logged = |app: &App, text: &str| app.screen.log.entries().iter().any(|entry| entry.text == text);
     wait_until(&mut app, |app| logged(app, &format!("batch_size {before} -> 16")));
     run.settings.learn.hidden = 8;
-    app.command(train::Command::Change(Box::new(run)));
+    app.command(crate::engine::Command::Change(Box::new(run)));
     wait_until(&mut app, |app| logged(app, "hidden 16 -> 8; networks reset, replay kept"));
 }
 

@@ -1,7 +1,7 @@
 //! What is found at the start: a saved run, or what there is to see and do.
 
 use super::*;
-use crate::train::Command;
+use crate::engine::Command;
 
 #[test]
 fn a_saved_run_is_offered_and_resumed_by_key_or_click() {

@@ -11,9 +11,9 @@ use jiff::tz::TimeZone;
 
 use super::*;
 use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
+use crate::engine::{FollowedAgent, NextEvaluation, Snapshot};
 use crate::train::{
-    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, FollowedAgent,
-    NextEvaluation, Score, Snapshot, Success,
+    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, Score, Success,
 };
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, lists};

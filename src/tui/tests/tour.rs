@@ -4,9 +4,9 @@ use ratatui::layout::Rect;
 
 use super::*;
 use crate::bridge::{BridgePoint, SearchOutcome};
+use crate::engine::Networks;
 use crate::learn::{Policy, Scratch};
 use crate::map::builtin;
-use crate::train::Networks;
 use crate::tui::layers::Overlay;
 use crate::tui::tour::Tour;
 use crate::tui::tour::steps::STEPS;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::editor::offset_cell;
+use crate::engine::Command;
 use crate::map::{Cell, Grid};
-use crate::train::Command;
 use crate::tui::action::Action;
 use crate::tui::app::{App, maze_on};
 use crate::tui::dialog::Question;

@@ -7,13 +7,9 @@ use super::EVALUATE_EVERY_UPDATES;
 use crate::bridge::{Candidates, SearchOutcome};
 use crate::env::Scene;
 use crate::learn::{Losses, Policy, Profile};
-use crate::train::error::TrainError;
-use crate::train::evaluate::Evaluation;
-use crate::train::film::FilmFrame;
-use crate::train::history::{CurvePoint, Methods, Notes};
-use crate::train::rollout::Rollout;
-use crate::train::run::{Counters, Limits, Run};
-use crate::train::trainer::Trainer;
+use crate::train::{
+    Counters, CurvePoint, Evaluation, FilmFrame, Limits, Methods, Notes, Rollout, Run, TrainError, Trainer,
+};
 
 /// How far to go before pausing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

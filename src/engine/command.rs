@@ -8,13 +8,9 @@ use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
 use crate::env::Environment;
 use crate::text::{counted, grouped, sanitized};
-use crate::train::checkpoint::{self, CheckpointError, Loaded, SaveTo};
-use crate::train::config::list_settings;
-use crate::train::error::TrainError;
-use crate::train::history::Notes;
-use crate::train::memory;
-use crate::train::run::{Limits, Run};
-use crate::train::trainer::Trainer;
+use crate::train::{
+    self, CheckpointError, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer, list_settings, memory,
+};
 
 /// Number of autosaved checkpoints to keep.
 const MAX_AUTOSAVES: usize = 3;
@@ -189,7 +185,7 @@ impl Worker {
         let diverged = self.trainer.ensure_finite().err();
         self.report_recovery();
         self.trainer.set_notes(notes);
-        let path = checkpoint::save(&self.trainer, to).map_err(CommandError::NotSaved)?;
+        let path = train::save(&self.trainer, to).map_err(CommandError::NotSaved)?;
         if let Some(error) = diverged {
             self.current.phase = Phase::Failed(error.to_string());
         }
@@ -278,7 +274,7 @@ impl Worker {
     }
 
     fn load(&mut self, path: PathBuf) -> Result<String, CommandError> {
-        let loaded = checkpoint::load(&path, self.trainer.registry(), self.trainer.threads());
+        let loaded = train::load(&path, self.trainer.registry(), self.trainer.threads());
         let Loaded { trainer, warning } = loaded.map_err(CommandError::NotLoaded)?;
         let phase = self.current.phase.clone();
         self.switch_to(trainer)?;

@@ -13,12 +13,9 @@ use std::time::{Duration, Instant};
 
 use tokio::sync::watch;
 
-use super::error::TrainError;
-use super::evaluate::Evaluation;
-use super::run::{Counters, Limits, Tick};
-use super::trainer::Trainer;
 use crate::learn::{Policy, Scratch};
 use crate::text::grouped;
+use crate::train::{Counters, Evaluation, Limits, Tick, TrainError, Trainer};
 pub use command::{Command, MakeWorld};
 use snapshot::next_multiple;
 pub use snapshot::{FollowedAgent, Networks, NextEvaluation, Notice, Phase, Snapshot, Step};
