@@ -345,7 +345,7 @@ fn measured(session: &Session) -> Option<(f64, usize, f64)> {
 /// stay constant once the replay is full. Takes 20 minutes in the long form.
 #[cfg(target_os = "linux")]
 #[test]
-fn a_long_run_leaks_neither_memory_nor_handles() {
+fn a_run_leaks_no_handles_and_a_long_one_no_memory() {
     let (rounds, folder) = (times(20, 2_400), folder());
     std::fs::write(folder.path().join("own.toml"), "autosave_minutes = 0.02\n").unwrap();
     let args = ["trap", "--ui-config", "own.toml", "--threads", "1"];

@@ -77,8 +77,8 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
         let point = |(updates, e): &(u64, Evaluation)| Some((comparison.axis.of(pace.at(*updates as f64)), value(e)?));
         evaluations.filter_map(point).collect()
     };
-    // Without colours, other characters tell the sides apart.
-    let marker = if mono && own == 1 { Marker::Dot } else { Marker::Braille };
+    // Without colours, other characters tell the sides apart: the second one is dotted.
+    let marker = if mono && own == 1 { Marker::Custom('\u{2022}') } else { Marker::Braille };
     let style = if mono { Style::new() } else { curves::colour(&app.screen, own) };
     // Not every terminal draws colours faintly by itself.
     let page = app.screen.theme.page.map_or((0, 0, 0), |(_, page)| page);
@@ -100,11 +100,8 @@ fn curves_of(comparison: &Comparison, own: usize) -> Vec<Curve> {
 /// Draws the chart; a click on its title changes the axis.
 pub fn draw(frame: &mut Frame, area: Rect, comparison: &Comparison, layout: &mut ScreenLayout) {
     let all: Vec<Curve> = (0..2).flat_map(|own| curves_of(comparison, own)).collect();
-    let sign = |curve: &Curve| match curve.marker {
-        Marker::Dot => '\u{2022}',
-        _ => '\u{2500}',
-    };
-    let names = all.iter().map(|curve| Span::styled(format!("  {} {}", sign(curve), curve.name), curve.style));
+    let names =
+        all.iter().map(|curve| Span::styled(format!("  {} {}", curves::symbol(curve.marker), curve.name), curve.style));
     let title = Span::styled(format!(" success over {}", comparison.axis.name()), BOLD);
     let lines = chart::heading(title, names, area.width);
     let [head, body] = Layout::vertical([Constraint::Length(lines.len() as u16), Constraint::Min(0)]).areas(area);

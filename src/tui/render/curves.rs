@@ -148,7 +148,8 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
     let title = format!(" {}{}", plot.title, if log { " (log)" } else { "" });
     let is_shown = |s: &Series| plot.series.len() > 1 && s.parts.iter().any(|part| !part.is_empty());
     let named = plot.series.iter().enumerate().filter(|(_, s)| is_shown(s));
-    let names = named.map(|(i, s)| Span::styled(format!("  {} {}", symbol(i), s.name), colour(screen, i)));
+    let names =
+        named.map(|(i, s)| Span::styled(format!("  {} {}", symbol(marker(screen, i)), s.name), colour(screen, i)));
     let mut lines = chart::heading(Span::styled(title, BOLD), names, area.width);
     let marks = marks(screen, [from, to]);
     if plot.max.is_some() && !marks.is_empty() {
@@ -182,11 +183,12 @@ fn draw_plot(frame: &mut Frame, area: Rect, screen: &Screen, plot: &Plot) -> Opt
         }
     };
     let line = |style, points| chart::Line { style, marker: Marker::Braille, points };
+    let curve = |i: usize, points| chart::Line { style: colour(screen, i), marker: marker(screen, i), points };
     // The first ones last, on top.
     let changes = uprights.iter().map(|upright| line(DIM, &upright[..]));
     let past = screen.past.as_ref().map(|frame| along(screen, frame.updates)).filter(|at| (from..=to).contains(at));
     let past = past.map(|at| [(at, low), (at, high)]);
-    let lines = changes.chain(shown.iter().rev().map(|(i, points)| line(colour(screen, *i), &points[..])));
+    let lines = changes.chain(shown.iter().rev().map(|(i, points)| curve(*i, &points[..])));
     let cursor = Style::new().fg(screen.theme.colour(screen.theme.cursor)).add_modifier(Modifier::BOLD);
     let lines = lines.chain(past.iter().map(|upright| line(cursor, &upright[..])));
     let area = chart::draw(frame, body, ([from, to], [low, high]), (unit(screen), [label(low), label(high)]), lines);
@@ -244,9 +246,20 @@ fn window(screen: &Screen) -> [f64; 2] {
     }
 }
 
-/// Returns the symbol that distinguishes a line without colours.
-pub fn symbol(i: usize) -> char {
-    ['\u{2500}', '\u{2501}', '\u{2504}', '\u{2505}', '\u{2508}', '\u{2509}'][i % 6]
+/// Returns the characters that line `i` is drawn with: without colours, they tell lines apart.
+fn marker(screen: &Screen, i: usize) -> Marker {
+    match ['\u{2500}', '\u{2022}', '+', 'x', 'o', '*'][i % 6] {
+        sign if i > 0 && screen.theme.depth == ColourDepth::Mono => Marker::Custom(sign),
+        _ => Marker::Braille,
+    }
+}
+
+/// Returns the character that stands for a line in front of its name.
+pub fn symbol(marker: Marker) -> char {
+    match marker {
+        Marker::Custom(sign) => sign,
+        _ => '\u{2500}',
+    }
 }
 
 /// Returns the style of line `i`.
