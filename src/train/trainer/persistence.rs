@@ -1,0 +1,136 @@
+//! A run as named arrays and texts, for checkpoints.
+
+use std::sync::Arc;
+
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use super::recovery::LastGood;
+use super::{Result, Trainer};
+use crate::bridge::CandidatesState;
+use crate::learn::{OutOfRange, ReplayState};
+use crate::store::{Store, StoreError};
+use crate::train::error::TrainError;
+use crate::train::film::Film;
+use crate::train::graphs::{Graphs, StoredGraph};
+use crate::train::history::History;
+use crate::train::memory;
+use crate::train::registry::Registry;
+use crate::train::rollout::RolloutState;
+use crate::train::run::{Counters, Run};
+use crate::train::settings::reference::Setting;
+
+/// Names in the store: bridge candidates, and the current and the next bridge graph.
+const CANDIDATES: &str = "bridge";
+const GRAPHS: [&str; 2] = ["graph", "next_graph"];
+
+/// Name in the store of the updates done by a learner, if fewer than those counted.
+pub(in crate::train) const LEARNED: &str = "learned_updates";
+
+/// Checkpointed state of a trainer besides networks, replay buffer and candidates.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+pub struct TrainerState {
+    /// Progress of the run.
+    pub counters: Counters,
+    /// Training time so far, in seconds.
+    pub seconds: f64,
+    /// The agents and their RNG state.
+    pub rollout: RolloutState,
+    /// RNG state for batches.
+    pub batch_rng: ChaCha8Rng,
+}
+
+impl Trainer {
+    /// Returns everything needed to resume the run exactly where it stopped.
+    ///
+    /// # Errors
+    /// The learner fails, or numbers are not finite.
+    pub fn save(&self) -> Result<Store> {
+        let mut store = Store::default();
+        self.learner.save(&mut store)?;
+        if !store.is_finite() {
+            return Err(TrainError::NotFinite);
+        }
+        self.replay.snapshot().write(&mut store);
+        self.candidates.state().write(&mut store, CANDIDATES);
+        self.rollout.excursions().write(&mut store)?;
+        for (name, graph) in GRAPHS.iter().zip(self.graphs.state()) {
+            if let Some(graph) = graph {
+                graph.write(&mut store, name);
+            }
+        }
+        store.put_text("world", self.world().kind());
+        store.put_text("title", self.world().title());
+        self.world().save(&mut store);
+        store.put_json("run", &self.run)?;
+        store.put_json("trainer", &self.state())?;
+        store.put_json("success", &self.history.success())?;
+        if self.learned_updates() != self.counters.updates {
+            // For lists of checkpoints.
+            store.put_json(LEARNED, &self.learned_updates())?;
+        }
+        store.put_json("history", &self.history)?;
+        self.film.write(&mut store)?;
+        Ok(store)
+    }
+
+    /// Restores the run that [`Self::save`] saved.
+    ///
+    /// # Errors
+    /// The store is incomplete or inconsistent, or the run does not fit into memory.
+    pub fn load(store: &Store, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
+        let run: Run = store.json("run")?;
+        let range = |OutOfRange(name)| {
+            let range = Setting::named(name).map_or("in range", |setting| setting.range);
+            StoreError::inconsistent(format!("its setting {name} must be {range}"))
+        };
+        run.settings.validate().map_err(range)?;
+        let world = registry.load_world(store)?;
+        let state: TrainerState = store.json("trainer")?;
+        memory::check(&run, &*world, registry)?;
+        let mut trainer = Self::new(run, &*world, registry, threads)?;
+        trainer.learner.load(store)?;
+        trainer.replay.restore(&ReplayState::read(store)?)?;
+        trainer.candidates.restore(&CandidatesState::read(store, CANDIDATES)?)?;
+        trainer.rollout.env_mut().restore_statistics(store)?;
+        trainer.rollout.excursions_mut().restore(world.spec(), store)?;
+        let [current, next] = GRAPHS.map(|name| StoredGraph::read(store, name));
+        let graphs = [current?, next?];
+        // Format 1 has no history.
+        let history = if store.texts().contains_key("history") { store.json("history")? } else { History::default() };
+        trainer.restore(state, &graphs, history)?;
+        trainer.film = Film::read(store, trainer.spec())?.fitting(trainer.world());
+        Ok(trainer)
+    }
+
+    fn state(&self) -> TrainerState {
+        TrainerState {
+            counters: self.counters,
+            seconds: self.seconds,
+            rollout: self.rollout.state(),
+            batch_rng: self.batch_rng.clone(),
+        }
+    }
+
+    fn restore(&mut self, state: TrainerState, graphs: &[Option<StoredGraph>; 2], history: History) -> Result<()> {
+        history.check(self.spec())?;
+        state.counters.check()?;
+        if !(0.0..1e12).contains(&state.seconds) {
+            return Err(StoreError::inconsistent("the stored training time is out of range").into());
+        }
+        let mut restored = Graphs::default();
+        restored.restore(self.spec(), &self.run.bridge(), graphs, |at| self.graph_rng(at))?;
+        self.graphs = restored;
+        self.rollout.restore(state.rollout, self.graphs.current().map(|built| &*built.graph))?;
+        self.counters = state.counters;
+        self.seconds = state.seconds;
+        self.batch_rng = state.batch_rng;
+        self.history = history;
+        self.last_good = LastGood::capture(self.counters.updates, self.counters.losses, &*self.learner)?;
+        if !self.last_good.is_finite() {
+            let problem = "its networks contain non-finite values: the run had diverged";
+            return Err(StoreError::inconsistent(problem).into());
+        }
+        Ok(())
+    }
+}
