@@ -293,7 +293,7 @@ pub const SECTIONS: &[Section] = &[
             bind(Action::SearchHelp, "search-help", &["/"], "", "show only what contains some words")
                 .within(When::Help),
             bind(Action::Close, "close", &["esc"], "", "close the topmost dialog or mode").also("cancel back escape"),
-            bind(Action::Redraw, "redraw", &["ctrl-l"], "", "draw the whole screen again").also("refresh repaint garbled"),
+            bind(Action::Redraw, "redraw", &["ctrl-l"], "", "redraw the whole screen").also("refresh repaint garbled again"),
             bind(Action::Suspend, "suspend", &["ctrl-z"], "", "suspend to the shell; fg resumes").also("background"),
             bind(Action::Quit, "quit", &["q", "ctrl-c"], "quit", "quit").also("exit leave close end bye"),
         ],
