@@ -179,11 +179,11 @@ fn train(cli: &Cli) -> u8 {
 fn usage(error: &clap::Error) -> ExitCode {
     let text = error.to_string();
     if sanitized_lines(&text) == text {
-        match error.print() {
-            Err(problem) if !error.use_stderr() && problem.kind() != std::io::ErrorKind::BrokenPipe => {
-                return ExitCode::from(fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE));
-            }
-            _ => {}
+        if let Err(problem) = error.print()
+            && !error.use_stderr()
+            && problem.kind() != std::io::ErrorKind::BrokenPipe
+        {
+            return ExitCode::from(fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE));
         }
     } else {
         // It quotes an argument that contains terminal control characters.

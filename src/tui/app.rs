@@ -74,7 +74,6 @@ pub struct App {
     failures: Vec<Failure>,
     pub(super) rng: ChaCha8Rng,
     done: bool,
-    /// Whether to suspend the program until the shell resumes it.
     /// What the terminal has been asked to do.
     terminal_request: Option<TerminalRequest>,
     /// Whether the press of the mouse button that is down has had its effect, so that dragging on does nothing.

@@ -10,7 +10,7 @@ use super::{App, maze_on};
 use crate::engine::{Command, MakeWorld};
 use crate::env::{WORLDS, WorldKind, maze};
 use crate::map::{Grid, MAX_CELLS};
-use crate::train::{ConfigError, Effect, Run, Setting, list_settings, settings_in_world, with_setting};
+use crate::train::{ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 use crate::tui::scene::SceneKind;
@@ -293,14 +293,18 @@ impl App {
 /// The warning shown before a file is replaced.
 const FILE_EXISTS: &str = "the file exists: Enter again replaces it";
 
-/// Checks that an answer does not name an existing file.
+/// Checks that an answer does not name an existing file, nor a checkpoint for a map.
 fn check_new_file(question: &Question, typed: &str) -> Result<(), AnswerError> {
     let file = match question {
         Question::SaveMap => Path::new(typed).to_owned(),
         Question::SaveAs => checkpoint_file(typed),
         _ => return Ok(()),
     };
-    if file.is_file() { Err(AnswerError::Exists) } else { Ok(()) }
+    match question {
+        Question::SaveMap if is_checkpoint(&file) => Err(AnswerError::IsCheckpoint),
+        _ if file.is_file() => Err(AnswerError::Exists),
+        _ => Ok(()),
+    }
 }
 
 /// Parses the columns and rows of a map.

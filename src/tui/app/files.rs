@@ -10,7 +10,7 @@ use super::answer::AnswerError;
 use crate::files::{read_text, write_atomically};
 use crate::map::{load_map, print_ascii, print_movingai};
 use crate::runs::{self, SAVES};
-use crate::train::{describe, is_checkpoint};
+use crate::train::describe;
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question, lists};
@@ -57,9 +57,6 @@ impl App {
             return Err(AnswerError::NoFileName);
         }
         let path = Path::new(name);
-        if is_checkpoint(path) {
-            return Err(AnswerError::IsCheckpoint);
-        }
         let movingai = path.extension().is_some_and(|e| e == "map");
         let marks = self.screen.maze.map.starts().len() + self.screen.maze.map.goals().len();
         let text = if movingai { print_movingai(&self.screen.maze.map) } else { print_ascii(&self.screen.maze.map) };

@@ -193,6 +193,22 @@ fn a_run_is_saved_before_another_begins_and_kept_if_that_fails() {
 }
 
 #[test]
+fn a_map_never_replaces_a_checkpoint() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut app = app();
+    let file = saved_run(folder.path(), &app).file;
+    let before = std::fs::read(&file).expect("a checkpoint");
+    app.act(Action::SaveMap);
+    (0..60).for_each(|_| press(&mut app, KeyCode::Backspace));
+    type_text(&mut app, &file.to_string_lossy());
+    for _ in 0..2 {
+        press(&mut app, KeyCode::Enter);
+        assert!(text(&draw(&mut app, 120, 40)).contains("this file is a checkpoint"));
+    }
+    assert!(std::fs::read(&file).expect("still there") == before);
+}
+
+#[test]
 fn a_changed_setting_is_named_with_its_old_and_new_value() {
     let mut app = app();
     let mut run = app.screen.run().clone();
