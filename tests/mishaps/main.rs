@@ -2,7 +2,14 @@
 #![cfg(unix)]
 #![allow(clippy::unwrap_used, reason = "a panic fails the test")]
 
+mod command_line;
+mod foreign_files;
+mod resources;
+mod saving;
+mod signals;
+#[path = "../support/mod.rs"]
 mod support;
+mod terminal;
 
 use std::io::{BufRead, BufReader, Read};
 use std::os::unix::fs::{PermissionsExt, symlink};

@@ -1,0 +1,1 @@
+//! The command line: numbers, completions, and files that are not files.

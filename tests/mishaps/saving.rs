@@ -1,0 +1,1 @@
+//! File systems, names and other programs: what was saved is never lost.

@@ -1,0 +1,1 @@
+//! Signals, and output that nobody reads: neither loses a run.

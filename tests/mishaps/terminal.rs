@@ -1,0 +1,1 @@
+//! Terminals: what they send, what they cannot do, and job control.
