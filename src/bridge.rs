@@ -15,8 +15,8 @@ mod settings;
 
 pub use candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
 pub(crate) use candidates::{
-    DETOUR_FACTOR, DETOUR_SLACK_STEPS, MANY_HOP_FAILURES, MANY_PATHS, MAX_FACTOR, MAX_SPACING_SHARE,
-    MAX_UNVERIFIED_FACTOR, MIN_SPACING_RADII, NEWCOMER_FACTOR, OPEN_SHARE, WELL_KNOWN_PATHS,
+    DETOUR_FACTOR, DETOUR_SLACK_STEPS, MANY_HOP_FAILURES, MANY_PATHS, MAX_SPACING_SHARE, MIN_SPACING_RADII,
+    NEWCOMER_FACTOR, OPEN_SHARE, WELL_KNOWN_PATHS,
 };
 pub use excursion::Excursions;
 pub(crate) use excursion::{
@@ -32,4 +32,4 @@ pub(crate) use planner::{BAN_STRIKES, MAX_STRIKES};
 pub use planner::{Hop, Target, Walker, WalkerState};
 pub use search::{BridgePoint, SearchOutcome, search};
 pub use settings::{BridgeSettings, Planner};
-pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE};
+pub(crate) use settings::{EXPLORED_SHARE, FRONTIER_SHARE, MAX_FACTOR, MAX_UNVERIFIED_FACTOR};

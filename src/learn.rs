@@ -10,6 +10,8 @@ mod data;
 #[forbid(unsafe_code)]
 mod ddpg;
 #[forbid(unsafe_code)]
+mod error;
+#[forbid(unsafe_code)]
 mod gdg;
 #[forbid(unsafe_code)]
 mod gdg_distance;
@@ -30,27 +32,27 @@ pub(crate) use data::batch::{
     GRAPH_LOWER_FACTOR, GRAPH_LOWER_SLACK_STEPS, RELEARN_N_STEP, RELEARN_RECENT, STUCK_BOUND, STUCK_PROGRESS_STEPS,
 };
 pub use data::goal_index::GoalIndex;
+pub(crate) use data::known::WAYPOINT_STEPS;
+pub use data::known::{ChangedDistances, DistancesByGoal, KnownDistances, KnownPair, Relearning};
 pub(crate) use data::replay::MAX_MAGNITUDE;
 pub use data::replay::{Moment, Replay, ReplaySizes, ReplayState};
 pub(crate) use ddpg::{MAX_NOISE_DEVIATIONS, MIN_REMAINING};
+pub use error::LearnError;
 pub use gdg::Gdg;
 pub(crate) use gdg::graph_paths::{
     LEAST_BOUND_STEPS, LEAST_LED_STEPS, MAX_SHARE_AFTER, MAX_STEPS_AFTER, MAX_STEPS_BEFORE,
 };
 pub use kernels::{kernel, product};
-pub(crate) use learner::WAYPOINT_STEPS;
-pub use learner::{
-    Acting, ChangedDistances, CreateLearner, DistancesByGoal, KnownDistances, KnownPair, LearnError, Learner,
-    LearnerKind, Relearning, TrainingData,
-};
+pub use learner::{Acting, CreateLearner, Learner, LearnerKind, TrainingData};
+pub(crate) use networks::adam::EPSILON;
+pub use networks::dense::NetworkState;
 pub use networks::encoder::Encoder;
 pub use networks::export::{ActorExport, ActorInputs, NamedTensor};
-pub(crate) use networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS, axis_actions};
+pub(crate) use networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS};
 pub use networks::network::Network;
 pub use networks::policy::{FrozenNets, Nets, Policy, Scratch, look_ahead};
-pub use networks::state::NetworkState;
+pub(crate) use networks::shapes::axis_actions;
 pub use settings::{Auto, Backend, LearnSettings, LossScale, OutOfRange};
-pub(crate) use update::adam::EPSILON;
 pub use update::gradient::FullGradient;
 pub use update::losses::Losses;
 pub(crate) use update::losses::{EXCESS_WEIGHT, WAY_OUT_OUTPUT, WAY_OUT_WEIGHT};

@@ -18,9 +18,10 @@ mod text;
 
 pub use ascii::print_ascii;
 pub use builtin::{BUILTIN, builtin};
-pub use distance::{Components, Diameter, StepSearch, UNREACHABLE};
+pub use distance::{Components, Diameter, StepSearch};
 pub use error::{MapError, MapResult};
 pub(crate) use flood::Flood;
+pub use flood::UNREACHABLE;
 pub use grid::{Cell, Grid, MAX_CELLS};
 pub(crate) use half_cells::{HalfCells, PointSearch};
 pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes};

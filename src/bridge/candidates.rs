@@ -10,9 +10,7 @@ use super::hops::HopOutcomes;
 use super::settings::BridgeSettings;
 use crate::env::Spec;
 use crate::learn::GoalIndex;
-pub(crate) use spacing::{
-    MANY_HOP_FAILURES, MANY_PATHS, MAX_FACTOR, MAX_SPACING_SHARE, MAX_UNVERIFIED_FACTOR, OPEN_SHARE,
-};
+pub(crate) use spacing::{MANY_HOP_FAILURES, MANY_PATHS, MAX_SPACING_SHARE, OPEN_SHARE};
 pub use state::CandidatesState;
 
 /// Step count between two candidates that no trajectory connected within the time window.

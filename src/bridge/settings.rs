@@ -2,7 +2,6 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::candidates::{MAX_FACTOR, MAX_UNVERIFIED_FACTOR};
 use crate::learn::{Auto, OutOfRange};
 
 /// Automatic share of excursions while there is anything left to try ...
@@ -10,6 +9,12 @@ pub(crate) const FRONTIER_SHARE: f32 = 0.5;
 
 /// ... and afterwards, as a door may open at any time.
 pub(crate) const EXPLORED_SHARE: f32 = 0.05;
+
+/// Maximum number of candidates, in target numbers, where trajectories verify edges ...
+pub(crate) const MAX_FACTOR: usize = 8;
+
+/// ... and where any two close ones are joined by an edge.
+pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
 
 /// How agents plan on the learned distance.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -2,4 +2,5 @@
 
 pub mod batch;
 pub mod goal_index;
+pub mod known;
 pub mod replay;

@@ -1,19 +1,19 @@
 //! The learner interface: updates from the replay, D and mu for acting and planning, and a state that can be saved.
 
-use std::error::Error;
 use std::sync::Arc;
 
 use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
-use crate::learn::data::goal_index::GoalIndex;
+use crate::learn::data::known::{KnownDistances, Relearning};
 use crate::learn::data::replay::Replay;
+use crate::learn::error::LearnError;
 use crate::learn::networks::export::ActorExport;
 use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::profile::Profile;
-use crate::store::{Store, StoreError};
+use crate::store::Store;
 
 /// Registry entry of a kind of learner.
 #[derive(Clone, Copy, Debug)]
@@ -45,73 +45,6 @@ pub struct TrainingData<'a> {
     pub relearning: Option<Relearning>,
     /// Random stream for drawing batches.
     pub rng: &'a mut ChaCha8Rng,
-}
-
-/// How to relearn distances that may have changed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Relearning {
-    /// Slots that each agent has filled in the replay buffer since the change, about.
-    pub recent_slots: u64,
-    /// Whether a bridge graph finds out which distances have changed (see [`KnownDistances::changed`]), as soon as there
-    /// is one. Otherwise all distances have to be doubted.
-    pub graph_finds_changed: bool,
-}
-
-/// Distances known from a source other than transitions.
-#[derive(Clone, Copy)]
-pub struct KnownDistances<'a> {
-    /// `(places, state_dim)`.
-    pub states: &'a [f32],
-    /// The same places as goals.
-    pub goals: &'a GoalIndex,
-    /// Pairs of places whose distance is known.
-    pub pairs: &'a [KnownPair],
-    /// Distances along the same paths by goal, for looking up.
-    pub by_goal: Option<&'a DistancesByGoal>,
-    /// Distances that have changed, while they are relearned.
-    pub changed: Option<&'a ChangedDistances>,
-}
-
-/// A pair of places whose distance is known.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct KnownPair {
-    /// The place where the path starts.
-    pub from: u32,
-    /// The place where it ends.
-    pub to: u32,
-    /// Its length.
-    pub steps: f32,
-    /// The first place on it that is at least `WAYPOINT_STEPS` from the start, or its end.
-    pub waypoint: u32,
-}
-
-/// Least distance of the waypoints that lead the actor, in steps: near enough that D is right, far enough that the way there
-/// shows the direction.
-pub(crate) const WAYPOINT_STEPS: f32 = 4.0;
-
-/// Steps from all places to some of them.
-#[derive(Clone, Debug)]
-pub struct DistancesByGoal {
-    /// The places that are goals.
-    pub places: Vec<u32>,
-    /// The same places as goals.
-    pub goals: GoalIndex,
-    /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the first as well; infinite
-    /// if unknown.
-    pub steps: Vec<f32>,
-    /// For each of these, the first place on the path that is at least `WAYPOINT_STEPS` from its start, or its end.
-    pub waypoints: Vec<u32>,
-}
-
-/// Bounds on distances of which D is far too short or too long.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct ChangedDistances {
-    /// The places that are goals.
-    pub goals: Vec<u32>,
-    /// Fewest steps from each place to each goal, `(goals, places)`; 0 where D is long enough.
-    pub lower: Vec<f32>,
-    /// Most steps from each place to each goal, `(goals, places)`; `f32::MAX` where D is short enough.
-    pub upper: Vec<f32>,
 }
 
 /// How agents act.
@@ -185,50 +118,4 @@ pub trait Learner: Send {
     /// # Errors
     /// Returns an error if the state is missing or does not fit these settings; the learner is then unusable.
     fn load(&mut self, store: &Store) -> Result<(), LearnError>;
-}
-
-/// Why learning cannot continue.
-#[derive(Debug, thiserror::Error)]
-pub enum LearnError {
-    /// A candle operation failed, with this message.
-    #[error("{0}")]
-    Candle(String),
-    /// The saved state cannot be restored.
-    #[error(transparent)]
-    Store(#[from] StoreError),
-    /// Anything else.
-    #[error(transparent)]
-    Other(#[from] Box<dyn Error + Send + Sync>),
-}
-
-impl From<candle_core::Error> for LearnError {
-    fn from(error: candle_core::Error) -> Self {
-        Self::Candle(candle_message(error))
-    }
-}
-
-/// Returns the message of an error without the backtrace that candle adds if `RUST_BACKTRACE` is set.
-pub(in crate::learn) fn candle_message(error: candle_core::Error) -> String {
-    use candle_core::Error;
-    match error {
-        Error::WithBacktrace { inner, .. } => candle_message(*inner),
-        Error::WithPath { inner, path } => format!("{}: {}", path.display(), candle_message(*inner)),
-        Error::Context { inner, context } => format!("{context}: {}", candle_message(*inner)),
-        other => other.to_string(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use std::backtrace::Backtrace;
-
-    use super::*;
-
-    #[test]
-    fn errors_of_candle_have_no_backtrace() {
-        let backtrace = Box::new(Backtrace::force_capture());
-        let inner = Box::new(candle_core::Error::Msg("no such device".to_owned()));
-        let error = candle_core::Error::WithBacktrace { inner, backtrace }.context("update");
-        assert_eq!(LearnError::from(error).to_string(), "update: no such device");
-    }
 }

@@ -1,13 +1,16 @@
 //! Networks: inputs, weights, running averages, and policies for inference.
 
+pub mod adam;
 pub mod dense;
 pub mod encoder;
 pub mod export;
+pub mod features;
 pub mod grid;
 pub mod lookahead;
 pub mod mlp;
 pub mod network;
 pub mod policy;
+pub mod shapes;
 pub mod state;
 pub mod table;
 pub mod touched;

@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
+use crate::learn::error::LearnError;
 use crate::learn::gdg::{self, Gdg};
-use crate::learn::learner::{Acting, LearnError, Learner, LearnerKind, TrainingData};
+use crate::learn::learner::{Acting, Learner, LearnerKind, TrainingData};
 use crate::learn::networks::policy::Policy;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::profile::Profile;

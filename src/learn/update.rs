@@ -1,9 +1,8 @@
 //! The parts of an update: losses, gradients, optimiser steps, and the thread pool.
 
-pub mod adam;
 #[cfg(test)]
 pub mod autograd;
-pub mod features;
+pub mod fused;
 pub mod gradient;
 pub mod losses;
 pub mod pool;

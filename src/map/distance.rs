@@ -3,11 +3,8 @@
 //! Breadth-first search on 8-connected cells without corner cutting; a diagonal is one step. A library search over
 //! hashed nodes is about thirty times slower here, and a map's diameter takes hundreds of searches.
 
-use super::flood::Flood;
+use super::flood::{Flood, UNREACHABLE};
 use super::grid::{Cell, Grid};
-
-/// Step count of a cell that cannot be reached.
-pub const UNREACHABLE: u32 = u32::MAX;
 
 /// Breadth-first searches over one map; reuses its buffers.
 #[derive(Clone)]

@@ -5,8 +5,10 @@
 
 use std::ops::{ControlFlow, RangeInclusive};
 
-use super::distance::UNREACHABLE;
 use super::grid::{Cell, Grid};
+
+/// Step count of a cell that cannot be reached.
+pub const UNREACHABLE: u32 = u32::MAX;
 
 /// Cells per word.
 const BITS: usize = u64::BITS as usize;

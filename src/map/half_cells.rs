@@ -5,7 +5,8 @@
 //! consist of cells, so that a shortest path leads from corner to corner, and its length is that of a king's path over
 //! the corners, middles and sides' middles of the cells.
 
-use super::distance::{StepSearch, UNREACHABLE};
+use super::distance::StepSearch;
+use super::flood::UNREACHABLE;
 use super::grid::{Cell, Grid};
 
 /// The largest map, in cells, whose half cells are searched: those of a larger one would take hundreds of megabytes.

@@ -33,12 +33,6 @@ pub(crate) const OPEN_SHARE: f32 = 0.5;
 /// Number of candidates from which that share is computed.
 const JUDGED_CANDIDATES: usize = 64;
 
-/// Maximum number of candidates, in target numbers, where trajectories verify edges ...
-pub(crate) const MAX_FACTOR: usize = 8;
-
-/// ... and where any two close ones are joined by an edge.
-pub(crate) const MAX_UNVERIFIED_FACTOR: usize = 3;
-
 impl Candidates {
     /// Whether the spacing has to grow before there can be another candidate.
     pub(super) fn is_full(&self) -> bool {

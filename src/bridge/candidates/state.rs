@@ -2,8 +2,9 @@
 
 use std::sync::Arc;
 
-use super::{Candidates, KnownPaths, MAX_FACTOR, UNOBSERVED, WalkRecord};
+use super::{Candidates, KnownPaths, UNOBSERVED, WalkRecord};
 use crate::bridge::hops::HopOutcomes;
+use crate::bridge::settings::MAX_FACTOR;
 use crate::learn::GoalIndex;
 use crate::store::{Store, StoreError};
 

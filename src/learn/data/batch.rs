@@ -5,8 +5,8 @@ use rand_chacha::ChaCha8Rng;
 
 use crate::env::Spec;
 use crate::learn::data::goal_index::GoalIndex;
+use crate::learn::data::known::{KnownDistances, KnownPair, Relearning};
 use crate::learn::data::replay::{Moment, Replay};
-use crate::learn::learner::{KnownDistances, KnownPair, Relearning};
 use crate::learn::settings::LearnSettings;
 
 /// Minimum n-step horizon of targets while all distances are doubted: each update raises them by at most this much.
@@ -242,7 +242,7 @@ mod tests {
 
     use super::*;
     use crate::env::tests::positions;
-    use crate::learn::learner::ChangedDistances;
+    use crate::learn::data::known::ChangedDistances;
 
     /// Positions on a line, and a replay of one walk along it.
     fn line() -> (Spec, Replay) {

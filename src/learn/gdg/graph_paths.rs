@@ -13,7 +13,7 @@
 
 use crate::env::Spec;
 use crate::learn::data::batch::Batch;
-use crate::learn::learner::{DistancesByGoal, KnownDistances};
+use crate::learn::data::known::{DistancesByGoal, KnownDistances};
 use crate::learn::networks::policy::{Policy, Scratch};
 use crate::learn::settings::LearnSettings;
 

@@ -1,9 +1,10 @@
 //! One part of a batch, and what one thread computes from it.
 
+use crate::learn::networks::features::{Pairs, SharedFeatures};
 use crate::learn::networks::network::Weights;
-use crate::learn::update::features::{Pairs, SharedFeatures};
+use crate::learn::networks::shapes::Shapes;
 use crate::learn::update::gradient::Gradient;
-use crate::learn::update::losses::{Losses, Shapes, Workspaces};
+use crate::learn::update::losses::{ActorBuffers, Losses};
 use crate::learn::update::rows::{Rows, mispredicted};
 
 /// Buffers of one task of an update.
@@ -20,7 +21,7 @@ pub struct Part {
     pub critics: Vec<Gradient>,
     pub model: Gradient,
     pub actor: Gradient,
-    pub buffers: Workspaces,
+    pub buffers: ActorBuffers,
     pub losses: Losses,
 }
 
@@ -37,7 +38,7 @@ impl Part {
             return self.left_out.resize(rows.steps.len(), false);
         }
         self.model_errors.clear();
-        self.model_errors.extend(shapes.model_errors(rows.steps.len(), rows.share, &self.buffers.model));
+        self.model_errors.extend(shapes.model_errors(rows.steps.len(), rows.share, &self.buffers.networks.model));
         let s = shapes.encoder.spec().state_dim();
         self.left_out.extend(mispredicted(&self.model_errors, (rows.from, rows.states), s));
     }
@@ -50,12 +51,12 @@ impl Part {
         shapes.encoder.plain_pairs(rows.bootstrap_states, rows.goals, &mut self.plain_ahead);
         self.targets.resize(rows.steps.len(), 0.0);
         let ahead = Pairs { plain: &self.plain_ahead, states: rows.bootstrap_states, goals: rows.goals };
-        shapes.joint_distances(critics, ahead, &mut self.targets, &mut self.buffers.critic);
+        shapes.joint_distances(critics, ahead, &mut self.targets, &mut self.buffers.networks.critic);
         self.targets.iter_mut().zip(rows.steps).for_each(|(x, d)| *x += d);
         if rows.greedy_targets {
             self.after_actor.resize(rows.steps.len(), 0.0);
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let buffers = &mut self.buffers;
+            let buffers = &mut self.buffers.networks;
             shapes.distances_after_actor((actor, model, critics), pairs, &mut self.after_actor, buffers);
             let caps = self.after_actor.iter().zip(&self.left_out);
             for (x, (d, left_out)) in self.targets.iter_mut().zip(caps) {
@@ -76,8 +77,14 @@ impl Part {
         for (critic, gradient) in critics.iter().zip(&mut self.critics) {
             gradient.prepare(shapes.critic.parameters());
             let pairs = Pairs { plain: &self.plain, states: rows.states, goals: rows.goals };
-            let loss =
-                shapes.critic_gradient(*critic, pairs, &self.targets, rows.share, gradient, &mut self.buffers.critic);
+            let loss = shapes.critic_gradient(
+                *critic,
+                pairs,
+                &self.targets,
+                rows.share,
+                gradient,
+                &mut self.buffers.networks.critic,
+            );
             self.losses.critic += loss / critics.len() as f32;
         }
     }

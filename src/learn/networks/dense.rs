@@ -4,10 +4,14 @@ use candle_core::{Device, Result, Storage, Tensor, Var};
 use parking_lot::{RwLock, RwLockReadGuard};
 
 use crate::learn::kernels::kernel;
+use crate::learn::networks::adam::{LearningRates, Moments, adam_rate, adam_step, modify, slice};
 use crate::learn::networks::mlp::{Mlp, Packed};
-use crate::learn::networks::state::{FillFn, NetworkState};
-use crate::learn::update::adam::{Moments, adam_rate, adam_step, modify, slice};
-use crate::learn::update::gradient::LearningRates;
+
+/// A network's training state as plain numbers: names and values.
+pub type NetworkState = Vec<(&'static str, Vec<f32>)>;
+
+/// Fills a slice with the numbers saved under a name.
+pub type FillFn<'a> = &'a mut dyn FnMut(&str, &mut [f32]) -> Result<()>;
 
 /// Flat parameters as a candle variable, with their training state.
 #[derive(Debug)]

@@ -1,11 +1,8 @@
 //! One step of lookahead: the action of a fixed set after which the critics expect the shortest distance.
 
+use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::networks::network::Weights;
-use crate::learn::update::features::{Pairs, SharedFeatures, Workspace};
-use crate::learn::update::losses::Shapes;
-
-/// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
-const MAX_COMBINED_DIM: usize = 4;
+use crate::learn::networks::shapes::Shapes;
 
 /// Steps by which another action must be better than the actor's: differences below this are noise of D.
 pub const MIN_GAIN_STEPS: f32 = 0.1;
@@ -42,27 +39,8 @@ pub struct WaysOut {
     pub actions: Vec<f32>,
 }
 
-/// Returns the actions to try, `(actions, dim)`: full steps along every combination of axes. (Half steps as well are no
-/// better in mazes with corridors one cell wide.)
-pub fn tried_actions(dim: usize) -> Vec<f32> {
-    if dim <= MAX_COMBINED_DIM {
-        // The digits of a number in base 3, less 1.
-        let count = 3usize.pow(dim as u32);
-        let digits = |i: usize| (0..dim).map(|axis| (i / 3usize.pow(axis as u32) % 3) as f32 - 1.0).collect();
-        (0..count).map(digits).filter(|action: &Vec<f32>| action.iter().any(|v| *v != 0.0)).flatten().collect()
-    } else {
-        axis_actions(dim)
-    }
-}
-
-/// Returns full steps forwards and backwards along each axis, in turns, `(2 * dim, dim)`.
-pub fn axis_actions(dim: usize) -> Vec<f32> {
-    let along = |axis: usize, sign: f32| (0..dim).map(move |i| if i == axis { sign } else { 0.0 });
-    (0..dim).flat_map(|axis| along(axis, 1.0).chain(along(axis, -1.0))).collect()
-}
-
 impl Shapes {
-    /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those of [`tried_actions`]
+    /// Replaces `actions` `(rows, action_dim)`, the actor's in `states` towards `goals`, by those of [`Shapes::tried_actions`]
     /// with a smaller D(f(s, a), g) by all `critics`, where there is one.
     ///
     /// The actor descends the same objective along its gradient (Algorithm 1), which is no help where a wall stops all
@@ -141,20 +119,5 @@ impl Shapes {
                 found[row * a..(row + 1) * a].copy_from_slice(best);
             }
         }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn the_tried_actions_are_steps_along_combinations_of_axes() {
-        assert_eq!(tried_actions(1), [-1.0, 1.0]);
-        let plane = tried_actions(2);
-        assert_eq!(plane.len(), 2 * 8);
-        assert!(plane.chunks_exact(2).any(|a| a == [1.0, -1.0]) && plane.chunks_exact(2).any(|a| a == [0.0, 1.0]));
-        assert!(plane.chunks_exact(2).all(|a| a != [0.0, 0.0]));
-        assert_eq!(tried_actions(7).len(), 7 * 14);
     }
 }

@@ -3,10 +3,9 @@
 use candle_core::{Result, Var, bail};
 use rand_chacha::ChaCha8Rng;
 
-use crate::learn::networks::dense::{Dense, DenseGuard};
+use crate::learn::networks::dense::{Dense, DenseGuard, NetworkState};
 use crate::learn::networks::grid::{GridShape, TableView};
 use crate::learn::networks::mlp::{Mlp, Packed};
-use crate::learn::networks::state::NetworkState;
 use crate::learn::networks::table::{Table, TableGuard};
 
 /// A network's weights as slices, for the kernels.

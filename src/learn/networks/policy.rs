@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::features::{Pairs, SharedFeatures, Workspace};
 use crate::learn::networks::grid::TableView;
 use crate::learn::networks::lookahead::LookaheadBuffers;
 use crate::learn::networks::mlp::{Mlp, Packed};
 use crate::learn::networks::network::Weights;
-use crate::learn::update::features::{Pairs, SharedFeatures, Workspace};
-use crate::learn::update::losses::Shapes;
+use crate::learn::networks::shapes::Shapes;
 
 /// Rows per forward pass, few enough for their activations to stay in the cache.
 const ROWS: usize = 128;

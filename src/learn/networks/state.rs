@@ -5,12 +5,6 @@ use candle_core::Result;
 use crate::learn::networks::network::Network;
 use crate::store::{Store, StoreError};
 
-/// A network's training state as plain numbers: names and values.
-pub type NetworkState = Vec<(&'static str, Vec<f32>)>;
-
-/// Fills a slice with the numbers saved under a name.
-pub type FillFn<'a> = &'a mut dyn FnMut(&str, &mut [f32]) -> Result<()>;
-
 /// State part that holds update counts, stored as the bits of floats.
 const COUNTS: &str = "table_last";
 

@@ -4,11 +4,10 @@ use candle_core::{Device, Result, Storage, Tensor, Var, bail};
 use parking_lot::{RwLock, RwLockReadGuard};
 
 use crate::learn::kernels::kernel;
+use crate::learn::networks::adam::{LearningRates, adam_rate, modify, slice};
+use crate::learn::networks::dense::{FillFn, NetworkState};
 use crate::learn::networks::grid::{LazyAverageView, TableView};
-use crate::learn::networks::state::{FillFn, NetworkState};
 use crate::learn::networks::touched::TouchedCorners;
-use crate::learn::update::adam::{adam_rate, modify, slice};
-use crate::learn::update::gradient::LearningRates;
 
 /// Rows of a corner's line: value, average, and Adam's first and second moment. With four channels that is one cache
 /// line, so a corner costs one cache miss instead of four.

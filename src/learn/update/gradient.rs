@@ -3,9 +3,10 @@
 use parking_lot::Mutex;
 
 use crate::learn::kernels::kernel;
+use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::features::Pairs;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::touched::TouchedCorners;
-use crate::learn::settings::LearnSettings;
 
 /// Gradient of one network from one part of a batch.
 #[derive(Clone, Debug, Default)]
@@ -26,6 +27,20 @@ impl Gradient {
     /// Appends the gradients of encodings: columns `from..from + width` of `d` `(positions, stride)`.
     pub fn add_encoded(&mut self, d: &[f32], (from, width, stride): (usize, usize, usize)) {
         self.encoded.extend(d.chunks_exact(stride).flat_map(|row| &row[from..from + width]));
+    }
+}
+
+impl Gradient {
+    /// Adds the gradients of the pairs' grid encodings: the first columns of `dx`
+    /// `(rows, 2 * grid_width + further columns)`.
+    pub fn add_pair_corners(&mut self, encoder: &Encoder, pairs: Pairs, dx: &[f32], further: usize) {
+        let width = encoder.grid_width();
+        if width > 0 {
+            let stride = 2 * width + further;
+            let dx = &dx[..pairs.states.len() / encoder.spec().state_dim() * stride];
+            self.add_encoded(dx, (0, width, stride));
+            self.add_encoded(dx, (width, width, stride));
+        }
     }
 }
 
@@ -50,22 +65,4 @@ pub fn full_gradient<P>(
     }
     let table = network.halves().1.map(|table| touched.table_gradient(&encoded, table.channels()));
     (dense, table.unwrap_or_default())
-}
-
-/// Step sizes of one update.
-#[derive(Clone, Copy, Debug)]
-pub struct LearningRates {
-    /// Of the flat parameters.
-    pub dense: f32,
-    /// Of the grid table.
-    pub table: f32,
-    /// Of the running average.
-    pub tau: f32,
-}
-
-impl LearningRates {
-    /// Returns the step sizes in `settings`.
-    pub fn from_settings(settings: &LearnSettings) -> Self {
-        Self { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau }
-    }
 }

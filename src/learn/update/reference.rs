@@ -5,14 +5,15 @@ use candle_core::{D, Device, Result, Tensor, Var, bail};
 use candle_nn::{Linear, Module};
 
 use crate::learn::data::batch::{Batch, STUCK_BOUND, STUCK_PROGRESS_STEPS};
-use crate::learn::kernels::fused::fused_mlp;
 use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::GridShape;
 use crate::learn::networks::lookahead::{BLOCKED_CHANGE, MIN_GAIN_STEPS};
 use crate::learn::networks::mlp::Mlp;
 use crate::learn::networks::network::Network;
+use crate::learn::networks::shapes::Shapes;
 use crate::learn::settings::LossScale;
-use crate::learn::update::losses::{EXCESS_WEIGHT, Shapes, WAY_OUT_WEIGHT};
+use crate::learn::update::fused::fused_mlp;
+use crate::learn::update::losses::{EXCESS_WEIGHT, WAY_OUT_WEIGHT};
 use crate::learn::update::rows::{mispredicted, parts_of, rows_of_part};
 
 /// A network's parameters as tensors.

@@ -3,9 +3,10 @@
 use candle_core::Result;
 use parking_lot::Mutex;
 
+use crate::learn::networks::adam::LearningRates;
 use crate::learn::networks::network::Network;
 use crate::learn::networks::touched::TouchedCorners;
-use crate::learn::update::gradient::{Gradient, LearningRates};
+use crate::learn::update::gradient::Gradient;
 
 /// Half of a network: the two are stepped in separate tasks.
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -6,14 +6,15 @@ use std::ops::Range;
 use candle_core::{Device, Result, Tensor, Var, bail};
 
 use crate::learn::data::batch::Batch;
+use crate::learn::error::candle_message;
 use crate::learn::kernels::kernel::{AdamRate, BETA};
-use crate::learn::learner::candle_message;
+use crate::learn::networks::adam::LearningRates;
+use crate::learn::networks::adam::adam_rate;
+use crate::learn::networks::dense::NetworkState;
 use crate::learn::networks::network::Network;
-use crate::learn::networks::state::NetworkState;
+use crate::learn::networks::shapes::Shapes;
 use crate::learn::settings::Backend;
-use crate::learn::update::adam::adam_rate;
-use crate::learn::update::gradient::LearningRates;
-use crate::learn::update::losses::{Losses, Shapes};
+use crate::learn::update::losses::Losses;
 use crate::learn::update::reference::{Layers, Parameters, Reference};
 
 /// Copies of all networks on a device, trained there.

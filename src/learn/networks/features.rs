@@ -4,7 +4,6 @@ use crate::learn::networks::encoder::Encoder;
 use crate::learn::networks::grid::{GridReads, TableView};
 use crate::learn::networks::mlp::{Activations, Mlp};
 use crate::learn::networks::network::Weights;
-use crate::learn::update::gradient::Gradient;
 
 /// The inputs that depend on no network's parameters, computed once for all networks.
 #[derive(Clone, Debug, Default)]
@@ -86,20 +85,6 @@ impl Workspace {
         mlp.forward((actor.dense, actor.packed), &self.x[..rows * mlp.inputs], outputs, &mut self.acts);
         for (a, z) in out.iter_mut().zip(outputs) {
             *a = z.tanh();
-        }
-    }
-}
-
-impl Gradient {
-    /// Adds the gradients of the pairs' grid encodings: the first columns of `dx`
-    /// `(rows, 2 * grid_width + further columns)`.
-    pub fn add_pair_corners(&mut self, encoder: &Encoder, pairs: Pairs, dx: &[f32], further: usize) {
-        let width = encoder.grid_width();
-        if width > 0 {
-            let stride = 2 * width + further;
-            let dx = &dx[..pairs.states.len() / encoder.spec().state_dim() * stride];
-            self.add_encoded(dx, (0, width, stride));
-            self.add_encoded(dx, (width, width, stride));
         }
     }
 }

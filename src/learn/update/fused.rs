@@ -3,8 +3,8 @@
 use candle_core::{CpuStorage, CustomOp2, DType, Layout, Result, Shape, Tensor, bail};
 use parking_lot::Mutex;
 
+use crate::learn::networks::adam::slice;
 use crate::learn::networks::mlp::{Activations, GradientRequest, Mlp, Packed};
-use crate::learn::update::adam::slice;
 
 /// Returns `mlp(x)`, `(rows, outputs)`, for `x` `(rows, inputs)` and flat `parameters` (see `mlp::Mlp` for their
 /// order), both f32 on the CPU. Uses the same kernels as [`crate::learn::Gdg::update_on`], which calls them without a tape.

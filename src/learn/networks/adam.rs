@@ -1,10 +1,11 @@
-//! In-place access to candle variables, and Adam with moments that can be checkpointed.
+//! In-place access to candle variables, and Adam: step sizes, and moments that can be checkpointed.
 
 use std::cell::RefCell;
 
 use candle_core::{CpuStorage, InplaceOp1, Layout, Result, Storage, Var, bail};
 
 use crate::learn::kernels::kernel::{self, AdamRate, BETA};
+use crate::learn::settings::LearnSettings;
 
 pub(crate) const EPSILON: f64 = 1e-8;
 
@@ -27,6 +28,24 @@ pub fn adam_rate(learning_rate: f32, step: u64) -> AdamRate {
     let step = step.min(1 << 30) as i32;
     let (c1, c2) = (1.0 - f64::from(BETA.0).powi(step), (1.0 - f64::from(BETA.1).powi(step)).sqrt());
     AdamRate { rate: (f64::from(learning_rate) * c2 / c1) as f32, epsilon: (EPSILON * c2) as f32 }
+}
+
+/// Step sizes of one update.
+#[derive(Clone, Copy, Debug)]
+pub struct LearningRates {
+    /// Of the flat parameters.
+    pub dense: f32,
+    /// Of the grid table.
+    pub table: f32,
+    /// Of the running average.
+    pub tau: f32,
+}
+
+impl LearningRates {
+    /// Returns the step sizes in `settings`.
+    pub fn from_settings(settings: &LearnSettings) -> Self {
+        Self { dense: settings.learning_rate, table: settings.grid_learning_rate, tau: settings.tau }
+    }
 }
 
 /// Modifies a variable's data in place.

@@ -1,0 +1,70 @@
+//! Distances known from a source other than transitions: from the bridge graph.
+
+use crate::learn::data::goal_index::GoalIndex;
+
+/// How to relearn distances that may have changed.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Relearning {
+    /// Slots that each agent has filled in the replay buffer since the change, about.
+    pub recent_slots: u64,
+    /// Whether a bridge graph finds out which distances have changed (see [`KnownDistances::changed`]), as soon as there
+    /// is one. Otherwise all distances have to be doubted.
+    pub graph_finds_changed: bool,
+}
+
+/// Distances known from a source other than transitions.
+#[derive(Clone, Copy)]
+pub struct KnownDistances<'a> {
+    /// `(places, state_dim)`.
+    pub states: &'a [f32],
+    /// The same places as goals.
+    pub goals: &'a GoalIndex,
+    /// Pairs of places whose distance is known.
+    pub pairs: &'a [KnownPair],
+    /// Distances along the same paths by goal, for looking up.
+    pub by_goal: Option<&'a DistancesByGoal>,
+    /// Distances that have changed, while they are relearned.
+    pub changed: Option<&'a ChangedDistances>,
+}
+
+/// A pair of places whose distance is known.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct KnownPair {
+    /// The place where the path starts.
+    pub from: u32,
+    /// The place where it ends.
+    pub to: u32,
+    /// Its length.
+    pub steps: f32,
+    /// The first place on it that is at least `WAYPOINT_STEPS` from the start, or its end.
+    pub waypoint: u32,
+}
+
+/// Least distance of the waypoints that lead the actor, in steps: near enough that D is right, far enough that the way there
+/// shows the direction.
+pub(crate) const WAYPOINT_STEPS: f32 = 4.0;
+
+/// Steps from all places to some of them.
+#[derive(Clone, Debug)]
+pub struct DistancesByGoal {
+    /// The places that are goals.
+    pub places: Vec<u32>,
+    /// The same places as goals.
+    pub goals: GoalIndex,
+    /// Steps from each place to each goal, `(goals, places)`, with the overhead of each hop, the first as well; infinite
+    /// if unknown.
+    pub steps: Vec<f32>,
+    /// For each of these, the first place on the path that is at least `WAYPOINT_STEPS` from its start, or its end.
+    pub waypoints: Vec<u32>,
+}
+
+/// Bounds on distances of which D is far too short or too long.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct ChangedDistances {
+    /// The places that are goals.
+    pub goals: Vec<u32>,
+    /// Fewest steps from each place to each goal, `(goals, places)`; 0 where D is long enough.
+    pub lower: Vec<f32>,
+    /// Most steps from each place to each goal, `(goals, places)`; `f32::MAX` where D is short enough.
+    pub upper: Vec<f32>,
+}

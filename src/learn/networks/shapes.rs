@@ -1,0 +1,250 @@
+//! The three networks as one function: D(s, g), mu(s, g), f(s, a) and what they give together.
+
+use candle_core::Result;
+
+use crate::env::Spec;
+use crate::learn::networks::encoder::Encoder;
+use crate::learn::networks::features::{Pairs, Workspace, resized};
+use crate::learn::networks::grid::GridReads;
+use crate::learn::networks::mlp::Mlp;
+use crate::learn::networks::network::Weights;
+use crate::learn::settings::{LearnSettings, LossScale};
+
+/// Sizes of the three networks, and the meaning of their outputs.
+#[derive(Clone, Debug)]
+pub struct Shapes {
+    pub encoder: Encoder,
+    pub critic: Mlp,
+    pub actor: Mlp,
+    pub model: Mlp,
+    /// D = scale * softplus(z).
+    pub distance_scale: f32,
+    pub loss: LossScale,
+    /// Weight of the largest distance of several critics; the rest is their mean.
+    pub pessimism: f32,
+    /// Weight of squared errors where the target is below D; others are weighted by 1 minus this.
+    pub expectile: f32,
+    /// Bound of the actor's outputs before tanh; infinite for none.
+    pub actor_bound: f32,
+    /// Whether greedy targets leave out the pairs whose own step the model mispredicts.
+    pub model_check: bool,
+    /// Whether the actor is pulled out of where its action is blocked.
+    pub unblock_actor: bool,
+    /// Actions that lookahead tries besides the actor's, `(actions, action_dim)`.
+    pub tried_actions: Vec<f32>,
+}
+
+/// Dimensions of actions up to which every combination of axes is tried; beyond, single axes.
+const MAX_COMBINED_DIM: usize = 4;
+
+/// Buffers of passes through all three networks.
+#[derive(Clone, Debug, Default)]
+pub struct Workspaces {
+    /// Of the actor.
+    pub actor: Workspace,
+    /// Of the model.
+    pub model: Workspace,
+    /// Of the critic that evaluates the model's prediction.
+    pub critic: Workspace,
+}
+
+impl Shapes {
+    /// Returns the shapes of the networks that `settings` specify.
+    pub fn new(encoder: Encoder, settings: &LearnSettings) -> Self {
+        let spec = encoder.spec();
+        let mlp = |inputs, outputs| Mlp { inputs, hidden: settings.hidden, layers: settings.layers, outputs };
+        Self {
+            critic: mlp(encoder.pair_width(), 1),
+            actor: mlp(encoder.pair_width(), spec.action_dim),
+            model: mlp(encoder.state_width() + spec.action_dim, spec.state_dim()),
+            distance_scale: settings.distance_scale_steps,
+            loss: settings.loss,
+            pessimism: settings.pessimism,
+            expectile: settings.expectile,
+            actor_bound: if settings.actor_bound > 0.0 { settings.actor_bound } else { f32::INFINITY },
+            model_check: settings.model_check,
+            unblock_actor: settings.unblock_actor,
+            tried_actions: tried_actions(spec.action_dim),
+            encoder,
+        }
+    }
+
+    /// Computes D(s, g) of each pair, `(rows)`.
+    pub fn distances(&self, critic: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+        self.encoder.pair_rows(pairs, critic.table, self.critic.inputs, &mut ws.x);
+        let x = &ws.x[..out.len() * self.critic.inputs];
+        self.critic.forward((critic.dense, critic.packed), x, out, &mut ws.acts);
+        for z in out {
+            *z = self.distance_scale * softplus(*z);
+        }
+    }
+
+    /// Computes the actions mu(s, g), `(rows, action_dim)`.
+    pub fn actions(&self, actor: Weights, pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+        ws.actions(&self.encoder, &self.actor, actor, pairs, out);
+    }
+
+    /// Predicts the next states f(s, a) = s + scale * network, component by component, `(rows, state_dim)`; keeps the
+    /// activations for the backward pass. `plain` holds rows of length `stride` that begin with the states' plain rows.
+    fn predict(
+        &self,
+        model: Weights,
+        (states, actions): (&[f32], &[f32]),
+        (plain, stride, places): (&[f32], usize, &GridReads),
+        next: &mut [f32],
+        ws: &mut Workspace,
+    ) {
+        let spec = self.encoder.spec();
+        let (plain_width, width) = (self.encoder.plain_state_width(), self.model.inputs);
+        let x = resized(&mut ws.x, states.len() / spec.state_dim() * width);
+        let rows = x.chunks_exact_mut(width).zip(plain.chunks_exact(stride)).zip(actions.chunks_exact(spec.action_dim));
+        for (i, ((row, plain), action)) in rows.enumerate() {
+            let (copy, rest) = row.split_at_mut(plain_width);
+            copy.copy_from_slice(&plain[..plain_width]);
+            let (encoded, last) = rest.split_at_mut(self.encoder.grid_width());
+            self.encoder.encode(model.table, &[places], i, encoded);
+            last.copy_from_slice(action);
+        }
+        self.model.forward((model.dense, model.packed), x, next, &mut ws.acts);
+        let dim = spec.state_dim();
+        for (next, state) in next.chunks_exact_mut(dim).zip(states.chunks_exact(dim)) {
+            for ((next, state), scale) in next.iter_mut().zip(state).zip(&spec.change_scale) {
+                *next = state + scale * *next;
+            }
+        }
+    }
+
+    /// Computes D(f(s, mu(s, g)), g) of each pair by all `critics`: the distance that remains after a step
+    /// of the actor.
+    pub fn distances_after_actor(
+        &self,
+        (actor, model, critics): (Weights, Weights, &[Weights]),
+        pairs: Pairs,
+        out: &mut [f32],
+        buffers: &mut Workspaces,
+    ) {
+        let mut next = std::mem::take(&mut buffers.model.y);
+        let states = self.step_with_actor((actor, model), pairs, &mut next, buffers);
+        let mut plain = std::mem::take(&mut buffers.critic.plain);
+        self.encoder.plain_pairs(states, pairs.goals, &mut plain);
+        self.joint_distances(critics, Pairs { plain: &plain, states, goals: pairs.goals }, out, &mut buffers.critic);
+        buffers.critic.plain = plain;
+        buffers.model.y = next;
+    }
+
+    /// Computes D(s, g) of each pair by one or two critics, `(rows)`: between their mean and their maximum.
+    pub fn joint_distances(&self, critics: &[Weights], pairs: Pairs, out: &mut [f32], ws: &mut Workspace) {
+        let mut own = std::mem::take(&mut ws.y);
+        for (k, critic) in critics.iter().enumerate() {
+            let own = resized(&mut own, out.len());
+            self.distances(*critic, pairs, own, ws);
+            out.iter_mut().zip(own).for_each(|(d, own)| *d = if k == 0 { *own } else { self.joint(*d, *own) });
+        }
+        ws.y = own;
+    }
+
+    /// Returns D by two critics: below the larger by a share of half their difference.
+    fn joint(&self, a: f32, b: f32) -> f32 {
+        a.max(b) - 0.5 * (1.0 - self.pessimism) * (a - b).abs()
+    }
+
+    /// Computes s' = f(s, mu(s, g)) of each pair into `next`, `(rows, state_dim)`; keeps the activations for the
+    /// backward passes.
+    pub fn step_with_actor<'a>(
+        &self,
+        (actor, model): (Weights, Weights),
+        pairs: Pairs,
+        next: &'a mut Vec<f32>,
+        buffers: &mut Workspaces,
+    ) -> &'a [f32] {
+        let Pairs { plain, states, .. } = pairs;
+        let rows = states.len() / self.encoder.spec().state_dim();
+        let mut action = std::mem::take(&mut buffers.actor.y);
+        self.actions(actor, pairs, resized(&mut action, rows * self.actor.outputs), &mut buffers.actor);
+        let shared = (&plain.rows[..], self.encoder.plain_pair_width(), &plain.states);
+        let next = resized(next, states.len());
+        self.predict(model, (states, &action[..rows * self.actor.outputs]), shared, next, &mut buffers.model);
+        buffers.actor.y = action;
+        next
+    }
+
+    /// Predicts the next states f(s, a) of `states` `(rows, state_dim)` after `actions` `(rows, action_dim)` into
+    /// `next`; keeps the activations for the backward pass.
+    pub fn next_states(
+        &self,
+        model: Weights,
+        (states, actions): (&[f32], &[f32]),
+        next: &mut [f32],
+        ws: &mut Workspace,
+    ) {
+        let (s, width) = (self.encoder.spec().state_dim(), self.encoder.plain_state_width());
+        let mut plain = std::mem::take(&mut ws.plain);
+        let rows = resized(&mut plain.rows, states.len() / s * width).chunks_exact_mut(width);
+        plain.states.clear();
+        for (state, row) in states.chunks_exact(s).zip(rows) {
+            self.encoder.plain_state(state, row);
+            self.encoder.locate_state(state, &mut plain.states);
+        }
+        let shared = (&plain.rows[..], width, &plain.states);
+        self.predict(model, (states, actions), shared, next, ws);
+        ws.plain = plain;
+    }
+}
+
+/// Returns the actions to try, `(actions, dim)`: full steps along every combination of axes. (Half steps as well are no
+/// better in mazes with corridors one cell wide.)
+pub fn tried_actions(dim: usize) -> Vec<f32> {
+    if dim <= MAX_COMBINED_DIM {
+        // The digits of a number in base 3, less 1.
+        let count = 3usize.pow(dim as u32);
+        let digits = |i: usize| (0..dim).map(|axis| (i / 3usize.pow(axis as u32) % 3) as f32 - 1.0).collect();
+        (0..count).map(digits).filter(|action: &Vec<f32>| action.iter().any(|v| *v != 0.0)).flatten().collect()
+    } else {
+        axis_actions(dim)
+    }
+}
+
+/// Returns full steps forwards and backwards along each axis, in turns, `(2 * dim, dim)`.
+pub fn axis_actions(dim: usize) -> Vec<f32> {
+    let along = |axis: usize, sign: f32| (0..dim).map(move |i| if i == axis { sign } else { 0.0 });
+    (0..dim).flat_map(|axis| along(axis, 1.0).chain(along(axis, -1.0))).collect()
+}
+
+/// Maximum size of a state: states are short vectors, so their gradients live on the stack.
+pub const MAX_STATE_DIM: usize = 64;
+
+/// Refuses states that are too large.
+///
+/// # Errors
+/// They are.
+pub fn check_state_dim(spec: &Spec) -> Result<()> {
+    if spec.state_dim() > MAX_STATE_DIM {
+        candle_core::bail!("states with more than {MAX_STATE_DIM} components are not supported");
+    }
+    Ok(())
+}
+
+/// Returns ln(1 + e^z) without overflow.
+pub fn softplus(z: f32) -> f32 {
+    z.max(0.0) + (-z.abs()).exp().ln_1p()
+}
+
+/// Returns the slope of [`softplus`].
+pub fn sigmoid(z: f32) -> f32 {
+    1.0 / (1.0 + (-z).exp())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_tried_actions_are_steps_along_combinations_of_axes() {
+        assert_eq!(tried_actions(1), [-1.0, 1.0]);
+        let plane = tried_actions(2);
+        assert_eq!(plane.len(), 2 * 8);
+        assert!(plane.chunks_exact(2).any(|a| a == [1.0, -1.0]) && plane.chunks_exact(2).any(|a| a == [0.0, 1.0]));
+        assert!(plane.chunks_exact(2).all(|a| a != [0.0, 0.0]));
+        assert_eq!(tried_actions(7).len(), 7 * 14);
+    }
+}
