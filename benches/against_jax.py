@@ -2,10 +2,10 @@
 """Compares one update of critic, model and actor with the same update in JAX, on one core.
 
     python3 -m venv venv && venv/bin/pip install jax
-    venv/bin/python benches/against_jax.py [--rounds 5] [--program target/release/gdg-tui]
+    venv/bin/python benches/against_jax.py [--rounds 5]
 
-The update is that of `gdg-tui bench --only updates`: Algorithm 1 of the paper with one critic, two hidden layers, squared
-loss, Adam, and averaged weights of the critic. JAX runs many of them in one compiled `lax.scan`, so that nothing but the
+The update is that of `cargo bench --bench program -- --only updates`: Algorithm 1 of the paper with one critic, two
+hidden layers, squared loss, Adam, and averaged weights of the critic. JAX runs many of them in one compiled `lax.scan`, so that nothing but the
 update itself is measured. Both take turns; printed are the medians over all turns, in microseconds, and our time as a
 share of JAX's, turn by turn.
 """
@@ -102,9 +102,8 @@ def prepare(rows, width):
 def main():
     options = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     options.add_argument("--rounds", type=int, default=5)
-    options.add_argument("--program", default="target/release/gdg-tui")
     options = options.parse_args()
-    command = [options.program, "bench", "--only", "updates", "--threads", "1", "--runs", "5", "--json"]
+    command = ["cargo", "bench", "--quiet", "--bench", "program", "--", "--only", "updates", "--threads", "1", "--runs", "5", "--json"]
     turns, ours, theirs = {}, {}, {}
     for _ in range(options.rounds):
         measured = json.loads(subprocess.run(command, check=True, capture_output=True).stdout)["updates"]

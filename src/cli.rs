@@ -14,7 +14,6 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
-use crate::bench;
 use crate::bridge::Planner;
 use crate::learn::LEARNERS;
 use crate::map::{RANDOM_SIZES, RandomMapKind};
@@ -112,21 +111,6 @@ pub enum Command {
     ExportPolicy(ExportPolicyArgs),
     /// Write the film of how a checkpoint's run learned distance as an animated PNG
     Film(FilmArgs),
-    /// Benchmark the learner on this machine against plain candle-nn
-    Bench {
-        /// Measure this part alone; may be given more than once [default: all]
-        #[arg(long, value_name = "PART")]
-        only: Vec<bench::Part>,
-        /// Print JSON instead of a table
-        #[arg(long)]
-        json: bool,
-        /// Threads to compare with a single one [default: this machine's cores]
-        #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
-        threads: Option<u16>,
-        /// Repetitions of each comparison; the median is reported
-        #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(1..=1000))]
-        runs: u16,
-    },
     /// Render frames of a screen recording as PNG files, or all of it as an animation
     #[cfg(feature = "tui")]
     Frames(FramesArgs),

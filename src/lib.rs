@@ -33,7 +33,7 @@
 //! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in parallel, whose results
 //!   are kept: benchmark suites, the paper's figures): the front ends.
 //!   [`cli`], [`setup`], [`runs`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
-//!   other programs, [`film`] an animation of how distance was learned; [`bench`](mod@bench) measures;
+//!   other programs, [`film`] an animation of how distance was learned;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
 //! # Add a world
@@ -72,8 +72,6 @@
 //! resumed or not. Each purpose has its own random stream; a batch is split into parts that do not depend on the number
 //! of threads and are summed in order.
 
-#[forbid(unsafe_code)]
-pub mod bench;
 #[forbid(unsafe_code)]
 pub mod bridge;
 #[forbid(unsafe_code)]

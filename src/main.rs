@@ -19,7 +19,7 @@ use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
 #[cfg(feature = "tui")]
 use gdg_tui::tui::PreparedInterface;
-use gdg_tui::{bench, export_policy, facts, faults, film, headless, logging, report, runs, setup, signals};
+use gdg_tui::{export_policy, facts, faults, film, headless, logging, report, runs, setup, signals};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
 use miette::Report;
@@ -70,9 +70,6 @@ fn main() -> ExitCode {
         Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), EXIT_BAD_INPUT),
         Some(Command::ExportPolicy(args)) => printed(export_policy::run(args), EXIT_BAD_INPUT),
         Some(Command::Film(args)) => printed(film::run(args), EXIT_BAD_INPUT),
-        Some(Command::Bench { only, json, threads, runs }) => {
-            printed(bench::run(only, *json, setup::threads(*threads), (*runs).into()), EXIT_FAILURE)
-        }
         None => train(&cli),
     };
     ExitCode::from(status)

@@ -676,53 +676,6 @@ fn frames_writes_nothing_on_errors_and_replaces_files_only_with_overwrite() {
 }
 
 #[test]
-fn bench_reports_every_measurement() {
-    let output = gdg().args(["bench", "--runs", "1", "--json"]).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-    let positive =
-        |at: &str| assert!(found.pointer(at).and_then(Value::as_f64).unwrap_or(0.0) > 0.0, "{at}: {found:#}");
-    positive("/peak_gflops");
-    let shapes: Vec<_> = found["updates"].as_array().unwrap().iter().map(|u| [&u["batch"], &u["width"]]).collect();
-    assert_eq!(shapes, [[64, 64], [64, 128], [64, 256], [256, 256]]);
-    for i in 0..shapes.len() {
-        for field in ["plain_us", "fused_us", "fused_threads_us", "speed_up", "threads_speed_up", "peak_share"] {
-            positive(&format!("/updates/{i}/{field}"));
-        }
-    }
-    for field in ["tape_us", "kernels_us", "kernels_threads_us", "speed_up", "threads_speed_up"] {
-        positive(&format!("/default_update/{field}"));
-    }
-    for (i, map) in ["fourrooms", "city"].into_iter().enumerate() {
-        assert_eq!(found["default_preset"][i]["map"], map);
-        ["one_thread", "all_threads", "phases/0/one_thread_us"]
-            .iter()
-            .for_each(|f| positive(&format!("/default_preset/{i}/{f}")));
-        assert_eq!(found["time_to_success"][i]["map"], map);
-        ["updates/0", "seconds/0", "median_updates", "median_seconds"]
-            .iter()
-            .for_each(|f| positive(&format!("/time_to_success/{i}/{f}")));
-    }
-    for (screen, f) in (0..3).flat_map(|i| ["alone", "ratio", "frame_us", "slow_frame_us"].map(|f| (i, f))) {
-        positive(&format!("/interface/{screen}/{f}"));
-    }
-    assert!(found["other"].as_array().unwrap().len() >= 5);
-    (0..5).for_each(|i| positive(&format!("/other/{i}/us")));
-}
-
-#[test]
-fn bench_measures_the_parts_asked_for_alone() {
-    let output =
-        gdg().args(["bench", "--runs", "1", "--json", "--only", "default", "--only", "other"]).output().unwrap();
-    assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
-    let found: Value = serde_json::from_slice(&output.stdout).unwrap();
-    assert!(found["default_update"]["kernels_us"].is_number() && found["other"][0]["us"].is_number(), "{found:#}");
-    for part in ["updates", "default_preset", "time_to_success", "interface"] {
-        assert_eq!(found[part].as_array().map(Vec::len), Some(0), "{part}");
-    }
-}
-
-#[test]
 fn a_map_can_be_edited_at_a_given_update() {
     let folder = tempfile::tempdir().unwrap();
     let edited = folder.path().join("wider.txt");

@@ -15,7 +15,6 @@ const LAYERS: [&[&str]; 9] = [
     &["engine"],
     &["view"],
     &[
-        "bench",
         "cli",
         "experiment",
         "export_policy",

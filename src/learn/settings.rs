@@ -22,8 +22,6 @@ pub enum Backend {
     Fused,
     /// Candle's tape on the CPU, with each MLP as one operation.
     Tape,
-    /// Candle's tape and layers on the first CUDA device; needs a build with `--features cuda`.
-    Cuda,
 }
 
 /// A setting that follows from what the run has seen, unless it is given. In JSON, `"auto"` or the value.

@@ -1,12 +1,11 @@
-//! Updates on candle's autograd tape: the same losses, averages and steps as the learner's own kernels; slower on a
-//! CPU, but easy to change and available on every device that candle supports.
+//! Updates on candle's autograd tape: the same losses, averages and steps as the learner's own kernels; slower,
+//! but easy to change.
 
 use std::ops::Range;
 
 use candle_core::{Device, Result, Tensor, Var, bail};
 
 use crate::learn::data::batch::Batch;
-use crate::learn::error::candle_message;
 use crate::learn::kernels::kernel::{AdamRate, BETA};
 use crate::learn::networks::adam::LearningRates;
 use crate::learn::networks::adam::adam_rate;
@@ -17,10 +16,8 @@ use crate::learn::settings::Backend;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::reference::{Layers, Parameters, Reference};
 
-/// Copies of all networks on a device, trained there.
+/// Copies of all networks, trained on the tape.
 pub struct Tape {
-    device: Device,
-    layers: Layers,
     /// Critics, model, actor.
     networks: Vec<TapeNetwork>,
 }
@@ -36,7 +33,7 @@ pub fn refuse_tape(backend: Backend, learner: &str) -> Result<()> {
     Ok(())
 }
 
-/// A network on the device.
+/// A network's copy.
 struct TapeNetwork {
     dense: TapeParameters,
     /// Values `(corners, channels)`.
@@ -52,24 +49,15 @@ struct TapeParameters {
 }
 
 impl Tape {
-    /// Copies `networks` (critics, model, actor) to `backend`'s device; returns `None` for the learner's own kernels.
+    /// Copies `networks` (critics, model, actor); returns `None` for the learner's own kernels.
     ///
     /// # Errors
-    /// Returns an error if there is no such device or a tensor operation fails.
+    /// Returns candle's error if a tensor operation fails.
     pub fn new<'a>(backend: Backend, networks: impl Iterator<Item = &'a Network>) -> Result<Option<Self>> {
-        let (device, layers) = match backend {
-            Backend::Fused => return Ok(None),
-            Backend::Tape => (Device::Cpu, Layers::Fused),
-            Backend::Cuda => match Device::new_cuda(0) {
-                Ok(device) => (device, Layers::Linear),
-                Err(error) => {
-                    let why = candle_message(error);
-                    bail!("backend=cuda needs an NVIDIA GPU and a build with --features cuda: {why}");
-                }
-            },
-        };
-        let networks = networks.map(|network| TapeNetwork::new(network, &device)).collect::<Result<_>>()?;
-        Ok(Some(Self { device, layers, networks }))
+        match backend {
+            Backend::Fused => Ok(None),
+            Backend::Tape => Ok(Some(Self { networks: networks.map(TapeNetwork::new).collect::<Result<_>>()? })),
+        }
     }
 
     /// Performs one update, like [`crate::learn::Gdg::update_on`]; `steps` is its number, from 1.
@@ -79,7 +67,7 @@ impl Tape {
     pub fn update(&mut self, shapes: &Shapes, batch: &Batch, steps: u64, rates: LearningRates) -> Result<Losses> {
         let spec = shapes.encoder.spec();
         let tensor =
-            |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (numbers.len() / width, width), &self.device);
+            |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu);
         let (s, g) = (spec.state_dim(), spec.goal_dim());
         let (states, goals) = (tensor(&batch.states, s)?, tensor(&batch.goals, g)?);
         let towards = tensor(&batch.actor_goals, g)?;
@@ -88,7 +76,7 @@ impl Tape {
         let critics = 0..self.networks.len() - 2;
         let (model, actor) = (critics.end, critics.end + 1);
 
-        let targets = self.reference(shapes, true)?.targets(batch, &self.device)?;
+        let targets = self.reference(shapes, true)?.targets(batch, &Device::Cpu)?;
         let now = self.reference(shapes, false)?;
         let mut critic_losses = Vec::new();
         for k in critics.clone() {
@@ -111,7 +99,7 @@ impl Tape {
     /// Returns the losses at the current parameters or their averages.
     fn reference<'a>(&self, shapes: &'a Shapes, averaged: bool) -> Result<Reference<'a>> {
         let parameters = self.networks.iter().map(|network| network.parameters(averaged)).collect();
-        Reference::with_parameters(shapes, parameters, self.layers)
+        Reference::with_parameters(shapes, parameters, Layers::Fused)
     }
 
     /// Takes an optimiser step on `loss` for some of the networks.
@@ -147,23 +135,23 @@ impl Tape {
 }
 
 impl TapeNetwork {
-    fn new(network: &Network, device: &Device) -> Result<Self> {
+    fn new(network: &Network) -> Result<Self> {
         let state: std::collections::HashMap<_, _> = network.state()?.into_iter().collect();
         let (average, table_average) = network.copy(true)?;
-        let numbers = |name: &str| Tensor::from_slice(&state[name], state[name].len(), device);
+        let numbers = |name: &str| Tensor::from_slice(&state[name], state[name].len(), &Device::Cpu);
         let averaged = state.contains_key("dense_average");
         let dense = TapeParameters {
             values: Var::from_tensor(&numbers("dense")?)?,
             m: numbers("dense_m")?,
             v: numbers("dense_v")?,
-            average: if averaged { Some(Tensor::from_slice(&average, average.len(), device)?) } else { None },
+            average: if averaged { Some(Tensor::from_slice(&average, average.len(), &Device::Cpu)?) } else { None },
         };
         let table = match network.table() {
             Some(lines) => {
                 let (corners, rows, channels) = lines.dims3()?;
                 let lines = numbers("table")?.reshape((corners, rows, channels))?;
                 let row = |i: usize| lines.narrow(1, i, 1)?.squeeze(1)?.contiguous();
-                let average = Tensor::from_slice(&table_average, (corners, channels), device)?;
+                let average = Tensor::from_slice(&table_average, (corners, channels), &Device::Cpu)?;
                 let average = averaged.then_some(average);
                 Some(TapeParameters { values: Var::from_tensor(&row(0)?)?, m: row(2)?, v: row(3)?, average })
             }

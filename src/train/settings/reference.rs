@@ -333,8 +333,8 @@ pub const SETTINGS: [Setting; 66] = [
         Optimiser,
         "backend",
         "",
-        "fused, tape or cuda",
-        "implementation of updates: hand-written kernels, candle's tape, or candle on the first GPU",
+        "fused or tape",
+        "implementation of updates: hand-written kernels, or candle's tape",
     )
     .for_networks(),
     Setting::new(Agents, "agents", "", "an integer from 1 to 4096", "agents exploring in parallel").for_agents(),

@@ -5,11 +5,11 @@ use std::time::{Duration, Instant};
 
 use super::cases::OPEN_MAP_SIDE;
 use super::{InterfaceTimes, median, quantile};
-use crate::engine::{Command, Engine, Phase};
-use crate::env::PointMaze;
-use crate::map::Grid;
-use crate::train::{Limits, Method, Preset, Registry, Run, Settings, TrainError, Trainer};
-use crate::tui::{MeasuredInterface, MeasuredScreen};
+use gdg_tui::engine::{Command, Engine, Phase};
+use gdg_tui::env::PointMaze;
+use gdg_tui::map::Grid;
+use gdg_tui::train::{Limits, Method, Preset, Registry, Run, Settings, TrainError, Trainer};
+use gdg_tui::tui::{MeasuredInterface, MeasuredScreen};
 
 /// Columns and rows of the screen for the interface.
 const SCREEN_SIZE: (u16, u16) = (200, 60);

@@ -1,24 +1,25 @@
-//! `gdg-tui bench`: measures the learner's speed on this machine, as ratios of side-by-side runs.
+//! The learner's speed on this machine, as ratios of side-by-side runs: `cargo bench --bench program`, with
+//! `-- --only PART` for a part alone.
 //!
 //! All variants of a case take turns within one process, so that a drifting machine speed affects them equally; the
 //! table shows the median of many turns.
 
 mod baseline;
 mod cases;
-#[cfg(feature = "tui")]
 mod interface;
 mod time_to;
 
 use std::fmt::Display;
-use std::process::{Command, Stdio};
+use std::process::Command;
 use std::time::Instant;
 
-use clap::ValueEnum;
+use clap::{Parser, ValueEnum};
 use miette::{IntoDiagnostic, Report};
 use serde::Serialize;
 
-use crate::text::counted;
-use crate::train::TrainError;
+use gdg_tui::setup;
+use gdg_tui::text::counted;
+use gdg_tui::train::TrainError;
 
 /// Shapes at which updates are measured: batch and width.
 const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
@@ -56,7 +57,7 @@ struct Measurements {
     default_update: Option<DefaultUpdateTimes>,
     default_preset: Vec<DefaultTimes>,
     time_to_success: Vec<TimeToSuccess>,
-    /// For each kind of screen; none if this was built without the interface.
+    /// For each kind of screen.
     interface: Vec<InterfaceTimes>,
     other: Vec<TimedOperation>,
 }
@@ -145,58 +146,63 @@ struct TimedOperation {
     runs: usize,
 }
 
-/// Runs the measurements of some parts, of all if none are given, and returns a table, or JSON.
-///
-/// # Errors
-/// Fails if candle or the benchmark process does.
-pub fn run(only: &[Part], json: bool, threads: usize, runs: usize) -> Result<String, Report> {
+/// Measures the learner's speed on this machine against plain candle-nn, and what the interface costs.
+#[derive(Parser)]
+struct Args {
+    /// Measure this part alone; may be given more than once [default: all]
+    #[arg(long, value_name = "PART")]
+    only: Vec<Part>,
+    /// Print JSON instead of a table
+    #[arg(long)]
+    json: bool,
+    /// Threads to compare with a single one [default: this machine's cores]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    threads: Option<u16>,
+    /// Repetitions of each comparison; the median is reported
+    #[arg(long, value_name = "N", default_value_t = 15, value_parser = clap::value_parser!(u16).range(1..=1000))]
+    runs: u16,
+    /// Given by cargo
+    #[arg(long, hide = true)]
+    bench: bool,
+}
+
+fn main() -> Result<(), Report> {
     // Compare one thread to one thread, which is also candle at its best: it would spread its operations over spinning
     // threads. Candle reads the number of threads from the environment, which can be set safely only for a new process.
     if std::env::var_os(CANDLE_THREADS).is_none() {
-        let threads = threads.to_string();
         let mut again = Command::new(std::env::current_exe().into_diagnostic()?);
-        again
-            .args(["bench", "--threads", &threads, "--runs", &runs.to_string()])
-            .args(json.then_some("--json"))
-            .args(
-                only.iter()
-                    .filter_map(ValueEnum::to_possible_value)
-                    .flat_map(|part| ["--only".to_owned(), part.get_name().to_owned()]),
-            )
-            .env(CANDLE_THREADS, "1");
-        let output = again.stderr(Stdio::inherit()).output().into_diagnostic()?;
-        if !output.status.success() {
-            return Err(Report::msg("the benchmark process failed"));
-        }
-        return String::from_utf8(output.stdout).into_diagnostic();
+        let status = again.args(std::env::args_os().skip(1)).env(CANDLE_THREADS, "1").status().into_diagnostic()?;
+        std::process::exit(status.code().unwrap_or(1));
     }
-    let peak_gflops = median((0..9).map(|_| crate::learn::kernel::multiply_add_gflops()).collect());
+    let args = Args::parse();
+    let found = measure(&args.only, setup::threads(args.threads), args.runs.into())?;
+    let text = if args.json { serde_json::to_string_pretty(&found).into_diagnostic()? + "\n" } else { found.table() };
+    print!("{text}");
+    Ok(())
+}
+
+/// Runs the measurements of some parts, of all if none are given.
+fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, Report> {
+    let peak_gflops = median((0..9).map(|_| gdg_tui::learn::kernel::multiply_add_gflops()).collect());
     let wanted = |part| only.is_empty() || only.contains(&part);
     let shapes = SHAPES.iter().filter(|_| wanted(Part::Updates));
     let updates = shapes.map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));
     let updates = updates.collect::<Result<_, _>>().into_diagnostic()?;
     let default_update = wanted(Part::Default).then(|| cases::default_update((threads, runs)));
-    let found = Measurements {
+    Ok(Measurements {
         threads,
         peak_gflops,
         updates,
         default_update: default_update.transpose().into_diagnostic()?,
         default_preset: of_maps(wanted(Part::Training), &|map| cases::default_preset(map, (threads, runs)))?,
         time_to_success: of_maps(wanted(Part::TimeTo), &|map| time_to::measure(map, (threads, runs)))?,
-        #[cfg(feature = "tui")]
         interface: if wanted(Part::Interface) {
             interface::measure((threads, runs)).into_diagnostic()?
         } else {
             Vec::new()
         },
-        #[cfg(not(feature = "tui"))]
-        interface: Vec::new(),
         other: if wanted(Part::Other) { cases::other().into_diagnostic()? } else { Vec::new() },
-    };
-    if json {
-        return Ok(serde_json::to_string_pretty(&found).into_diagnostic()? + "\n");
-    }
-    Ok(found.table())
+    })
 }
 
 /// Measures each of [`MAPS`], if `wanted`.
