@@ -6,6 +6,7 @@ mod reproduce;
 mod suite;
 #[cfg(feature = "tui")]
 mod tour;
+mod values;
 
 use std::ffi::OsStr;
 use std::path::PathBuf;
@@ -27,6 +28,9 @@ pub use reproduce::{BudgetArg, ReproduceArgs};
 pub use suite::SuiteArgs;
 #[cfg(feature = "tui")]
 pub use tour::TourArgs;
+#[cfg(feature = "tui")]
+use values::parse_speed;
+use values::{counts, output, parse_edit_at, parse_minutes, parse_seconds, parse_share};
 
 /// Exit status of a failure while running.
 pub const EXIT_FAILURE: u8 = 1;
@@ -84,7 +88,7 @@ pub enum Command {
         #[arg(long, value_name = "N", requires = "random", value_parser = sides())]
         size: Option<u16>,
         /// Seed of the random map: same seed, same map
-        #[arg(long, default_value_t = 0, requires = "random")]
+        #[arg(long, default_value_t = 0, requires = "random", value_parser = counts::<u64>(0..=u64::MAX))]
         seed: u64,
     },
     /// List the saved runs of a folder, the newest first
@@ -114,10 +118,6 @@ pub enum Command {
     /// Render frames of a screen recording as PNG files, or all of it as an animation
     #[cfg(feature = "tui")]
     Frames(FramesArgs),
-    /// Restores the terminal if the parent process is killed (started by the interface)
-    #[cfg(feature = "tui")]
-    #[command(hide = true)]
-    TerminalGuard,
     /// Print shell completions
     Completions {
         /// The shell
@@ -146,22 +146,22 @@ pub struct AblateArgs {
     #[arg(long)]
     pub ladder: bool,
     /// Updates per run
-    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = counts::<u64>(1..=u64::MAX))]
     pub updates: u64,
     /// Runs per variant, with seeds 1, 2, ...
-    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = counts::<u64>(1..=1000))]
     pub seeds: u64,
     /// Evaluation tasks at each of six distances
-    #[arg(long, value_name = "N", default_value_t = 50, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 50, value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: u32,
     /// Parallel runs, each on one thread [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub jobs: Option<u16>,
     /// Folder of the results: runs that are done are not repeated, interrupted ones go on
-    #[arg(long, value_name = "FOLDER", default_value = "saves/ablation")]
+    #[arg(long, value_name = "FOLDER", default_value = "saves/ablation", value_parser = output())]
     pub out: PathBuf,
     /// Also write all results to this file as JSON
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output())]
     pub json: Option<PathBuf>,
     /// Replace the JSON file if it exists
     #[arg(long, requires = "json")]
@@ -174,7 +174,7 @@ pub struct ExportPolicyArgs {
     /// Checkpoint to read
     pub checkpoint: PathBuf,
     /// Output file [default: CHECKPOINT with the extension .policy.safetensors]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output())]
     pub out: Option<PathBuf>,
     /// Replace the file if it exists
     #[arg(long)]
@@ -187,7 +187,7 @@ pub struct FilmArgs {
     /// Checkpoint to read
     pub checkpoint: PathBuf,
     /// Output file [default: CHECKPOINT with the extension .film.png]
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output())]
     pub out: Option<PathBuf>,
     /// Replace the file if it exists
     #[arg(long)]
@@ -210,7 +210,7 @@ pub struct FramesArgs {
     )]
     pub at: Vec<f64>,
     /// Render an animated PNG into this file instead
-    #[arg(long, value_name = "FILE", conflicts_with = "at")]
+    #[arg(long, value_name = "FILE", conflicts_with = "at", value_parser = output())]
     pub animate: Option<PathBuf>,
     /// Begin the animation at this time, in seconds
     #[arg(long, value_name = "S", requires = "animate", default_value_t = 0.0, value_parser = parse_seconds)]
@@ -219,13 +219,13 @@ pub struct FramesArgs {
     #[arg(long, value_name = "S", requires = "animate", value_parser = parse_seconds)]
     pub to: Option<f64>,
     /// Frames per second of the animation
-    #[arg(long, value_name = "N", requires = "animate", default_value_t = 5, value_parser = clap::value_parser!(u16).range(1..=50))]
+    #[arg(long, value_name = "N", requires = "animate", default_value_t = 5, value_parser = counts::<u16>(1..=50))]
     pub fps: u16,
     /// Play the animation this many times as fast
     #[arg(long, value_name = "X", requires = "animate", default_value_t = 1.0, value_parser = parse_speed)]
     pub speed: f64,
     /// Output folder: one FILE-SECONDS.png per time
-    #[arg(long, value_name = "FOLDER", default_value = ".")]
+    #[arg(long, value_name = "FOLDER", default_value = ".", value_parser = output())]
     pub out: PathBuf,
     /// Replace existing pictures
     #[arg(long)]
@@ -249,7 +249,7 @@ pub struct TrainArgs {
     pub run: RunArgs,
 
     /// Random seed: same seed, same run
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
     pub seed: u64,
 
     /// Print all settings as JSON, with MAP's own or those of --resume, and exit
@@ -258,19 +258,19 @@ pub struct TrainArgs {
 
     /// Stop after N updates, counted from the start of training; with the method random, which makes none, after the steps
     /// of N updates (env_steps_per_update each)
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(0..=u64::MAX))]
     pub max_updates: Option<u64>,
 
-    /// Stop after S seconds of training, not counting evaluation
+    /// Stop after S seconds of training, not counting evaluation; counted from where a resumed run goes on
     #[arg(long, value_name = "S", value_parser = parse_seconds)]
     pub max_seconds: Option<f64>,
 
-    /// Stop after N episodes
-    #[arg(long, value_name = "N")]
+    /// Stop after N episodes, counted from the start of training
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(0..=u64::MAX))]
     pub max_episodes: Option<u64>,
 
     /// Evaluate every N updates
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..))]
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=u64::MAX))]
     pub eval_every_updates: Option<u64>,
 
     /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires --no-ui)
@@ -278,7 +278,7 @@ pub struct TrainArgs {
     pub edit_at: Vec<EditAt>,
 
     /// Evaluation tasks at each of six distances (five in fetch-reach)
-    #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 20, value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: u32,
 
     /// Evaluate on this scenario's tasks (6 x --eval-tasks of them, evenly spaced)
@@ -286,11 +286,11 @@ pub struct TrainArgs {
     pub scen: Option<PathBuf>,
 
     /// Threads per update; results do not depend on their number [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub threads: Option<u16>,
 
     /// Save checkpoints to this file during training and at the end, or beside it if it belongs to another run
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output())]
     pub save: Option<PathBuf>,
 
     /// Minutes between checkpoints during training; 0 for none [default: 5 with --save; interface: see autosave_minutes]
@@ -301,8 +301,8 @@ pub struct TrainArgs {
     #[arg(long)]
     pub overwrite: bool,
 
-    /// Also write the metrics of progress and evaluations to this file as CSV
-    #[arg(long, value_name = "FILE", requires = "no_ui")]
+    /// Also write the metrics of progress and evaluations to this file as CSV; a resumed run goes on in its own table
+    #[arg(long, value_name = "FILE", requires = "no_ui", value_parser = output())]
     pub csv: Option<PathBuf>,
 
     /// Minimum severity written to the log file; the help screen (?) shows its path
@@ -334,7 +334,7 @@ pub struct TrainArgs {
 #[derive(Debug, Args)]
 pub struct InterfaceArgs {
     /// Record the screen as an asciinema cast
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = output())]
     pub record: Option<PathBuf>,
 
     /// Configuration file for theme, keys etc., instead of the default one
@@ -399,21 +399,16 @@ pub struct EditAt {
     pub file: PathBuf,
 }
 
-fn parse_edit_at(text: &str) -> Result<EditAt, String> {
-    let (updates, file) = text.split_once(':').ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
-    let updates = updates.parse().map_err(|_| format!("{updates:?} is not a number of updates"))?;
-    Ok(EditAt { updates, file: PathBuf::from(file) })
-}
-
 impl TrainArgs {
     /// Returns the map or world to train on.
     pub fn map(&self) -> &str {
         self.map.as_deref().unwrap_or(DEFAULT_MAP)
     }
 
-    /// Returns the limits of the run.
-    pub fn limits(&self) -> Limits {
-        Limits { updates: self.max_updates, seconds: self.max_seconds, episodes: self.max_episodes }
+    /// Returns the limits of a run that has been trained for `seconds` before.
+    pub fn limits(&self, seconds: f64) -> Limits {
+        let until = self.max_seconds.map(|more| seconds + more);
+        Limits { updates: self.max_updates, seconds: until, episodes: self.max_episodes }
     }
 }
 
@@ -428,8 +423,9 @@ pub enum MapKindArg {
     Perfect,
 }
 
-fn sides() -> clap::builder::RangedI64ValueParser<u16> {
-    clap::value_parser!(u16).range(*RANDOM_SIZES.start() as i64..=*RANDOM_SIZES.end() as i64)
+/// Returns the parser of the cells along each side of a random map.
+fn sides() -> impl Fn(&str) -> Result<u16, String> + Clone + Send + Sync + 'static {
+    counts(*RANDOM_SIZES.start() as u64..=*RANDOM_SIZES.end() as u64)
 }
 
 impl From<MapKindArg> for RandomMapKind {
@@ -504,27 +500,4 @@ fn methods_help() -> String {
 fn preset_parser() -> impl TypedValueParser<Value = Preset> {
     let values = Preset::ALL.map(|preset| PossibleValue::new(preset.name()).help(preset.about()));
     PossibleValuesParser::new(values).map(|name| Preset::named(&name).unwrap_or(Preset::Default))
-}
-
-fn parse_seconds(text: &str) -> Result<f64, String> {
-    text.parse()
-        .ok()
-        .filter(|s| (0.0..=1e9).contains(s))
-        .ok_or_else(|| "expected a number of seconds from 0 to 1e9".to_owned())
-}
-
-#[cfg(feature = "tui")]
-fn parse_speed(text: &str) -> Result<f64, String> {
-    let speed = text.parse().ok().filter(|x| (0.1..=100.0).contains(x));
-    speed.ok_or_else(|| "expected a number from 0.1 to 100".to_owned())
-}
-
-fn parse_minutes(text: &str) -> Result<f64, String> {
-    let minutes = text.parse().ok().filter(|m| (0.0..=1e6).contains(m));
-    minutes.ok_or_else(|| "expected a number of minutes, 0 for none".to_owned())
-}
-
-fn parse_share(text: &str) -> Result<f64, String> {
-    let share = text.parse().ok().filter(|s| (0.0..=1.0).contains(s));
-    share.ok_or_else(|| "expected a fraction from 0 to 1, e.g. 0.95".to_owned())
 }

@@ -21,7 +21,7 @@ use crate::store::{Store, StoreError};
 pub use fetch_reach::{ArmScene, FetchReach};
 pub use film::{FilmPoints, MAX_FILM_PLACES};
 pub use maze::PointMaze;
-pub(crate) use task::{BUDGET_FACTOR, MIN_BUDGET_STEPS};
+pub(crate) use task::{BUDGET_FACTOR, MAX_BUDGET_STEPS, MIN_BUDGET_STEPS};
 pub use task::{DistanceUnit, GroundTruth, NEAR_STEPS, Task, TaskSet, TruePairs};
 
 /// The built-in worlds.

@@ -12,11 +12,11 @@ use std::panic::{AssertUnwindSafe, catch_unwind};
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
-use crate::cli::{EXIT_NOT_REACHED, TrainArgs};
+use crate::cli::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, TrainArgs};
 use crate::setup::{Setup, save_elsewhere};
 use crate::signals::TerminationSignal;
 use crate::text::{eprint_line, escape_json_line, grouped};
-use crate::train::{EndReason, Evaluation, Tick, Trainer};
+use crate::train::{EndReason, Evaluation, Limits, Tick, Trainer};
 use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
@@ -35,8 +35,17 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let termination = TerminationSignal::listen(|| {})?;
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
-    let table = args.csv.as_deref().map(|path| Table::create(path, args.overwrite)).transpose()?;
-    let mut session = Session { setup, args, progress: Progress::new(args), saver, table, termination };
+    let table = args.csv.as_deref().map(|path| Table::open(path, args.overwrite, &setup)).transpose();
+    let table = match table {
+        Ok(table) => table,
+        Err(error) => {
+            crate::report::print_error(error);
+            return Ok(EXIT_BAD_INPUT);
+        }
+    };
+    let limits = args.limits(setup.trainer.seconds());
+    let progress = Progress::new(args, setup.trainer.seconds());
+    let mut session = Session { setup, args, limits, progress, saver, table, termination };
     let ended = session.run();
     // Saves what was learned, even after an error.
     let saved = session.save_at_end();
@@ -81,6 +90,7 @@ fn print(record: &Record) -> Result<(), Report> {
 struct Session<'a> {
     setup: Setup,
     args: &'a TrainArgs,
+    limits: Limits,
     progress: Progress,
     saver: Option<Saver>,
     table: Option<Table>,
@@ -120,12 +130,7 @@ impl Session<'_> {
     /// Trains until a limit is reached or a signal arrives.
     fn train(&mut self) -> Result<EndReason, Report> {
         self.apply_due_edits()?;
-        if self.limit_reached() == Some(EndReason::MaxUpdates) {
-            let updates = grouped(self.setup.trainer.counters().updates);
-            eprint_line(&format!(
-                "nothing to train: the run has {updates} updates already, and --max-updates counts all"
-            ));
-        }
+        self.report_reached_limit();
         if self.missed_evaluation() && self.evaluate()?.is_none() {
             return Ok(EndReason::Interrupted);
         }
@@ -158,6 +163,17 @@ impl Session<'_> {
                 self.save_periodically();
             }
         }
+    }
+
+    /// Says so if a resumed run has nothing left to train.
+    fn report_reached_limit(&self) {
+        let counters = self.setup.trainer.counters();
+        let (done, option) = match self.limit_reached() {
+            Some(EndReason::MaxUpdates) => (grouped(counters.updates) + " updates", "--max-updates"),
+            Some(EndReason::MaxEpisodes) => (grouped(counters.episodes) + " episodes", "--max-episodes"),
+            _ => return,
+        };
+        eprint_line(&format!("nothing to train: the run has {done} already, and {option} counts all"));
     }
 
     /// Whether the run is evaluated after the current number of updates.
@@ -227,7 +243,7 @@ impl Session<'_> {
     }
 
     fn limit_reached(&self) -> Option<EndReason> {
-        self.setup.trainer.limit_reached(&self.args.limits())
+        self.setup.trainer.limit_reached(&self.limits)
     }
 
     /// Evaluates and prints the result; returns `None` if a signal arrives.

@@ -29,6 +29,12 @@ fn main() -> ExitCode {
     if let Err(error) = signals::survive_file_size_limit() {
         eprint_line(&format!("files that become too large will end the program: {error}"));
     }
+    // Not a command for people: neither help nor completions list it.
+    #[cfg(feature = "tui")]
+    if std::env::args_os().nth(1).is_some_and(|first| first == tui::GUARD_COMMAND) {
+        tui::guard_terminal();
+        return ExitCode::SUCCESS;
+    }
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
         Err(error) => return usage(&error),
@@ -50,11 +56,6 @@ fn main() -> ExitCode {
         Some(Command::Ablate(args)) => ablate::run(args).unwrap_or_else(|error| fail(error, EXIT_BAD_INPUT)),
         #[cfg(feature = "tui")]
         Some(Command::Frames(args)) => printed(frames::run(args), EXIT_BAD_INPUT),
-        #[cfg(feature = "tui")]
-        Some(Command::TerminalGuard) => {
-            tui::guard_terminal();
-            0
-        }
         Some(Command::Completions { shell }) => {
             let mut script = Vec::new();
             clap_complete::generate(*shell, &mut Cli::command(), "gdg-tui", &mut script);

@@ -22,7 +22,7 @@ pub use distance::{Components, Diameter, StepSearch};
 pub use error::{MapError, MapResult};
 pub(crate) use flood::Flood;
 pub use flood::UNREACHABLE;
-pub use grid::{Cell, Grid, MAX_CELLS};
+pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
 pub(crate) use half_cells::{HalfCells, PointSearch};
 pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes};
 pub use movingai::print_movingai;

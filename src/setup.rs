@@ -99,7 +99,8 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
     let resumed = resumed_file(args, registry)?;
     let save = args.save.as_deref().map(|path| save_to(path, resumed.as_deref(), args.overwrite)).transpose()?;
     if let Some(path) = &args.csv {
-        refuse_existing(path, args.overwrite)?;
+        // A resumed run goes on in its own table.
+        refuse_existing(path, args.overwrite || resumed.is_some())?;
         refuse_input(("--csv", path), inputs(args, resumed.as_deref()))?;
         files::check_writable(path).map_err(|error| {
             let help = "give --csv a file in a writable folder";
@@ -269,7 +270,8 @@ pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
         let help = "give a map: a built-in name or a file";
         return Err(miette!(help = help, "{name}: is a world without a map, which this command needs"));
     }
-    let looks_like_a_name = !path.exists() && path.extension().is_none() && !name.contains(std::path::is_separator);
+    let looks_like_a_name =
+        name != "-" && !path.exists() && path.extension().is_none() && !name.contains(std::path::is_separator);
     if looks_like_a_name {
         let maps = map::BUILTIN.map(|(known, _)| known);
         let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| kind.name);

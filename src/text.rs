@@ -4,8 +4,10 @@
 //! the text direction. All external text passes through here before it is displayed.
 
 mod excerpt;
+mod number;
 
 pub use excerpt::{Excerpt, line_and_column};
+pub use number::{CountError, parse_count, parse_real};
 
 /// Returns whether a character does anything but display itself.
 fn is_active(c: char) -> bool {

@@ -46,11 +46,11 @@ mod tests;
 mod theme;
 mod tour;
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::thread::JoinHandle;
 
-use miette::{IntoDiagnostic, Report};
+use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::{InterfaceArgs, TourArgs, TrainArgs};
 use crate::engine::Engine;
@@ -69,7 +69,7 @@ pub use measure::{MeasuredInterface, MeasuredScreen};
 pub use raster::Marker;
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
-pub use terminal::run_guard as guard_terminal;
+pub use terminal::{GUARD_COMMAND, run_guard as guard_terminal};
 
 /// The configuration and the recording, opened before the interface starts.
 pub struct PreparedInterface {
@@ -77,16 +77,34 @@ pub struct PreparedInterface {
     recorder: Option<Recorder>,
 }
 
+/// Open files that the interface needs besides those that are open: for terminal, signals, its guard and checkpoints.
+#[cfg(unix)]
+const MIN_OPEN_FILES: usize = 24;
+
 /// Reads the configuration and starts the recording. Called before anything else, since both can fail.
 ///
 /// # Errors
-/// The configuration is invalid, or the recording exists already or cannot be written.
+/// The configuration is invalid, the recording exists already or cannot be written, or too few files can be open at once.
 pub fn prepare(args: &InterfaceArgs, overwrite: bool) -> Result<PreparedInterface, Report> {
+    #[cfg(unix)]
+    check_open_files()?;
     let mut config = config::load(args.ui_config.as_deref())
         .map_err(|e| ExplainedError::report(e.to_string(), e.help, e.excerpt))?;
     config.0.marker = args.marker.unwrap_or(config.0.marker);
     let recorder = args.record.as_deref().map(|path| Recorder::start(path, overwrite)).transpose()?;
     Ok(PreparedInterface { config, recorder })
+}
+
+/// Checks that as many files can be open as the interface needs: the libraries that it uses panic otherwise.
+#[cfg(unix)]
+fn check_open_files() -> Result<(), Report> {
+    use std::os::fd::AsFd;
+    let stdin = std::io::stdin();
+    let opened: std::io::Result<Vec<_>> = (0..MIN_OPEN_FILES).map(|_| stdin.as_fd().try_clone_to_owned()).collect();
+    opened.map(drop).map_err(|error| {
+        let help = "raise the limit, e.g. ulimit -n 256, or train with --no-ui";
+        miette!(help = help, "the interface needs {MIN_OPEN_FILES} more open files: {error}")
+    })
 }
 
 /// Runs the trainer and returns the exit status.
@@ -103,7 +121,8 @@ pub fn run(
     // A resumed run is what the user wants.
     let search = resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
     // What is to be saved elsewhere is not saved yet.
-    let engine = Engine::resume(trainer, args.limits(), resumed.filter(|_| save.is_none())).into_diagnostic()?;
+    let limits = args.limits(trainer.seconds());
+    let engine = Engine::resume(trainer, limits, resumed.filter(|_| save.is_none())).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let marker = config.0.marker;
     let mut app = App::new(engine, viewer, config, Files { save });
@@ -112,7 +131,11 @@ pub fn run(
     let file = args.map.as_deref().filter(|name| map::builtin(name).is_none()).map(Path::new);
     let file = file.filter(|file| file.is_file()).map(Path::to_owned);
     // Writing to the disk must not delay the first frame.
-    let remembering = file.map(|file| std::thread::spawn(move || app::remember_map(&file)));
+    let remember = |file: PathBuf| {
+        let thread = std::thread::Builder::new().name("recent maps".to_owned());
+        thread.spawn(move || app::remember_map(&file)).ok()
+    };
+    let remembering = file.and_then(remember);
     warnings.iter().for_each(|warning| app.notify(warning));
     let status = event_loop::show(app, recorder, marker, &termination);
     remembering.map(JoinHandle::join);

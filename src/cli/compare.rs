@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::{MethodParser, ScreenArgs};
+use super::{MethodParser, ScreenArgs, counts};
 use crate::train::Method;
 
 const EXAMPLES: &str = "\
@@ -34,7 +34,7 @@ pub struct CompareArgs {
     pub map: String,
 
     /// Random seed of both: same seed, same runs
-    #[arg(long, default_value_t = 0)]
+    #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]
     pub seed: u64,
 
     /// Change one setting of both methods, or of one side (repeatable)
@@ -42,7 +42,7 @@ pub struct CompareArgs {
     pub set: Vec<String>,
 
     /// Threads per side; results do not depend on their number [default: half of this machine's cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub threads: Option<u16>,
 
     /// Options of what is shown and recorded.

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 
+use super::{counts, output};
 use crate::experiment::reproduce::FIGURES;
 
 const EXAMPLES: &str = "\
@@ -50,23 +51,23 @@ pub struct ReproduceArgs {
     pub budget: BudgetArg,
 
     /// Train every job for N updates instead
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub updates: Option<u64>,
 
     /// Train every job for N episodes instead
-    #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    #[arg(long, value_name = "N", conflicts_with = "updates", value_parser = counts::<u64>(1..=1 << 53))]
     pub episodes: Option<u64>,
 
     /// Train every job for N environment steps instead
-    #[arg(long, value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    #[arg(long, value_name = "N", conflicts_with_all = ["updates", "episodes"], value_parser = counts::<u64>(1..=1 << 53))]
     pub steps: Option<u64>,
 
     /// Runs per method in figures over several seeds, with seeds 1, 2, ...
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1000))]
     pub seeds: Option<u64>,
 
     /// Evaluation tasks at each of six distances (five for the arm) at the end, and at most that many along the way
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: Option<u32>,
 
     /// Change one setting of all methods, or of the one named (repeatable)
@@ -74,11 +75,11 @@ pub struct ReproduceArgs {
     pub set: Vec<String>,
 
     /// Folder for jobs, data, figures and the report
-    #[arg(long, value_name = "FOLDER", default_value = "saves/reproduce")]
+    #[arg(long, value_name = "FOLDER", default_value = "saves/reproduce", value_parser = output())]
     pub out: PathBuf,
 
     /// Parallel jobs, each on one thread; results do not depend on their number [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub jobs: Option<u16>,
 
     /// Print a complete command per job, one a line, and exit

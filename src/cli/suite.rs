@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 
-use super::{RunArgs, parse_share};
+use super::{RunArgs, counts, output, parse_share};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -25,23 +25,23 @@ pub struct SuiteArgs {
     pub maps: Vec<String>,
 
     /// Updates per map [default: 60000 up to 6,000 free cells, 200000 up to 50,000, 600000 beyond]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u64).range(1..=1 << 53))]
+    #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]
     pub budget: Option<u64>,
 
     /// Runs per map, with seeds 1, 2, ...
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = counts::<u64>(1..=1000))]
     pub seeds: u64,
 
     /// Evaluation tasks at each of six distances
-    #[arg(long, value_name = "N", default_value_t = 30, value_parser = clap::value_parser!(u32).range(1..=10_000))]
+    #[arg(long, value_name = "N", default_value_t = 30, value_parser = counts::<u32>(1..=10_000))]
     pub eval_tasks: u32,
 
     /// Folder for results, pictures and the report, and for checkpoints until a job is done
-    #[arg(long, value_name = "FOLDER", default_value = "saves/suite")]
+    #[arg(long, value_name = "FOLDER", default_value = "saves/suite", value_parser = output())]
     pub out: PathBuf,
 
     /// Parallel jobs, each on one thread; results do not depend on their number [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub jobs: Option<u16>,
 
     /// Method and settings.

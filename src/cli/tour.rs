@@ -2,7 +2,7 @@
 
 use clap::Args;
 
-use super::ScreenArgs;
+use super::{ScreenArgs, counts};
 
 const EXAMPLES: &str = "\
 Examples:
@@ -19,7 +19,7 @@ Exit status: 0 success; 1 failure while running; 2 bad usage or input; 129, 130 
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct TourArgs {
     /// Threads per update; results do not depend on their number [default: this machine's cores]
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=256))]
+    #[arg(long, value_name = "N", value_parser = counts::<u16>(1..=256))]
     pub threads: Option<u16>,
 
     /// Options of what is shown and recorded.

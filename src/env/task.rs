@@ -21,10 +21,14 @@ pub(crate) const MIN_BUDGET_STEPS: u32 = 500;
 /// Step budget of a task, as a multiple of its shortest path.
 pub(crate) const BUDGET_FACTOR: u32 = 3;
 
+/// Maximum step budget of a task, so that evaluations end: as long as the longest episode.
+pub(crate) const MAX_BUDGET_STEPS: u32 = 60_000;
+
 impl Task {
     /// Returns the number of steps within which the goal has to be reached.
     pub fn budget(&self) -> u32 {
-        self.shortest.map_or(MIN_BUDGET_STEPS, |steps| (BUDGET_FACTOR * steps).max(MIN_BUDGET_STEPS))
+        let steps = BUDGET_FACTOR.saturating_mul(self.shortest.unwrap_or(0));
+        steps.clamp(MIN_BUDGET_STEPS, MAX_BUDGET_STEPS)
     }
 }
 

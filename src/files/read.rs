@@ -6,12 +6,25 @@ use std::path::Path;
 
 use crate::text::line_and_column;
 
+/// What to do with input that is not in a file.
+const WRITE_FIRST: &str = "write what is to be read to a file first, and give that";
+
 /// Opens a regular file for reading: a FIFO without a writer would block forever, and a device may have no end.
 ///
 /// # Errors
 /// Returns the system's error, or an error if the path is not a regular file.
 pub fn open(path: &Path) -> Result<File> {
-    ensure_regular_file(std::fs::metadata(path)?.file_type())?;
+    let found = std::fs::metadata(path).map_err(|error| match error.kind() {
+        ErrorKind::NotFound if path == Path::new("-") => {
+            Error::new(ErrorKind::NotFound, format!("standard input is not read here: {WRITE_FIRST}"))
+        }
+        _ => error,
+    })?;
+    ensure_regular_file(found.file_type()).map_err(|error| match error.kind() {
+        // It may wait for ever, or have no end.
+        ErrorKind::InvalidInput => Error::new(error.kind(), format!("{error}: {WRITE_FIRST}")),
+        _ => error,
+    })?;
     open_with(path, OpenOptions::new().read(true), true)
 }
 

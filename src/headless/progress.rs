@@ -11,15 +11,16 @@ use crate::train::Trainer;
 /// Shows training progress towards the limit.
 pub struct Progress {
     bar: ProgressBar,
-    /// Whether the position is training time in milliseconds instead of updates.
-    by_seconds: bool,
+    /// Where the position is the training time in milliseconds instead of updates: the seconds trained before.
+    from_seconds: Option<f64>,
     started: bool,
 }
 
 impl Progress {
-    /// Creates a bar towards `--max-updates`, else `--max-seconds`, else without an end.
-    pub fn new(args: &TrainArgs) -> Self {
-        let by_seconds = args.max_updates.is_none() && args.max_seconds.is_some();
+    /// Creates a bar towards `--max-updates`, else `--max-seconds`, else without an end, for a run that has been trained
+    /// for `seconds` before.
+    pub fn new(args: &TrainArgs, seconds: f64) -> Self {
+        let from_seconds = (args.max_updates.is_none() && args.max_seconds.is_some()).then_some(seconds);
         let length = args.max_updates.or(args.max_seconds.map(|s| (s * 1000.0) as u64));
         // Indicatif draws nothing if standard error is not a terminal.
         let bar = ProgressBar::with_draw_target(length, ProgressDrawTarget::stderr());
@@ -30,14 +31,15 @@ impl Progress {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
-        Self { bar, by_seconds, started: false }
+        Self { bar, from_seconds, started: false }
     }
 
     /// Updates the bar to the trainer's state.
     pub fn show(&mut self, trainer: &Trainer) {
         let updates = trainer.counters().updates;
         self.bar.set_message(format!("{updates} updates, {:.0}/s", updates_per_second(trainer)));
-        self.bar.set_position(if self.by_seconds { (trainer.seconds() * 1000.0) as u64 } else { updates });
+        let position = self.from_seconds.map_or(updates, |from| ((trainer.seconds() - from) * 1000.0) as u64);
+        self.bar.set_position(position);
         if !self.started {
             // A resumed run's earlier progress says nothing about the remaining time.
             self.started = true;

@@ -1,13 +1,17 @@
 //! The metrics of a run as CSV: a line per progress record and per evaluation.
 
-use std::fs::File;
+mod earlier;
+
+use std::fs::{File, OpenOptions};
+use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
-use miette::{IntoDiagnostic, Report, WrapErr};
+use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::updates_per_second;
+use crate::files;
 use crate::learn::Losses;
-use crate::setup::create;
+use crate::setup::{Setup, create, refuse_existing};
 use crate::text::eprint_line;
 use crate::train::{Evaluation, Score, Trainer};
 
@@ -43,6 +47,15 @@ const EVALUATION: [&str; 12] = [
 /// Distances at which tasks are evaluated, at most.
 const DISTANCES: usize = 6;
 
+/// Size limit of a table that a resumed run goes on in.
+const MAX_BYTES: u64 = 1 << 30;
+
+/// Returns the names of the columns.
+fn column_names() -> impl Iterator<Item = String> {
+    let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
+    PROGRESS.into_iter().chain(EVALUATION).map(str::to_owned).chain(at("greedy")).chain(at("planned"))
+}
+
 /// The table, while it is written.
 pub struct Table {
     path: PathBuf,
@@ -51,15 +64,23 @@ pub struct Table {
 }
 
 impl Table {
-    /// Creates the file and writes the names of the columns.
+    /// Opens the table of the run in `setup`: a new file, or that of a resumed run, as it was when the run was saved.
     ///
     /// # Errors
-    /// The file exists and must not be replaced, or cannot be written.
-    pub fn create(path: &Path, overwrite: bool) -> Result<Self, Report> {
-        let mut writer = csv::Writer::from_writer(create(path, overwrite)?);
-        let at = |actor: &'static str| (1..=DISTANCES).map(move |i| format!("{actor}_success_{i}"));
-        let names = PROGRESS.into_iter().chain(EVALUATION).map(str::to_owned).chain(at("greedy")).chain(at("planned"));
-        writer.write_record(names).into_diagnostic()?;
+    /// The file is not the run's table and must not be replaced, or cannot be written.
+    pub fn open(path: &Path, overwrite: bool, setup: &Setup) -> Result<Self, Report> {
+        let is_there = setup.resumed.is_some() && path.exists();
+        let file = match is_there.then(|| go_on(path, &setup.trainer)).transpose() {
+            Ok(Some((file, 1..))) => {
+                return Ok(Self { path: path.to_owned(), writer: Some(csv::Writer::from_writer(file)) });
+            }
+            Ok(Some((file, 0))) => file,
+            Ok(None) => create(path, overwrite)?,
+            Err(_) if overwrite => create(path, true)?,
+            Err(error) => return Err(error),
+        };
+        let mut writer = csv::Writer::from_writer(file);
+        writer.write_record(column_names()).into_diagnostic()?;
         writer.flush().into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
         Ok(Self { path: path.to_owned(), writer: Some(writer) })
     }
@@ -77,17 +98,32 @@ impl Table {
     }
 }
 
+/// Opens the table of a resumed run for more rows, and cuts off those that the run will write again. Returns the bytes kept.
+fn go_on(path: &Path, trainer: &Trainer) -> Result<(File, u64), Report> {
+    refuse_existing(path, true)?;
+    let unreadable = |error: std::io::Error| miette!("{}: the table cannot be continued: {error}", path.display());
+    let kept = earlier::length_to_keep(&files::read(path, MAX_BYTES).map_err(unreadable)?, trainer).map_err(|why| {
+        let help = "give --csv another name, or --overwrite to replace the file";
+        miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
+    })?;
+    let mut file = OpenOptions::new().write(true).open(path).map_err(unreadable)?;
+    file.set_len(kept).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
+    Ok((file, kept))
+}
+
 fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {
     let (counters, losses) = (trainer.counters(), trainer.losses());
     let mut line = vec![if evaluated { "evaluation" } else { "progress" }.to_owned()];
     line.push(format!("{:.3}", trainer.seconds()));
     line.extend([counters.updates, counters.env_steps, counters.episodes].map(|n| n.to_string()));
     line.push(format!("{:.1}", updates_per_second(trainer)));
-    line.extend(
-        [losses.critic, losses.model, losses.actor]
-            .map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string())),
-    );
+    line.extend(self::losses([losses.critic, losses.model, losses.actor]));
     line
+}
+
+/// Returns the columns of the losses; empty ones for those that there are not.
+fn losses(losses: [f32; 3]) -> [String; 3] {
+    losses.map(|loss| Losses::known(loss).map_or(String::new(), |loss| loss.to_string()))
 }
 
 /// Returns the columns of an evaluation; empty ones for numbers that there are not.

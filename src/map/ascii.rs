@@ -1,7 +1,7 @@
 //! Plain ASCII maps: one character per cell.
 
 use super::error::MapResult;
-use super::grid::{Cell, Grid, MAX_CELLS};
+use super::grid::{Cell, Grid, is_size, size_limits};
 use super::text::Text;
 use crate::text::grouped;
 
@@ -32,13 +32,13 @@ fn mark(c: char) -> Option<Mark> {
 /// Parses a plain ASCII map: `#`, `@`, `O`, `T`, `W` wall; `.` and space free; `S` a start, `G` a goal.
 ///
 /// # Errors
-/// Fails on rows of different lengths, unknown characters, no free cell, or more than [`MAX_CELLS`] cells.
+/// Fails on rows of different lengths, unknown characters, no free cell, or a size beyond [`size_limits`].
 pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
     let width = text.lines[0].chars().count();
     if width == 0 {
         return Err(text.error(0, 0..0, "the first row is empty", "begin the file with the map's first row"));
     }
-    if width * text.lines.len() > MAX_CELLS {
+    if !is_size(width, text.lines.len()) {
         return Err(too_large(text, width, text.lines.len()));
     }
     let mut free = Vec::with_capacity(width * text.lines.len());
@@ -72,10 +72,9 @@ pub fn print_ascii(grid: &Grid) -> String {
     rows.into_iter().map(|row| String::from_utf8_lossy(&row).into_owned() + "\n").collect()
 }
 
-/// Creates the error for a map of more than [`MAX_CELLS`] cells.
+/// Creates the error for a map of a size that none can have.
 pub fn too_large(text: &Text, width: usize, height: usize) -> Box<super::MapError> {
-    let help = format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096");
-    text.line_error(0, format!("a map of {width} x {height} cells is too large"), help)
+    text.line_error(0, format!("a map of {width} x {height} cells is too large"), size_limits())
 }
 
 /// Creates the error for the first character from `line` on that is not a map character; it names others too. `help` says

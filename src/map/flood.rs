@@ -33,6 +33,8 @@ struct Word {
     unreached: u64,
     /// Cells of the next ring; empty between floods.
     next_ring: u64,
+    /// Cells that a search looks for; empty between searches.
+    wanted: u64,
 }
 
 impl Flood {
@@ -78,17 +80,22 @@ impl Flood {
         let places: Vec<(usize, u64)> = targets.iter().map(|target| self.place(*target)).collect();
         let mut left: Vec<usize> =
             (0..places.len()).filter(|i| self.cells[places[*i].0].free & places[*i].1 != 0).collect();
-        self.flood(cell, |at, _, cells| {
-            left.retain(|i| {
-                let (word, bit) = places[*i];
-                let reached = cells[word].unreached & bit == 0;
-                if reached {
-                    steps[*i] = at;
-                }
-                !reached
-            });
+        left.iter().for_each(|i| self.cells[places[*i].0].wanted |= places[*i].1);
+        self.flood(cell, |at, ring, cells| {
+            // A way may have millions of rings: the targets are looked at only in those that reach one.
+            if ring.iter().any(|(word, bits)| cells[*word].wanted & bits != 0) {
+                left.retain(|i| {
+                    let (word, bit) = places[*i];
+                    let reached = cells[word].unreached & bit == 0;
+                    if reached {
+                        steps[*i] = at;
+                    }
+                    !reached
+                });
+            }
             if left.is_empty() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
         });
+        places.iter().for_each(|(word, _)| self.cells[*word].wanted = 0);
         steps
     }
 

@@ -3,6 +3,20 @@
 /// The maximum number of cells in a map (4096 x 4096).
 pub const MAX_CELLS: usize = 1 << 24;
 
+/// The maximum number of cells along a side: positions in single precision tell places within a cell apart this far.
+pub const MAX_SIDE: usize = 1 << 15;
+
+/// Returns whether a map can have this size.
+pub fn is_size(width: usize, height: usize) -> bool {
+    let is_side = |side| (1..=MAX_SIDE).contains(&side);
+    is_side(width) && is_side(height) && width * height <= MAX_CELLS
+}
+
+/// Returns what sizes a map can have.
+pub fn size_limits() -> String {
+    format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096, and {MAX_SIDE} along a side")
+}
+
 /// A cell at column `x` (rightwards) and row `y` (downwards), counted from the upper left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Cell {
@@ -116,9 +130,9 @@ impl Grid {
     /// Creates a map of free cells only.
     ///
     /// # Panics
-    /// If the map would have no cells, or more than [`MAX_CELLS`].
+    /// If no map can have this size ([`is_size`]).
     pub fn empty(name: &str, width: usize, height: usize) -> Self {
-        assert!(width > 0 && height > 0 && width * height <= MAX_CELLS, "the size is out of range");
+        assert!(is_size(width, height), "the size is out of range");
         Self::new(name, width, vec![true; width * height], Vec::new(), Vec::new())
     }
 
@@ -126,7 +140,7 @@ impl Grid {
     /// cell would remain.
     ///
     /// # Panics
-    /// If the map would have no cells, or more than [`MAX_CELLS`].
+    /// If no map can have this size ([`is_size`]).
     #[must_use]
     pub fn resized(&self, width: usize, height: usize) -> Option<Self> {
         let empty = Self::empty(&self.name, width, height);

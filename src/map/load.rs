@@ -5,7 +5,7 @@ use std::path::Path;
 
 use super::ascii::parse_ascii;
 use super::error::{MapError, MapResult};
-use super::grid::{Grid, MAX_CELLS};
+use super::grid::{Grid, MAX_CELLS, size_limits};
 use super::movingai::{is_movingai, parse_movingai};
 use super::scenario::{ScenarioTask, is_scenario, parse_scenario};
 use super::text::Text;
@@ -61,7 +61,7 @@ fn read(path: &Path, kind: &str) -> MapResult<Vec<u8>> {
             ErrorKind::IsADirectory => ("is a directory".to_owned(), help),
             ErrorKind::FileTooLarge => {
                 let help = match kind {
-                    "map" => format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096"),
+                    "map" => size_limits(),
                     _ => help,
                 };
                 (format!("the file is too large for a {kind}"), help)

@@ -4,7 +4,7 @@ use std::num::IntErrorKind;
 
 use super::ascii::{check_row_length, check_some_free, too_large, unknown_character};
 use super::error::MapResult;
-use super::grid::{Cell, Grid, MAX_CELLS};
+use super::grid::{Cell, Grid, MAX_SIDE, is_size};
 use super::text::Text;
 
 const HEADER: &str =
@@ -32,7 +32,7 @@ fn is_free(c: char) -> Option<bool> {
 /// Fails if the header is incomplete or contradicts the body, and on everything that makes a plain map invalid.
 pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
     let (width, height, first_row) = parse_header(text)?;
-    if width.checked_mul(height).is_none_or(|cells| cells > MAX_CELLS) {
+    if !is_size(width, height) {
         return Err(too_large(text, width, height));
     }
     let rows = text.lines.len() - first_row;
@@ -88,11 +88,12 @@ fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
     let column = text.lines[line].chars().count() - text.lines[line].trim_start().chars().count();
     let from = column + text.lines[line].trim_start().find(value).unwrap_or(0);
     let error = |problem: String| {
-        text.error(line, from..from + value.chars().count(), problem, "sizes are integers from 1 to 16777216")
+        let help = format!("sizes are integers from 1 to {MAX_SIDE}");
+        text.error(line, from..from + value.chars().count(), problem, help)
     };
     match value.parse::<usize>() {
         Ok(0) => Err(error("a size of 0 is invalid".to_owned())),
-        Ok(size) if size <= MAX_CELLS => Ok(size),
+        Ok(size) if size <= MAX_SIDE => Ok(size),
         Ok(_) => Err(error(format!("a size of {value} is too large"))),
         Err(e) if *e.kind() == IntErrorKind::PosOverflow => Err(error(format!("a size of {value} is too large"))),
         Err(_) => Err(error(format!("{value:?} is not a size"))),

@@ -15,7 +15,7 @@ use super::settings::Settings;
 use super::settings::reference::{SETTINGS, Setting};
 use crate::files;
 use crate::learn::OutOfRange;
-use crate::text::{Excerpt, sanitized, truncated};
+use crate::text::{CountError, Excerpt, parse_count, parse_real, sanitized, truncated};
 
 /// Overrides of a preset.
 #[derive(Clone, Debug, Default)]
@@ -106,7 +106,7 @@ fn apply_assignment(values: &mut Map<String, Value>, text: &str, source: &str) -
         let help = "use --set name=value, e.g. --set expectile=0.9".to_owned();
         ConfigError::new(format!("{source}{shown}: no value given"), help)
     })?;
-    apply(values, name.trim(), &value_of(value)).map_err(|e| e.at(format!("{source}{shown}: ")))
+    apply_typed(values, name.trim(), value).map_err(|e| e.at(format!("{source}{shown}: ")))
 }
 
 /// Returns the settings of `preset` overridden by `text`, the contents of a settings file called `file`.
@@ -128,8 +128,7 @@ pub fn print_settings(settings: &Settings) -> String {
 
 /// Returns the names and values of all settings, in the order of the reference.
 pub fn list_settings(settings: &Settings) -> Vec<(String, String)> {
-    let text = |value: &Value| value.as_str().map_or_else(|| value.to_string(), str::to_owned);
-    as_map(settings).iter().map(|(name, value)| (name.clone(), text(value))).collect()
+    as_map(settings).iter().map(|(name, value)| (name.clone(), shown(value))).collect()
 }
 
 /// Returns the settings of `settings` that differ from those of `base`, by name.
@@ -144,15 +143,49 @@ pub fn changed_from(settings: &Settings, base: &Settings) -> Map<String, Value> 
 /// The name is unknown, or the value has the wrong type or is out of range.
 pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Settings, Box<ConfigError>> {
     let mut values = as_map(settings);
-    apply(&mut values, name, &value_of(value))?;
+    apply_typed(&mut values, name, value)?;
     let settings = parse(&values)?;
     check(&settings, &values)?;
     Ok(settings)
 }
 
-/// Parses `text` as JSON, or treats it as a string if that fails, so that words need no quotes: loss=sqrt.
-fn value_of(text: &str) -> Value {
-    serde_json::from_str(text).unwrap_or_else(|_| Value::String(text.to_owned()))
+/// Sets one value as a person types it: JSON, a number with underscores or groups of digits, or a word without quotes
+/// (`loss=sqrt`).
+fn apply_typed(values: &mut Map<String, Value>, name: &str, text: &str) -> Result<(), Box<ConfigError>> {
+    let is_count = Setting::named(name).is_some_and(Setting::is_count);
+    // As JSON, 60.000 is 60, which may not be what is meant.
+    if is_count && matches!(parse_count(text), Ok(_) | Err(CountError::Ambiguous(..))) {
+        return apply(values, name, &Value::String(text.to_owned()));
+    }
+    let with_underscores = || text.contains('_').then(|| parse_real(text)).flatten().map(Value::from);
+    let word = || Value::String(text.to_owned());
+    apply(values, name, &serde_json::from_str(text).ok().or_else(with_underscores).unwrap_or_else(word))
+}
+
+/// Returns the value of a setting that is a whole number as one, if it is written in another way: `1e6`, `"60_000"`,
+/// `100.0`.
+fn as_count(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>> {
+    /// Whole numbers below this are exact in double precision.
+    const MAX_EXACT: f64 = (1_u64 << 53) as f64;
+    let fraction =
+        || format!("{} needs a whole number, not {}", setting.name, truncated(&shown(value), MAX_QUOTED_CHARS));
+    let problem = match (value, value.as_f64().filter(|_| !value.is_u64())) {
+        (_, Some(number)) if number.fract() != 0.0 => fraction(),
+        (_, Some(number)) if (0.0..MAX_EXACT).contains(&number) => return Ok((number as u64).into()),
+        (Value::String(text), _) => match parse_count(text) {
+            Ok(count) => return Ok(count.into()),
+            Err(error @ CountError::Ambiguous(..)) => format!("{}: {text} {error}", setting.name),
+            Err(CountError::Fraction) => fraction(),
+            Err(_) => return Ok(value.clone()),
+        },
+        _ => return Ok(value.clone()),
+    };
+    Err(ConfigError::new(problem, format!("{} must be {}", setting.name, setting.range)))
+}
+
+/// Returns a value as a person writes it: words without quotes.
+fn shown(value: &Value) -> String {
+    value.as_str().map_or_else(|| value.to_string(), str::to_owned)
 }
 
 fn as_map(settings: &Settings) -> Map<String, Value> {
@@ -176,9 +209,10 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
 /// Sets one value and checks it on its own.
 fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(), Box<ConfigError>> {
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
+    let value = &if setting.is_count() { as_count(setting, value)? } else { value.clone() };
     values.insert(setting.name.to_owned(), value.clone());
     let kind = |_| {
-        let help = format!("{name} must be {}", setting.range);
+        let help = format!("{name} must be {}{}", setting.range, decimal_comma(value));
         ConfigError::new(format!("{name} cannot be {}", truncated(&value.to_string(), MAX_QUOTED_CHARS)), help)
     };
     let settings: Settings = serde_json::from_value(Value::Object(values.clone())).map_err(kind)?;
@@ -208,6 +242,12 @@ fn check(settings: &Settings, values: &Map<String, Value>) -> Result<(), Box<Con
         Some(setting) => out_of_range(setting, &values[name]),
         None => ConfigError::new(format!("{name} is out of range"), "see --print-config".to_owned()),
     })
+}
+
+/// Returns what to say about a number with a decimal comma.
+fn decimal_comma(value: &Value) -> &'static str {
+    let is_number = |text: &str| text.contains(',') && text.replace(',', ".").parse::<f64>().is_ok();
+    if value.as_str().is_some_and(is_number) { "; a point separates the fraction" } else { "" }
 }
 
 fn out_of_range(Setting { name, range, .. }: &Setting, value: &Value) -> Box<ConfigError> {
@@ -270,8 +310,13 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
 
 fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {
     let entries: Entries = serde_json::from_str(text).map_err(|e| {
-        let help = "a settings file is a JSON object of names and values, in the format of --print-config".to_owned();
-        ConfigError::new(without_place(&e), help).in_file(file, text, (offset_of(text, e.line(), e.column()), 0))
+        let offset = offset_of(text, e.line(), e.column());
+        let help = if separates_digits(text, offset) {
+            "numbers in JSON have no separators: write 60000, 6e4 or \"60_000\""
+        } else {
+            "a settings file is a JSON object of names and values, in the format of --print-config"
+        };
+        ConfigError::new(without_place(&e), help.to_owned()).in_file(file, text, (offset, 0))
     })?;
     let mut given: BTreeMap<&str, &str> = BTreeMap::new();
     for (Key(name), raw) in &entries.0 {
@@ -304,6 +349,13 @@ fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result
 fn without_place(error: &serde_json::Error) -> String {
     let message = error.to_string();
     truncated(message.split(" at line ").next().unwrap_or(&message), MAX_QUOTED_CHARS)
+}
+
+/// Whether something separates two digits next to `offset`.
+fn separates_digits(text: &str, offset: usize) -> bool {
+    let digit = |at: usize| text.as_bytes().get(at).is_some_and(u8::is_ascii_digit);
+    let separator = |at: usize| text.as_bytes().get(at).is_some_and(|byte| b"_,'".contains(byte));
+    (offset.saturating_sub(1)..=offset).any(|at| at > 0 && digit(at - 1) && separator(at) && digit(at + 1))
 }
 
 /// Returns the byte offset of a line and column (from 1), as counted by serde_json.

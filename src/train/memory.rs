@@ -1,6 +1,10 @@
 //! Checks that a run fits into memory before it starts: a process that runs out of memory is killed without a message.
 
-use sysinfo::{ProcessRefreshKind, ProcessesToUpdate, System};
+#[cfg(target_os = "linux")]
+mod linux;
+
+#[cfg(target_os = "linux")]
+use std::path::Path;
 
 use super::error::TrainError;
 use super::registry::Registry;
@@ -41,31 +45,40 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
     BASE_BYTES + f32s(parameters * PARAMETER_COPIES) + f32s(batch) + replay + candidates + world.memory_bytes()
 }
 
-/// Estimates the bytes this process can still allocate: the minimum of what machine, container and process limits
-/// leave.
+/// Estimates the bytes this process can still allocate: the minimum of what machine, container, job and process limits
+/// leave. What is unknown limits nothing.
 pub fn available_bytes() -> u64 {
-    let mut system = System::new();
-    system.refresh_memory();
-    let mut least = system.available_memory();
-    if let Some(limits) = system.cgroup_limits() {
-        least = least.min(limits.free_memory);
-    }
+    let free = system_memory();
     #[cfg(unix)]
     if let Ok((limit, _)) = nix::sys::resource::getrlimit(nix::sys::resource::Resource::RLIMIT_AS)
         && limit != nix::sys::resource::RLIM_INFINITY
     {
-        least = least.min(limit.saturating_sub(address_space(&mut system) + RESERVED_BYTES));
+        return free.min(limit.saturating_sub(address_space() + RESERVED_BYTES));
     }
-    least
+    free
 }
 
-/// Returns the size of this process's address space.
+/// Returns the free memory of the machine and its control groups.
+#[cfg(target_os = "linux")]
+fn system_memory() -> u64 {
+    linux::free_memory(Path::new("/proc")).unwrap_or(u64::MAX)
+}
+
+/// Returns the free memory of the machine.
+#[cfg(not(target_os = "linux"))]
+fn system_memory() -> u64 {
+    let mut system = sysinfo::System::new();
+    system.refresh_memory();
+    system.available_memory()
+}
+
+/// Returns the size of this process's address space, 0 if it is unknown.
 #[cfg(unix)]
-fn address_space(system: &mut System) -> u64 {
-    let Ok(own) = sysinfo::get_current_pid() else { return 0 };
-    let kind = ProcessRefreshKind::nothing().with_memory();
-    system.refresh_processes_specifics(ProcessesToUpdate::Some(&[own]), false, kind);
-    system.process(own).map_or(0, sysinfo::Process::virtual_memory)
+fn address_space() -> u64 {
+    #[cfg(target_os = "linux")]
+    return linux::address_space(Path::new("/proc"));
+    #[cfg(not(target_os = "linux"))]
+    0
 }
 
 /// Checks that a run fits into memory.

@@ -111,7 +111,7 @@ pub enum Tick {
     Step,
 }
 
-/// Limits of a run, counted from the start of training, resumed or not.
+/// Limits of a run, all counted from the start of its training.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Limits {
     /// Maximum number of updates, done or (learner `random`) only counted.

@@ -58,6 +58,12 @@ pub enum UpdateWhen {
 /// The longest episode, in steps.
 const MAX_EPISODE_STEPS: u32 = 60_000;
 
+/// The most environment steps per update: seconds of exploring.
+const MAX_ENV_STEPS_PER_UPDATE: u64 = 1_000_000;
+
+/// The most environment steps before the first update: as many as the largest replay buffer holds.
+const MAX_LEARNING_STARTS: u64 = 100_000_000;
+
 /// Automatic episodes are at least this long, in steps ...
 pub(crate) const MIN_EPISODE_STEPS: u32 = 150;
 
@@ -176,7 +182,8 @@ impl TrainSettings {
         let checks = [
             ("agents", (1..=4096).contains(&self.agents)),
             ("episode_steps", self.episode_steps.given().is_none_or(|steps| (1..=MAX_EPISODE_STEPS).contains(&steps))),
-            ("env_steps_per_update", self.env_steps_per_update > 0),
+            ("env_steps_per_update", (1..=MAX_ENV_STEPS_PER_UPDATE).contains(&self.env_steps_per_update)),
+            ("learning_starts", self.learning_starts <= MAX_LEARNING_STARTS),
             ("random_actions", (0.0..=1.0).contains(&self.random_actions)),
             ("random_hold_steps", (1.0..=1e6).contains(&self.random_hold_steps)),
             ("exploration_noise", noise(self.exploration_noise)),

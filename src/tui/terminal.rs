@@ -26,7 +26,7 @@ use super::graphics::{self, Graphics, Protocol, Redraw, encode};
 use super::raster::Marker;
 use super::record::{LARGEST_SCREEN, Recorder};
 use guard::Guard;
-pub use guard::run_guard;
+pub use guard::{GUARD_COMMAND, run_guard};
 
 /// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
 pub struct Terminal {

@@ -1,1 +1,193 @@
-//! The command line: numbers, completions, and files that are not files.
+//! What people type: numbers, names, options of a resumed run.
+
+use std::path::Path;
+
+use super::support::{headless, isolated_command, outcome};
+use super::{checkpoint, events, folder};
+
+/// Runs the program with what is typed; returns exit status, output and errors.
+fn typed(folder: &Path, args: &[&str]) -> (i32, String, String) {
+    outcome(isolated_command(folder).args(args))
+}
+
+/// Returns an error as it was before its lines were broken.
+fn one_line(error: &str) -> String {
+    error.replace('│', "").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Returns a table without what depends on the machine's speed.
+fn without_times(table: &Path) -> Vec<Vec<String>> {
+    let rows = csv::Reader::from_path(table).unwrap().into_records().map(Result::unwrap);
+    let cut = |row: csv::StringRecord| {
+        row.iter().enumerate().filter(|(i, _)| ![1, 5].contains(i)).map(|(_, cell)| cell.to_owned()).collect()
+    };
+    rows.map(cut).collect()
+}
+
+#[test]
+fn counts_are_accepted_as_people_write_them_or_it_is_said_how() {
+    let folder = folder();
+    for (count, written) in [(100, "1e2"), (100, "100.0"), (1000, "1_000"), (1000, "1,000"), (1000, "1e3")] {
+        let (status, output, errors) =
+            typed(folder.path(), &["--print-config", "--set", &format!("batch_size={written}")]);
+        assert!(status == 0 && output.contains(&format!("\"batch_size\": {count},")), "{written}: {errors}");
+        let settings = folder.path().join("settings.json");
+        std::fs::write(&settings, format!("{{\"batch_size\": \"{written}\"}}")).unwrap();
+        let (status, output, errors) = typed(folder.path(), &["--print-config", "--config", "settings.json"]);
+        assert!(status == 0 && output.contains(&format!("\"batch_size\": {count},")), "{written}: {errors}");
+        let args = ["--no-ui", "trap", "--max-updates", "0", "--threads", "1", "--eval-tasks", "1", "--seed", written];
+        let (status, output, errors) = typed(folder.path(), &args);
+        assert!(status == 0 && events(&output)[0]["seed"] == count, "{written}: {errors}");
+    }
+    for (args, parts) in [
+        (&["--no-ui", "--max-updates", "1k"][..], &["expected a whole number, such as 60000, 60_000 or 6e4"][..]),
+        (&["--no-ui", "--max-updates", "60.000"], &["could mean 60 or 60000"]),
+        (&["--no-ui", "--edit-at", "1.5:x"], &["is not a number of updates", "whole number"]),
+        (&["suite", "trap", "--budget", "1e20"], &["too large"]),
+        (&["suite", "trap", "--jobs", "1e3"], &["from 1 to 256"]),
+        (&["--print-config", "--set", "batch_size=100.5"], &["batch_size needs a whole number, not 100.5"]),
+        (&["--print-config", "--set", "buffer_size=60.000"], &["could mean 60 or 60000"]),
+        (&["--print-config", "--set", "learning_rate=0,001"], &["a point separates"]),
+    ] {
+        let (status, _, errors) = typed(folder.path(), args);
+        let errors = one_line(&errors);
+        assert!(status == 2 && parts.iter().all(|part| errors.contains(part)), "{args:?}: {errors}");
+    }
+    for number in ["60,000", "60_000"] {
+        std::fs::write(folder.path().join("settings.json"), format!("{{\"batch_size\": {number}}}")).unwrap();
+        let (status, _, errors) = typed(folder.path(), &["--print-config", "--config", "settings.json"]);
+        assert!(status == 2 && errors.contains("numbers in JSON have no separators"), "{errors}");
+    }
+}
+
+#[test]
+fn no_output_is_written_to_a_file_called_minus() {
+    let folder = folder();
+    for args in [
+        &["--no-ui", "trap", "--csv", "-"][..],
+        &["--no-ui", "trap", "--save", "-"],
+        &["trap", "--record", "-"],
+        &["ablate", "--json", "-"],
+        &["film", "x", "--out", "-"],
+        &["export-policy", "x", "--out", "-"],
+        &["suite", "trap", "--out", "-"],
+        &["frames", "x", "--animate", "-"],
+    ] {
+        let (status, _, errors) = typed(folder.path(), args);
+        assert!(status == 2 && errors.contains("standard output is not for this"), "{args:?}: {errors}");
+    }
+    assert!(!folder.path().join("-").exists());
+}
+
+#[test]
+fn input_that_is_not_in_a_file_is_refused_with_what_to_do() {
+    let folder = folder();
+    nix::unistd::mkfifo(&folder.path().join("fifo"), nix::sys::stat::Mode::S_IRWXU).unwrap();
+    for (file, why) in [("-", "standard input is not read"), ("fifo", "is a FIFO")] {
+        for args in [
+            &["check", file][..],
+            &["--no-ui", file],
+            &["--no-ui", "--config", file],
+            &["--no-ui", "trap", "--scen", file],
+            &["--no-ui", "--resume", file],
+            &["film", file],
+        ] {
+            let (status, _, errors) = typed(folder.path(), args);
+            let errors = one_line(&errors);
+            assert!(status == 2 && errors.contains(why), "{args:?}: {errors}");
+            assert!(errors.contains("write what is to be read to a file first"), "{args:?}: {errors}");
+        }
+    }
+}
+
+#[test]
+fn completions_offer_only_commands_for_people() {
+    let folder = folder();
+    for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
+        let (status, script, _) = typed(folder.path(), &["completions", shell]);
+        assert!(status == 0 && script.contains("export-policy") && !script.contains("guard"), "{shell}");
+    }
+    assert!(!typed(folder.path(), &["--help"]).1.contains("guard"));
+}
+
+#[test]
+fn a_resumed_run_goes_on_in_its_own_table() {
+    let folder = folder();
+    let run = |args: &[&str]| {
+        let (status, output, errors) = outcome(&mut headless(folder.path(), args));
+        assert_eq!(status, 0, "{errors}");
+        output
+    };
+    let common = ["--eval-tasks", "1", "--eval-every-updates", "300", "--threads", "1"];
+    let with = |args: &[&'static str]| [args, &common].concat();
+    run(&with(&["trap", "--max-updates", "1300", "--csv", "whole.csv"]));
+    run(&with(&["trap", "--max-updates", "1000", "--csv", "part.csv", "--save", "run.safetensors"]));
+    let part = folder.path().join("part.csv");
+    let (whole, saved) =
+        (std::fs::read_to_string(folder.path().join("whole.csv")).unwrap(), std::fs::read_to_string(&part).unwrap());
+    // As if the first session had gone on after its last save, and had been killed while it wrote a row.
+    let beyond =
+        whole.lines().filter(|line| line.contains(",1200,")).map(|line| format!("{line}\n")).collect::<String>();
+    assert!(!beyond.is_empty());
+    for (more, overwrite) in [("", false), (beyond.as_str(), false), ("progress,9", false), (&beyond, true)] {
+        std::fs::write(&part, format!("{saved}{more}")).unwrap();
+        let mut args = with(&["--resume", "run.safetensors", "--max-updates", "1300", "--csv", "part.csv"]);
+        args.extend(overwrite.then_some("--overwrite"));
+        run(&args);
+        let mut rows = without_times(&part);
+        // The first session's last evaluation, which the other run did not make.
+        rows.retain(|row| row[0] != "evaluation" || row[1] != "1000");
+        assert_eq!(rows, without_times(&folder.path().join("whole.csv")), "{more}, {overwrite}");
+    }
+    // Neither another run's table nor anything else is continued.
+    run(&with(&["trap", "--seed", "2", "--max-updates", "1000", "--csv", "other.csv"]));
+    std::fs::write(folder.path().join("notes.txt"), "mine\n").unwrap();
+    let (head, rest) = saved.split_once('\n').unwrap();
+    std::fs::write(folder.path().join("later.csv"), format!("{head}\n{beyond}")).unwrap();
+    std::fs::write(folder.path().join("mixed.csv"), format!("{head}\n{beyond}{rest}")).unwrap();
+    for (file, why) in [
+        ("other.csv", "is of another run"),
+        ("notes.txt", "it is not a table of metrics"),
+        ("later.csv", "none of its rows"),
+        ("mixed.csv", "go back"),
+    ] {
+        let before = std::fs::read(folder.path().join(file)).unwrap();
+        let args =
+            ["--no-ui", "--resume", "run.safetensors", "--max-updates", "1001", "--eval-tasks", "1", "--csv", file];
+        let (status, output, errors) = typed(folder.path(), &args);
+        let errors = one_line(&errors);
+        assert!((status, output.as_str()) == (2, "") && errors.contains(why), "{file}: {status} {errors}");
+        assert_eq!(std::fs::read(folder.path().join(file)).unwrap(), before);
+    }
+    let args = with(&["--resume", "run.safetensors", "--max-updates", "1200", "--csv", "other.csv", "--overwrite"]);
+    run(&args);
+    assert!(without_times(&folder.path().join("other.csv")).iter().all(|row| row[1] == "1200"));
+}
+
+#[test]
+fn a_resumed_run_trains_for_max_seconds_more() {
+    let folder = folder();
+    checkpoint(folder.path());
+    let train = |args: &[&str]| {
+        let args =
+            [&["--no-ui", "--resume", "small.safetensors", "--eval-tasks", "1", "--threads", "1"], args].concat();
+        let (status, output, errors) = typed(folder.path(), &args);
+        assert_eq!(status, 0, "{errors}");
+        (events(&output), errors)
+    };
+    let (records, _) = train(&["--max-seconds", "0"]);
+    let begun = records.last().unwrap()["seconds"].as_f64().unwrap();
+    // Less than the run has been trained for already.
+    let seconds = begun / 2.0;
+    let (records, errors) = train(&["--max-seconds", &seconds.to_string()]);
+    let end = records.last().unwrap();
+    assert_eq!((&end["reason"], errors.as_str()), (&"max-seconds".into(), ""));
+    assert!(end["seconds"].as_f64().unwrap() >= begun + seconds - 0.01, "{end}, begun {begun}");
+    assert!(end["updates"].as_u64().unwrap() > 350, "{end}");
+    // The others count from the start, which is said.
+    for limit in [["--max-updates", "350"], ["--max-episodes", "1"]] {
+        let (records, errors) = train(&limit);
+        assert!(errors.contains("nothing to train") && errors.contains(limit[0]), "{errors}");
+        assert_eq!(records.last().unwrap()["updates"], 350);
+    }
+}

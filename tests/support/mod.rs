@@ -52,8 +52,13 @@ impl Session {
 
     /// Like [`Self::start`], with a limit on the size of files, in blocks of 512 bytes.
     pub fn start_with_file_limit(folder: &Path, args: &[&str], blocks: u32) -> Self {
+        Self::start_with_limit(folder, args, &format!("-f {blocks}"))
+    }
+
+    /// Like [`Self::start`], with a limit in the form of the options of `ulimit`.
+    pub fn start_with_limit(folder: &Path, args: &[&str], limit: &str) -> Self {
         let mut program = CommandBuilder::new("sh");
-        program.args(["-c", &format!("ulimit -f {blocks}; exec \"$0\" \"$@\"")]);
+        program.args(["-c", &format!("ulimit {limit}; exec \"$0\" \"$@\"")]);
         program.arg(assert_cmd::cargo::cargo_bin!("gdg-tui"));
         Self::start_program(program, folder, args, &[])
     }

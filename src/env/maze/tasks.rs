@@ -4,14 +4,17 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
 use super::full_state_at;
-use crate::env::{Task, TaskSet};
+use crate::env::{BUDGET_FACTOR, MAX_BUDGET_STEPS, Task, TaskSet};
 use crate::map::{Cell, Diameter, Flood, Grid, ScenarioTask, StepSearch, UNREACHABLE};
 
 /// Number of distances at which a map is evaluated.
 const DISTANCE_GROUPS: usize = 6;
 
-/// The farthest of these distances, as a share of the map's diameter.
+/// The farthest of these distances, as a share of the map's diameter ...
 const MAX_DISTANCE_SHARE: f64 = 0.9;
+
+/// ... and at most this, in steps: farther tasks would have no budget to match.
+const MAX_DISTANCE_STEPS: u32 = MAX_BUDGET_STEPS / BUDGET_FACTOR;
 
 /// Starts tried per task before giving up on its distance.
 const MAX_TRIES: usize = 400;
@@ -27,7 +30,7 @@ fn task(start: Cell, goal: Cell, shortest: u32, group: usize) -> Task {
 }
 
 /// Draws `per_distance` random tasks between `cells`, which are connected, at each of six distances, each to within one
-/// step, the farthest at 0.9 of the diameter. Skips distances that do not occur.
+/// step, the farthest at 0.9 of the diameter or 20,000 steps. Skips distances that do not occur.
 pub fn at_distances(
     map: &Grid,
     cells: &[Cell],
@@ -35,7 +38,7 @@ pub fn at_distances(
     per_distance: usize,
     rng: &mut ChaCha8Rng,
 ) -> TaskSet {
-    let farthest = MAX_DISTANCE_SHARE * f64::from(diameter.steps);
+    let farthest = (MAX_DISTANCE_SHARE * f64::from(diameter.steps)).min(f64::from(MAX_DISTANCE_STEPS));
     let distance = |i: usize| (farthest * i as f64 / DISTANCE_GROUPS as f64).round() as u32;
     let distances: Vec<u32> = (1..=DISTANCE_GROUPS).map(distance).collect();
     at(&distances, map, cells, diameter, per_distance, rng)
@@ -173,6 +176,18 @@ mod tests {
                 }
             }
         }
+    }
+
+    #[test]
+    fn tasks_are_no_farther_than_their_budgets_allow() {
+        let map = Grid::empty("line", 1 << 15, 1);
+        let cells: Vec<Cell> = map.free_cells().collect();
+        let set = at_distances(&map, &cells, Diameter::compute(&map), 2, &mut ChaCha8Rng::seed_from_u64(1));
+        assert_eq!(set.distances.last(), Some(&Some(f64::from(MAX_DISTANCE_STEPS))));
+        assert_eq!(set.tasks.len(), 2 * DISTANCE_GROUPS);
+        assert!(set.tasks.iter().all(|task| task.budget() <= MAX_BUDGET_STEPS));
+        let far = task(cells[0], cells[30_000], 30_000, 0);
+        assert_eq!(far.budget(), MAX_BUDGET_STEPS, "as in scenarios, and from S to G");
     }
 
     #[test]

@@ -32,7 +32,8 @@ fn evaluation() -> Vec<Constant> {
             "steps",
             "least number of steps to solve an evaluation task",
         ),
-        constant("BUDGET_FACTOR", env::BUDGET_FACTOR, "", "a task's steps as a multiple of its shortest path"),
+        constant("BUDGET_FACTOR", env::BUDGET_FACTOR, "", "a task's steps as a multiple of its shortest path ..."),
+        constant("MAX_BUDGET_STEPS", env::MAX_BUDGET_STEPS, "steps", "... and the most"),
         constant("NEAR_STEPS", env::NEAR_STEPS, "steps", "pairs up to this far apart count as near in errors of D"),
         constant(
             "LOSS_AVERAGE_UPDATES",

@@ -103,6 +103,11 @@ impl Setting {
         SETTINGS.iter().find(|setting| setting.name == name || setting.former == Some(name))
     }
 
+    /// Whether it is a whole number (or, for some, a word).
+    pub fn is_count(&self) -> bool {
+        self.range.contains("an integer")
+    }
+
     /// Whether it is either true or false.
     pub fn is_switch(&self) -> bool {
         self.range == SWITCH_VALUES
@@ -122,7 +127,8 @@ const SWITCH_VALUES: &str = "true or false";
 pub const SETTINGS: [Setting; 66] = [
     Setting::new(Networks, "hidden", "", "an integer from 1 to 4096", "width of each hidden layer").for_networks(),
     Setting::new(Networks, "layers", "", "an integer from 1 to 8", "hidden layers (ReLU)").for_networks(),
-    Setting::new(Networks, "critics", "", "1 or 2", "number of critics; pessimism combines them").for_networks(),
+    Setting::new(Networks, "critics", "", "an integer, 1 or 2", "number of critics; pessimism combines them")
+        .for_networks(),
     Setting::new(Networks, "distance_scale_steps", "steps", POSITIVE_RANGE, "D = scale * softplus(output)")
         .for_networks(),
     Setting::new(
@@ -311,7 +317,7 @@ pub const SETTINGS: [Setting; 66] = [
         Optimiser,
         "env_steps_per_update",
         "steps",
-        "an integer, at least 1",
+        "an integer from 1 to 1000000",
         "environment steps, summed over all agents, per update",
     ),
     Setting::new(
@@ -325,7 +331,7 @@ pub const SETTINGS: [Setting; 66] = [
         Optimiser,
         "learning_starts",
         "steps",
-        "an integer, 0 or more",
+        "an integer from 0 to 100000000",
         "environment steps before the first update",
     )
     .formerly("warmup_env_steps"),

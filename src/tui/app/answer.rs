@@ -9,7 +9,8 @@ use super::files::{checkpoint_file, remember_map};
 use super::{App, maze_on};
 use crate::engine::{Command, MakeWorld};
 use crate::env::{WORLDS, WorldKind, maze};
-use crate::map::{Grid, MAX_CELLS};
+use crate::map::{Grid, is_size, size_limits};
+use crate::text::{CountError, parse_count, parse_real};
 use crate::train::{ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
@@ -37,14 +38,14 @@ pub(super) enum AnswerError {
     #[error("enter two numbers, e.g. 40 x 30")]
     NoSize,
     /// A size that no map can have.
-    #[error("a map has from 1 to {MAX_CELLS} cells")]
+    #[error("{}", size_limits())]
     NoMapSize,
     /// A size that leaves walls only.
     #[error("the map would have no free cell")]
     NoFreeCell,
     /// A text that is not a seed.
-    #[error("enter an integer, 0 or more")]
-    NoSeed,
+    #[error("{0}")]
+    NoSeed(#[from] CountError),
     /// A text that is not a number of minutes.
     #[error("enter a number of minutes, 0 for none")]
     NoMinutes,
@@ -273,7 +274,7 @@ impl App {
                 self.offer_map(&Arc::new(map), None);
             }
             Question::Seed => {
-                let seed = typed.parse().map_err(|_| AnswerError::NoSeed)?;
+                let seed = parse_count(typed)?;
                 if self.is_worth_saving() {
                     self.open_picker(lists::restart_choices(seed));
                 } else {
@@ -281,7 +282,7 @@ impl App {
                 }
             }
             Question::Autosave => {
-                let minutes = typed.parse().ok().filter(|minutes| (0.0..=1e6).contains(minutes));
+                let minutes = parse_real(typed).filter(|minutes| (0.0..=1e6).contains(minutes));
                 self.autosave_minutes = minutes.ok_or(AnswerError::NoMinutes)?;
                 self.autosaved = std::time::Instant::now();
             }
@@ -312,7 +313,7 @@ fn size(typed: &str) -> Result<(usize, usize), AnswerError> {
     let numbers: Vec<usize> =
         typed.split(|c: char| !c.is_ascii_digit()).filter(|n| !n.is_empty()).filter_map(|n| n.parse().ok()).collect();
     match numbers[..] {
-        [width, height] if width > 0 && height > 0 && width.saturating_mul(height) <= MAX_CELLS => Ok((width, height)),
+        [width, height] if is_size(width, height) => Ok((width, height)),
         [_, _] => Err(AnswerError::NoMapSize),
         _ => Err(AnswerError::NoSize),
     }

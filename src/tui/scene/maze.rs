@@ -4,6 +4,7 @@ mod act;
 mod candidates;
 mod edges;
 mod editor;
+mod edits;
 pub mod info;
 mod legend;
 pub mod map;

@@ -17,6 +17,9 @@ const PICTURES: u8 = b'p';
 /// Sent by the guard once it has read the terminal's modes.
 const READY: &[u8] = b"r";
 
+/// The argument that makes the program a guard.
+pub const GUARD_COMMAND: &str = "terminal-guard";
+
 /// The program's handle on the guard.
 pub struct Guard {
     process: Child,
@@ -34,7 +37,7 @@ impl Guard {
         let own = std::path::Path::new("/proc/self/exe");
         let program = if own.exists() { own.to_owned() } else { std::env::current_exe().ok()? };
         let mut command = Command::new(program);
-        command.arg("terminal-guard").stdin(Stdio::piped()).stdout(Stdio::inherit()).stderr(Stdio::piped());
+        command.arg(GUARD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::inherit()).stderr(Stdio::piped());
         let mut child = command.spawn().ok()?;
         // The terminal's modes may change only once the guard has read them.
         let mut word = [0; READY.len()];

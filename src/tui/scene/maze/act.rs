@@ -15,6 +15,9 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
 use crate::view::maze::{Request, cell_of_goal};
 
+/// What is said where older edits cannot be undone.
+const EDITS_DROPPED: &str = "older edits can no longer be undone: all together, they took too much memory";
+
 impl App {
     /// Shows the maze of another run, with the goal that it was saved with, the map's own or a random one.
     pub(in crate::tui) fn start_maze(&mut self) {
@@ -72,7 +75,8 @@ impl App {
             }
             Action::Undo => {
                 let new = maze.editor.undo(&map);
-                self.step_through_edits(new, "undone: ", "nothing to undo");
+                let nothing = if maze.editor.has_dropped_edits() { EDITS_DROPPED } else { "nothing to undo" };
+                self.step_through_edits(new, "undone: ", nothing);
             }
             Action::Redo => {
                 let new = maze.editor.redo(&map);
@@ -134,6 +138,9 @@ impl App {
             return;
         }
         self.screen.maze.map = map;
+        if self.screen.maze.editor.drops_first_edits() {
+            self.notify(EDITS_DROPPED);
+        }
         if !self.screen.maze.map.is_free(self.screen.maze.goal) {
             self.set_goal(self.screen.maze.goal);
         }

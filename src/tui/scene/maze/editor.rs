@@ -1,9 +1,12 @@
 //! Editing the map: tools for mouse and keyboard, undo and redo.
 
+use std::borrow::Cow;
+use std::collections::HashSet;
 use std::sync::Arc;
 
 use ratatui::layout::Position;
 
+use super::edits::Edits;
 use crate::map::{Cell, Grid};
 use crate::tui::raster::MapFrame;
 
@@ -79,19 +82,36 @@ pub struct Editor {
     /// Whether the map has been changed since the editor was opened.
     pub has_changed: bool,
     stroke: Option<Stroke>,
-    undone: Vec<Arc<Grid>>,
-    done: Vec<Arc<Grid>>,
+    edits: Edits,
+    /// Whether it has been said that old edits were dropped.
+    says_dropped: bool,
 }
 
 /// An unfinished stroke: the mouse button is still down, or the second of two key presses is still to come.
 struct Stroke {
     free: bool,
-    /// Cells drawn freehand.
+    /// Cells drawn freehand, each once.
     cells: Vec<Cell>,
+    /// Whether each cell of the map is among them; empty until one is.
+    is_drawn: Vec<bool>,
     from: Cell,
     to: Cell,
     /// The first and the last position of the mouse; `None` for a stroke by keyboard.
     at: Option<[Position; 2]>,
+}
+
+impl Stroke {
+    /// Begins a stroke at a cell.
+    fn at(cell: Cell, free: bool) -> Self {
+        Self { free, cells: Vec::new(), is_drawn: Vec::new(), from: cell, to: cell, at: None }
+    }
+
+    /// Adds cells drawn freehand.
+    fn add(&mut self, cells: impl IntoIterator<Item = Cell>, map: &Grid) {
+        self.is_drawn.resize(map.free().len(), false);
+        let Self { cells: drawn, is_drawn, .. } = self;
+        drawn.extend(cells.into_iter().filter(|cell| !std::mem::replace(&mut is_drawn[map.index(*cell)], true)));
+    }
 }
 
 impl Editor {
@@ -116,7 +136,7 @@ impl Editor {
     }
 
     /// Returns the cells that the unfinished stroke would change, and whether they become free.
-    pub fn preview(&self) -> Option<(Vec<Cell>, bool)> {
+    pub fn preview(&self) -> Option<(Cow<'_, [Cell]>, bool)> {
         self.stroke.as_ref().map(|stroke| (self.cells_of(stroke), stroke.free))
     }
 
@@ -125,12 +145,12 @@ impl Editor {
         self.stroke.is_some()
     }
 
-    fn cells_of(&self, stroke: &Stroke) -> Vec<Cell> {
+    fn cells_of<'a>(&self, stroke: &'a Stroke) -> Cow<'a, [Cell]> {
         match self.tool {
-            Tool::Pencil | Tool::Eraser => stroke.cells.clone(),
-            Tool::Line => line(stroke.from, stroke.to),
-            Tool::Rectangle => rectangle(stroke.from, stroke.to),
-            Tool::Fill | Tool::Start | Tool::Goal => Vec::new(),
+            Tool::Pencil | Tool::Eraser => Cow::Borrowed(&stroke.cells),
+            Tool::Line => line(stroke.from, stroke.to).into(),
+            Tool::Rectangle => rectangle(stroke.from, stroke.to).into(),
+            Tool::Fill | Tool::Start | Tool::Goal => Cow::Borrowed(&[]),
         }
     }
 
@@ -138,8 +158,7 @@ impl Editor {
     pub fn draw(&mut self, to: Position, second: bool, frame: &MapFrame, map: &Grid) {
         let Some(cell) = frame.cell_at(to, map) else { return };
         let free = second || self.tool == Tool::Eraser;
-        let begun = Stroke { free, cells: Vec::new(), from: cell, to: cell, at: None };
-        let stroke = self.stroke.get_or_insert(begun);
+        let stroke = self.stroke.get_or_insert_with(|| Stroke::at(cell, free));
         let [begun, from] = stroke.at.unwrap_or([to; 2]);
         stroke.at = Some([begun, to]);
         if let (Tool::Line | Tool::Rectangle, Some(first)) = (self.tool, frame.cell_at(begun, map)) {
@@ -149,16 +168,15 @@ impl Editor {
         } else {
             stroke.to = cell;
         }
+        if !matches!(self.tool, Tool::Pencil | Tool::Eraser) {
+            return;
+        }
         let along =
             |from: u16, to: u16, i: i32, n: i32| (i32::from(from) + (i32::from(to) - i32::from(from)) * i / n) as u16;
         let n = i32::from(from.x.abs_diff(to.x).max(from.y.abs_diff(to.y))).max(1);
         for i in 0..=n {
             let at = Position::new(along(from.x, to.x, i, n), along(from.y, to.y, i, n));
-            for cell in frame.cells_at(at, map) {
-                if !stroke.cells.contains(&cell) {
-                    stroke.cells.push(cell);
-                }
-            }
+            stroke.add(frame.cells_at(at, map), map);
         }
     }
 
@@ -177,11 +195,11 @@ impl Editor {
                 stroke.to = cell;
                 return self.change(map, &stroke);
             }
-            self.stroke = Some(Stroke { free: false, cells: Vec::new(), from: cell, to: cell, at: None });
+            self.stroke = Some(Stroke::at(cell, false));
             return None;
         }
         let free = self.tool == Tool::Eraser || !map.is_free(cell);
-        self.change(map, &Stroke { free, cells: vec![cell], from: cell, to: cell, at: None })
+        self.change(map, &Stroke { cells: vec![cell], ..Stroke::at(cell, free) })
     }
 
     /// Moves the cursor by a cell; an unfinished line follows it.
@@ -208,7 +226,7 @@ impl Editor {
                 let goals = with_mark_moved(map.goals(), from, to);
                 Some(map.with_marks(without(map.starts(), &goals), goals))
             }
-            _ => map.with_cells(self.cells_of(stroke).into_iter().map(|cell| (cell, stroke.free))),
+            _ => map.with_cells(self.cells_of(stroke).iter().map(|cell| (*cell, stroke.free))),
         };
         self.record(map, new?)
     }
@@ -218,24 +236,29 @@ impl Editor {
         if new == **map {
             return None;
         }
-        self.done.push(map.clone());
-        self.undone.clear();
+        self.edits.record(map, &new);
         self.has_changed = true;
         Some(Arc::new(new))
     }
 
     /// Returns the map before the latest change.
     pub fn undo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
-        let before = self.done.pop()?;
-        self.undone.push(map.clone());
-        Some(before)
+        self.edits.undo(map)
+    }
+
+    /// Returns whether edits have been dropped for the first time since it was asked.
+    pub fn drops_first_edits(&mut self) -> bool {
+        self.edits.has_dropped && !std::mem::replace(&mut self.says_dropped, true)
+    }
+
+    /// Returns whether there were earlier edits than those that can be undone.
+    pub fn has_dropped_edits(&self) -> bool {
+        self.edits.has_dropped
     }
 
     /// Returns the map before the latest undo.
     pub fn redo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
-        let after = self.undone.pop()?;
-        self.done.push(map.clone());
-        Some(after)
+        self.edits.redo(map)
     }
 }
 
@@ -247,6 +270,7 @@ pub fn offset_cell(at: Cell, (dx, dy): (isize, isize), map: &Grid) -> Cell {
 
 /// Returns the marks that are not on one of `others`.
 fn without(marks: &[Cell], others: &[Cell]) -> Vec<Cell> {
+    let others: HashSet<&Cell> = others.iter().collect();
     marks.iter().filter(|mark| !others.contains(mark)).copied().collect()
 }
 
@@ -335,7 +359,17 @@ mod tests {
     }
 
     #[test]
-    fn undo_and_redo_have_no_limit() {
+    fn a_stroke_over_millions_of_cells_has_each_once() {
+        let map = Grid::empty("large", 2048, 1024);
+        let mut stroke = Stroke::at(Cell::new(0, 0), false);
+        // As a mouse that moves to and fro: quadratic work would take hours.
+        (0..4).for_each(|_| stroke.add(map.free_cells(), &map));
+        assert_eq!(stroke.cells.len(), 2048 * 1024);
+        assert!(stroke.cells.iter().copied().eq(map.free_cells()));
+    }
+
+    #[test]
+    fn edits_are_undone_to_the_first_and_done_again_to_the_last() {
         let first = Arc::new(parse_map("room", ROOM.as_bytes()).expect("a map"));
         let mut editor = Editor::default();
         let mut now = first.clone();

@@ -312,7 +312,7 @@ fn draw_moving_parts(canvas: &mut Canvas, map_frame: &MapFrame, screen: &Screen)
     }
     if let Some((cells, free)) = screen.maze.editor.preview() {
         let (rgb, mark) = if free { (theme.unknown, ' ') } else { (theme.wall, WALL_MARK) };
-        for cell in cells {
+        for cell in cells.iter() {
             canvas.dot(map_frame, cell.centre(), blend(rgb, theme.cursor, 0.25), mark);
         }
     }

@@ -316,8 +316,8 @@ impl Moving<'_> {
         let Some((cells, free)) = self.screen.maze.editor.preview() else { return };
         let theme = &self.screen.theme;
         let rgb = if free { theme.unknown } else { theme.wall };
-        for cell in cells {
-            let area = self.scale.cell(cell);
+        for cell in cells.iter() {
+            let area = self.scale.cell(*cell);
             self.sheet.rectangle(area, Ink(rgb, 1.0));
             self.sheet.rectangle(area, Ink(theme.cursor, 0.25));
         }

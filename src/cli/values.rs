@@ -1,0 +1,66 @@
+//! Parsers of the values of options.
+
+use std::ops::RangeInclusive;
+use std::path::PathBuf;
+
+use clap::builder::{OsStringValueParser, TypedValueParser};
+
+use super::EditAt;
+use crate::text::{parse_count, parse_real};
+
+/// Returns the parser of a count within `range`, as people write them: 60000, 60_000, 60,000, 6e4.
+pub fn counts<T: TryFrom<u64> + Clone + Send + Sync + 'static>(
+    range: RangeInclusive<u64>,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        let count = parse_count(text).map_err(|error| error.to_string())?;
+        let fitting = range.contains(&count).then(|| T::try_from(count).ok()).flatten();
+        fitting.ok_or_else(|| match (*range.start(), *range.end()) {
+            (least, u64::MAX) => format!("must be at least {least}"),
+            (least, most) => format!("must be from {least} to {most}"),
+        })
+    }
+}
+
+/// Returns the parser of the name of a file or folder that is written.
+pub fn output() -> impl TypedValueParser<Value = PathBuf> {
+    OsStringValueParser::new().try_map(|name| {
+        if name == "-" {
+            return Err("give the name of a file: standard output is not for this (./- is a file called -)");
+        }
+        Ok(PathBuf::from(name))
+    })
+}
+
+/// Parses `UPDATES:FILE`.
+pub fn parse_edit_at(text: &str) -> Result<EditAt, String> {
+    let (updates, file) = text.split_once(':').ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
+    let updates = parse_count(updates).map_err(|error| format!("{updates:?} is not a number of updates: {error}"))?;
+    Ok(EditAt { updates, file: PathBuf::from(file) })
+}
+
+/// Parses a time in seconds.
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1e9, "a number of seconds from 0 to 1e9")
+}
+
+/// Parses how many times as fast an animation plays.
+#[cfg(feature = "tui")]
+pub fn parse_speed(text: &str) -> Result<f64, String> {
+    number(text, 0.1..=100.0, "a number from 0.1 to 100")
+}
+
+/// Parses a time in minutes.
+pub fn parse_minutes(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1e6, "a number of minutes, 0 for none")
+}
+
+/// Parses a share of a whole.
+pub fn parse_share(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1.0, "a fraction from 0 to 1, e.g. 0.95")
+}
+
+/// Parses a number within `range`; the error says what is `expected`.
+fn number(text: &str, range: RangeInclusive<f64>, expected: &str) -> Result<f64, String> {
+    parse_real(text).filter(|number| range.contains(number)).ok_or_else(|| format!("expected {expected}"))
+}

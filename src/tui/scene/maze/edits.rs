@@ -1,0 +1,191 @@
+//! Edits that can be undone and done again, kept as differences between maps.
+
+use std::collections::VecDeque;
+use std::sync::Arc;
+
+use crate::map::{Cell, Grid};
+
+/// Maximum size of all edits together. Beyond it the oldest are dropped.
+const MAX_BYTES: usize = 256 << 20;
+
+/// What makes another map of the present one.
+enum Step {
+    /// Runs of cells, row-major, from the first to before the last, that change from floor to wall or back; and starts
+    /// and goals if they differ.
+    Difference { runs: Vec<[u32; 2]>, marks: Option<Box<[Vec<Cell>; 2]>> },
+    /// The other map: it has another size or name, or so many differences that they would be larger.
+    Whole(Arc<Grid>),
+}
+
+impl Step {
+    fn between(from: &Grid, to: &Arc<Grid>) -> Self {
+        let shape = |map: &Grid| (map.width(), map.height(), map.name().to_owned());
+        let runs = runs(from.free(), to.free());
+        if shape(from) != shape(to) || size_of_val(&*runs) > to.free().len() {
+            return Self::Whole(to.clone());
+        }
+        let differ = (from.starts(), from.goals()) != (to.starts(), to.goals());
+        Self::Difference { runs, marks: differ.then(|| Box::new([to.starts().to_vec(), to.goals().to_vec()])) }
+    }
+
+    fn apply(self, from: &Grid) -> Option<Arc<Grid>> {
+        let (runs, marks) = match self {
+            Self::Difference { runs, marks } => (runs, marks),
+            Self::Whole(to) => return Some(to),
+        };
+        let cells = runs.into_iter().flat_map(|[first, end]| first..end).map(|i| from.cell(i as usize));
+        let to = from.with_cells(cells.map(|cell| (cell, !from.is_free(cell))))?;
+        Some(Arc::new(match marks.map(|marks| *marks) {
+            Some([starts, goals]) => to.with_marks(starts, goals),
+            None => to,
+        }))
+    }
+
+    fn bytes(&self) -> usize {
+        let of_marks = |starts: &[Cell], goals: &[Cell]| size_of_val(starts) + size_of_val(goals);
+        size_of::<Self>()
+            + match self {
+                Self::Difference { runs, marks } => {
+                    size_of_val(&**runs) + marks.as_ref().map_or(0, |marks| of_marks(&marks[0], &marks[1]))
+                }
+                Self::Whole(map) => map.free().len() + of_marks(map.starts(), map.goals()),
+            }
+    }
+}
+
+/// Returns the runs of indices at which `a` and `b` differ.
+fn runs(a: &[bool], b: &[bool]) -> Vec<[u32; 2]> {
+    let mut runs: Vec<[u32; 2]> = Vec::new();
+    for i in a.iter().zip(b).enumerate().filter(|(_, (a, b))| a != b).map(|(i, _)| i as u32) {
+        match runs.last_mut() {
+            Some(run) if run[1] == i => run[1] = i + 1,
+            _ => runs.push([i, i + 1]),
+        }
+    }
+    runs
+}
+
+/// The edits of a map.
+#[derive(Default)]
+pub struct Edits {
+    /// Steps back, the latest edit's last.
+    back: VecDeque<Step>,
+    /// Steps forward again, the earliest edit's last.
+    forward: Vec<Step>,
+    bytes: usize,
+    /// Whether old edits have been dropped.
+    pub has_dropped: bool,
+}
+
+impl Edits {
+    /// Adds the edit from `before` to `after`. Drops the oldest edits if all together become too large.
+    pub fn record(&mut self, before: &Arc<Grid>, after: &Grid) {
+        self.record_within(MAX_BYTES, before, after);
+    }
+
+    fn record_within(&mut self, max_bytes: usize, before: &Arc<Grid>, after: &Grid) {
+        let dropped: usize = self.forward.drain(..).map(|step| step.bytes()).sum();
+        let step = Step::between(after, before);
+        self.bytes = self.bytes - dropped + step.bytes();
+        self.back.push_back(step);
+        while self.bytes > max_bytes && self.back.len() > 1 {
+            self.bytes -= self.back.pop_front().map_or(0, |oldest| oldest.bytes());
+            self.has_dropped = true;
+        }
+    }
+
+    /// Returns the map before the latest edit of `map`.
+    pub fn undo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
+        let step = self.back.pop_back()?;
+        let (before, forward) = self.take(step, map)?;
+        self.forward.push(forward);
+        Some(before)
+    }
+
+    /// Returns the map before the latest undo.
+    pub fn redo(&mut self, map: &Arc<Grid>) -> Option<Arc<Grid>> {
+        let step = self.forward.pop()?;
+        let (after, back) = self.take(step, map)?;
+        self.back.push_back(back);
+        Some(after)
+    }
+
+    /// Takes a step from `map`; returns where it leads, and the step that leads back.
+    fn take(&mut self, step: Step, map: &Arc<Grid>) -> Option<(Arc<Grid>, Step)> {
+        self.bytes -= step.bytes();
+        let to = step.apply(map)?;
+        let back = Step::between(&to, map);
+        self.bytes += back.bytes();
+        Some((to, back))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+
+    /// Returns a random edit of `map`.
+    fn edited(map: &Grid, rng: &mut ChaCha8Rng) -> Grid {
+        let mut cell = || Cell::new(rng.random_range(0..map.width()), rng.random_range(0..map.height()));
+        let cells: Vec<Cell> = (0..5).map(|_| cell()).collect();
+        let free = rng.random();
+        match rng.random_range(0..4) {
+            0 => map.with_marks(cells[..2].to_vec(), cells[2..].to_vec()),
+            1 => map.resized(rng.random_range(20..40), 30).expect("floor"),
+            2 => map.clone().named("another"),
+            _ => map.with_cells(cells.into_iter().map(|cell| (cell, free))).expect("floor"),
+        }
+    }
+
+    #[test]
+    fn every_edit_can_be_undone_and_done_again() {
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let (mut edits, mut maps) = (Edits::default(), vec![Arc::new(Grid::empty("map", 30, 30))]);
+        for _ in 0..200 {
+            let now = maps[maps.len() - 1].clone();
+            let next = edited(&now, &mut rng);
+            edits.record(&now, &next);
+            maps.push(Arc::new(next));
+        }
+        let last = maps.len() - 1;
+        for i in (0..last).rev() {
+            assert_eq!(edits.undo(&maps[i + 1]).as_ref(), Some(&maps[i]));
+        }
+        assert!(edits.undo(&maps[0]).is_none() && !edits.has_dropped);
+        for i in 0..last {
+            assert_eq!(edits.redo(&maps[i]).as_ref(), Some(&maps[i + 1]));
+        }
+        assert!(edits.redo(&maps[last]).is_none());
+        let kept = edits.back.iter().map(Step::bytes).sum::<usize>();
+        assert_eq!(kept, edits.bytes);
+    }
+
+    #[test]
+    fn small_edits_of_large_maps_take_little_memory() {
+        let mut now = Arc::new(Grid::empty("map", 1024, 1024));
+        let mut edits = Edits::default();
+        for i in 0..300 {
+            let next = now.with_cells((0..500).map(|x| (Cell::new(x, i), false))).expect("floor");
+            edits.record(&now, &next);
+            now = Arc::new(next);
+        }
+        assert!(edits.bytes < 100_000 && !edits.has_dropped, "{}", edits.bytes);
+    }
+
+    #[test]
+    fn the_oldest_edits_are_dropped_when_all_become_too_large() {
+        let maps: Vec<_> = (0..4).map(|i| Arc::new(Grid::empty(&i.to_string(), 100, 100))).collect();
+        let mut edits = Edits::default();
+        maps.windows(2).for_each(|pair| edits.record_within(25_000, &pair[0], &pair[1]));
+        assert!(edits.has_dropped && edits.bytes <= 25_000, "{}", edits.bytes);
+        assert_eq!(edits.undo(&maps[3]).as_ref(), Some(&maps[2]));
+        assert_eq!(edits.undo(&maps[2]).as_ref(), Some(&maps[1]));
+        assert!(edits.undo(&maps[1]).is_none());
+        // One alone is kept, whatever its size.
+        edits.record_within(1, &maps[0], &maps[1]);
+        assert_eq!(edits.undo(&maps[1]).as_ref(), Some(&maps[0]));
+    }
+}
