@@ -73,11 +73,14 @@ fn system_memory() -> u64 {
 }
 
 /// Returns the size of this process's address space, 0 if it is unknown.
-#[cfg(unix)]
+#[cfg(target_os = "linux")]
 fn address_space() -> u64 {
-    #[cfg(target_os = "linux")]
-    return linux::address_space(Path::new("/proc"));
-    #[cfg(not(target_os = "linux"))]
+    linux::address_space(Path::new("/proc"))
+}
+
+/// Returns 0: the size of the address space is unknown.
+#[cfg(all(unix, not(target_os = "linux")))]
+fn address_space() -> u64 {
     0
 }
 
