@@ -9,7 +9,7 @@ mod tour;
 mod values;
 
 use std::ffi::OsStr;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
@@ -30,7 +30,7 @@ pub use suite::SuiteArgs;
 pub use tour::TourArgs;
 #[cfg(feature = "tui")]
 use values::parse_speed;
-use values::{counts, output, parse_edit_at, parse_minutes, parse_seconds, parse_share};
+use values::{counts, edits, output, parse_minutes, parse_seconds, parse_share};
 
 /// Exit status of a failure while running.
 pub const EXIT_FAILURE: u8 = 1;
@@ -141,7 +141,7 @@ pub enum Command {
 pub struct AblateArgs {
     /// Built-in map or map file
     #[arg(default_value = "fourrooms", value_name = "MAP")]
-    pub map: String,
+    pub map: PathBuf,
     /// Climb from the preset paper to the default instead, component by component
     #[arg(long)]
     pub ladder: bool,
@@ -237,7 +237,7 @@ pub struct FramesArgs {
 pub struct TrainArgs {
     /// Built-in map, map file, or world: fetch-reach or fetch-reach-wall [default: fourrooms]
     #[arg(value_name = "MAP")]
-    pub map: Option<String>,
+    pub map: Option<PathBuf>,
 
     /// Train without the interface: JSON lines on standard output
     #[cfg_attr(feature = "tui", arg(long, conflicts_with_all = ["record", "ui_config", "marker"]))]
@@ -274,7 +274,7 @@ pub struct TrainArgs {
     pub eval_every_updates: Option<u64>,
 
     /// Switch to another map of the same size at this update, 0 for the start (repeatable; requires --no-ui)
-    #[arg(long, value_name = "UPDATES:FILE", value_parser = parse_edit_at, requires = "no_ui")]
+    #[arg(long, value_name = "UPDATES:FILE", value_parser = edits(), requires = "no_ui")]
     pub edit_at: Vec<EditAt>,
 
     /// Evaluation tasks at each of six distances (five in fetch-reach)
@@ -401,8 +401,8 @@ pub struct EditAt {
 
 impl TrainArgs {
     /// Returns the map or world to train on.
-    pub fn map(&self) -> &str {
-        self.map.as_deref().unwrap_or(DEFAULT_MAP)
+    pub fn map(&self) -> &Path {
+        self.map.as_deref().unwrap_or(Path::new(DEFAULT_MAP))
     }
 
     /// Returns the limits of a run that has been trained for `seconds` before.

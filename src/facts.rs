@@ -1,17 +1,22 @@
 //! `gdg-tui maps` and `gdg-tui check`: facts about maps.
 
 use std::collections::BTreeSet;
-use std::path::Path;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use miette::{Report, miette};
 
+use crate::files::has_extension;
 use crate::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
 use crate::report::from_map_error;
 use crate::setup::find_map;
-use crate::text::counted;
+use crate::text::{counted, sanitized};
 use crate::train::Registry;
+
+/// A map with fewer free cells is a mistake.
+const FEWEST_CELLS: usize = 4;
 
 /// Returns the table of built-in maps.
 pub fn list() -> String {
@@ -30,48 +35,44 @@ pub fn list() -> String {
 /// Returns what is wrong with the file.
 pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
     let _spinner = Spinner::start("measuring the map");
-    if file.extension().is_none_or(|e| e != "scen") {
+    if !has_extension(file, "scen") {
         if map_file.is_some() {
             let help = "leave --map out, or give a .scen file with it";
             return Err(miette!(help = help, "{}: is not a scenario: --map goes with a .scen file", file.display()));
         }
-        return Ok(facts(&match file.to_str() {
-            Some(name) => find_map(name, &Registry::builtin())?,
-            None => map::load_map(file).map_err(from_map_error)?,
-        }));
+        let grid = find_map(file, &Registry::builtin())?;
+        return Ok(facts(&grid, Some(file), None));
     }
-    let beside = || -> Result<std::path::PathBuf, Report> {
-        let name = file.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let stems = [name.trim_end_matches(".scen").to_owned(), first_map_name(file).unwrap_or_default()];
-        let found = stems.iter().filter(|s| !s.is_empty()).map(|s| file.with_file_name(s)).find(|p| p.is_file());
-        found.ok_or_else(|| {
-            let problem = "the scenario's map is not in the same folder";
-            from_map_error(MapError::whole_file(&file.to_string_lossy(), problem, "give it with --map FILE"))
-        })
-    };
-    // Report an unreadable scenario before a missing map.
-    if !file.is_file() {
-        let unreadable = map::load_scenario(file, &Grid::empty("", 1, 1)).err();
-        return Err(from_map_error(unreadable.unwrap_or_else(|| {
-            MapError::whole_file(&file.to_string_lossy(), "is not a file", "give a scenario file")
-        })));
-    }
-    let path = map_file.map_or_else(beside, |p| Ok(p.to_owned()))?;
+    let scenario = map::read_scenario(file).map_err(from_map_error)?;
+    let path = map_file.map_or_else(|| map_beside(file, &scenario.map_name()), |path| Ok(path.to_owned()))?;
     let grid = map::load_map(&path).map_err(from_map_error)?;
-    let tasks = map::load_scenario(file, &grid).map_err(from_map_error)?;
+    let tasks = scenario.tasks(&grid).map_err(from_map_error)?;
+    scenario.check_lengths(&grid).map_err(from_map_error)?;
     let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
     let tasks = counted(tasks.len() as u64, "task");
-    Ok(format!("scenario: {tasks}, longest {longest:.1} cells\n{}", facts(&grid)))
+    let facts = facts(&grid, Some(&path), scenario.other_map(&grid));
+    Ok(format!("scenario: {tasks}, longest {longest:.1} cells\n{facts}"))
 }
 
-/// Returns the file name of the map that a scenario's first task names.
-fn first_map_name(file: &Path) -> Option<String> {
-    let text = std::fs::read_to_string(file).ok()?;
-    let name = text.lines().nth(1)?.split('\t').nth(1)?.to_owned();
-    Some(Path::new(&name).file_name()?.to_string_lossy().into_owned())
+/// Returns the map of a scenario in the same folder: the one that it names, or the one that it is named after.
+fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
+    let after = scenario.file_stem().unwrap_or_default();
+    let folder = scenario.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let others: Vec<PathBuf> = std::fs::read_dir(folder).into_iter().flatten().flatten().map(|f| f.path()).collect();
+    let find = |name: &OsStr| {
+        let exact = scenario.with_file_name(name);
+        // Scenarios made on Windows may name it in other letters.
+        let similar = || others.iter().find(|path| path.file_name().is_some_and(|own| own.eq_ignore_ascii_case(name)));
+        if exact.is_file() { Some(exact) } else { similar().filter(|path| path.is_file()).cloned() }
+    };
+    [OsStr::new(named), after].into_iter().filter(|name| !name.is_empty()).find_map(find).ok_or_else(|| {
+        let problem = format!("its map {named} is not in the same folder");
+        from_map_error(MapError::whole_file(&scenario.to_string_lossy(), problem, "give it with --map FILE"))
+    })
 }
 
-fn facts(grid: &Grid) -> String {
+/// Returns the facts about a map, from `file` if it is not built in, and a line for each warning.
+fn facts(grid: &Grid, file: Option<&Path>, other_map: Option<String>) -> String {
     let components = StepSearch::new(grid).components(grid);
     let free = grid.free_count();
     let largest = components.sizes[components.largest() as usize];
@@ -90,13 +91,28 @@ fn facts(grid: &Grid) -> String {
     if !grid.starts().is_empty() || !grid.goals().is_empty() {
         let (starts, goals) = (grid.starts().len() as u64, grid.goals().len() as u64);
         lines.push(format!("marked:     {}, {}", counted(starts, "start"), counted(goals, "goal")));
-        lines.extend(unconnected_parts(grid, &components).map(|problem| format!("warning:    {problem}")));
     }
+    let warnings = doubts(grid, file).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
+    lines.extend(warnings.map(|problem| format!("warning:    {problem}")));
     lines.join("\n") + "\n"
 }
 
+/// Returns warnings about a map for its user, with its name; `file` is where it was read from.
+pub fn warnings(grid: &Grid, file: Option<&Path>) -> Vec<String> {
+    let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
+    doubts(grid, file).into_iter().chain(unconnected(grid)).map(named).collect()
+}
+
+/// Returns what suggests that a map is not what its author meant.
+fn doubts(grid: &Grid, file: Option<&Path>) -> Vec<String> {
+    let free = grid.free_count();
+    let few = format!("the map has only {}: too few to learn anything", counted(free as u64, "free cell"));
+    let few = (free < FEWEST_CELLS).then_some(few);
+    file.and_then(map::doubtful_letters).into_iter().chain(few).collect()
+}
+
 /// Returns what is wrong if starts and goals of a map lie in different components, or the starts outside the largest.
-pub fn unconnected(grid: &Grid) -> Option<String> {
+fn unconnected(grid: &Grid) -> Option<String> {
     let has_starts = !grid.starts().is_empty();
     has_starts.then(|| unconnected_parts(grid, &StepSearch::new(grid).components(grid))).flatten()
 }

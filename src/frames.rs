@@ -2,6 +2,7 @@
 
 mod animation;
 
+use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::num::NonZero;
@@ -14,13 +15,20 @@ use ratatui::style::{Color, Modifier, Style};
 use serde::Deserialize;
 
 use crate::cli::FramesArgs;
-use crate::files::{self, write_atomically};
+use crate::files::{self, Format, Wanted, write_atomically};
 use crate::setup::refuse_existing;
 use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
 
 /// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two distinct colours in every
 /// cell takes half of that.
 const MAX_LINE_BYTES: u64 = 64 << 20;
+
+/// What is read as a recording.
+const RECORDING: Wanted = Wanted {
+    name: "a recording of asciinema's version 2",
+    help: "give a recording made with --record",
+    own: &[Format::Recording, Format::Json, Format::Text],
+};
 
 /// The first line of a recording.
 #[derive(Deserialize)]
@@ -129,6 +137,13 @@ fn duration(path: &Path) -> Result<f64, Report> {
 impl Cast {
     /// Opens a recording, and creates a screen of its size.
     fn open(path: &Path) -> Result<(Self, vt100::Parser), Report> {
+        Self::begin(path).map_err(|error| match RECORDING.mismatch(path) {
+            Some(found) => miette!(help = found.help, "{}:1: {}", path.to_string_lossy(), found.problem),
+            None => error,
+        })
+    }
+
+    fn begin(path: &Path) -> Result<(Self, vt100::Parser), Report> {
         let name = path.to_string_lossy().into_owned();
         // The recording is read twice, which is impossible with a pipe.
         let file = files::open(path)
@@ -214,8 +229,9 @@ fn non_zero(size: u16) -> NonZero<u16> {
 
 /// Returns the path of a moment's picture.
 fn picture_path(args: &FramesArgs, at: f64) -> PathBuf {
-    let stem = args.cast.file_stem().map_or("cast".into(), |stem| stem.to_string_lossy());
-    args.out.join(format!("{stem}-{at}.png"))
+    let mut name = args.cast.file_stem().unwrap_or(OsStr::new("cast")).to_owned();
+    name.push(format!("-{at}.png"));
+    args.out.join(name)
 }
 
 fn write(screen: &vt100::Screen, args: &FramesArgs, at: f64) -> Result<PathBuf, Report> {

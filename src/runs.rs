@@ -9,8 +9,9 @@ use jiff::{Timestamp, Zoned};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use tabwriter::TabWriter;
 
+use crate::files::is_hidden;
 use crate::text::{grouped, safe_file_name, sanitized};
-use crate::train::{CheckpointError, Description, describe};
+use crate::train::{CheckpointError, Description, Registry, describe, examine};
 
 /// Default folder for checkpoints.
 pub const SAVES: &str = "saves";
@@ -19,7 +20,7 @@ pub const SAVES: &str = "saves";
 const EXTENSION: &str = ".safetensors";
 const POLICY_EXTENSION: &str = ".policy.safetensors";
 
-/// Returns the files in `folder` that are named like checkpoints, sorted by name.
+/// Returns the files in `folder` that are named like checkpoints, in capitals or not, sorted by name.
 ///
 /// # Errors
 /// The folder cannot be read.
@@ -27,8 +28,8 @@ pub fn files_in(folder: &Path) -> std::io::Result<Vec<PathBuf>> {
     let mut files = Vec::new();
     for entry in std::fs::read_dir(folder)? {
         let path = entry?.path();
-        let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        if name.ends_with(EXTENSION) && !name.ends_with(POLICY_EXTENSION) && !path.is_dir() {
+        let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+        if name.ends_with(EXTENSION) && !name.ends_with(POLICY_EXTENSION) && !is_hidden(&path) && !path.is_dir() {
             files.push(path);
         }
     }
@@ -62,7 +63,8 @@ pub fn list(folder: &Path) -> Result<String, Report> {
     if files.is_empty() {
         return Ok(format!("no checkpoints in {}\n", sanitized(&folder.to_string_lossy())));
     }
-    let mut found: Vec<_> = files.iter().map(|path| describe(path)).collect();
+    let registry = Registry::builtin();
+    let mut found: Vec<_> = files.iter().map(|path| examine(path, &registry)).collect();
     found.sort_by_key(|found| std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written)));
     let mut table = TabWriter::new(Vec::new()).padding(2);
     writeln!(table, "file\tupdates\tplanned\tgreedy\twritten\tMB\tmap\tmethod\tseed").into_diagnostic()?;

@@ -47,8 +47,8 @@ pub struct Setup {
 ///
 /// # Errors
 /// See [`train::settings_from`].
-pub fn settings(args: &RunArgs, world: &str, registry: &Registry) -> Result<Settings, Report> {
-    let defaults = registry.world_opened_by(world).map_or(&[][..], |kind| kind.defaults);
+pub fn settings(args: &RunArgs, world: &Path, registry: &Registry) -> Result<Settings, Report> {
+    let defaults = registry.world_opened_by(known_name(world)).map_or(&[][..], |kind| kind.defaults);
     let overrides = Overrides { defaults, config: args.config.as_deref(), set: &args.set };
     train::settings_from(args.preset(), &overrides).map_err(from_config_error)
 }
@@ -84,7 +84,7 @@ pub fn settings_of(name: &str, set: &[String]) -> Vec<String> {
 ///
 /// # Errors
 /// See [`settings`].
-pub fn run(args: &RunArgs, world: &str, registry: &Registry, seed: u64) -> Result<Run, Report> {
+pub fn run(args: &RunArgs, world: &Path, registry: &Registry, seed: u64) -> Result<Run, Report> {
     let settings = settings(args, world, registry)?;
     Ok(Run { method: args.method.clone(), preset: args.preset(), seed, settings })
 }
@@ -118,16 +118,33 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
         let world = open_world(args.map(), &run, registry)?;
         Loaded { trainer: begin(run, &*world, registry, threads)?, warning: None }
     };
+    let mut warnings = Vec::from_iter(warning);
     if let Some(path) = &args.scen {
         let maze = PointMaze::downcast_mut(trainer.world_mut()).ok_or_else(|| not_a_maze("--scen"))?;
-        maze.set_scenario(map::load_scenario(path, maze.map()).map_err(from_map_error)?);
+        warnings.extend(load_scenario(path, maze, resumed.is_some())?);
     }
     let edits = load_edits(args, &trainer)?;
-    let maze = PointMaze::downcast_ref(trainer.world());
-    let unconnected = maze.and_then(|maze| Some((maze.map().name(), facts::unconnected(maze.map())?)));
-    let unconnected = unconnected.map(|(name, problem)| format!("warning: {}: {problem}", sanitized(name)));
-    let warnings = warning.into_iter().chain(unconnected).collect();
+    if let Some(maze) = PointMaze::downcast_ref(trainer.world()) {
+        let file = args.map.as_deref().filter(|_| resumed.is_none()).filter(|path| path.is_file());
+        warnings.extend(facts::warnings(maze.map(), file));
+    }
+    for edit in &args.edit_at {
+        let warning = |problem| format!("warning: {}: {problem}", sanitized(&edit.file.to_string_lossy()));
+        warnings.extend(map::doubtful_letters(&edit.file).map(warning));
+    }
     Ok(Setup { trainer, edits, threads, save, resumed, warnings })
+}
+
+/// Gives `maze` the tasks of a scenario; returns a warning if that names another map. The map of a resumed run may have been
+/// edited, which may make paths longer.
+fn load_scenario(path: &Path, maze: &mut PointMaze, resumed: bool) -> Result<Option<String>, Report> {
+    let scenario = map::read_scenario(path).map_err(from_map_error)?;
+    maze.set_scenario(scenario.tasks(maze.map()).map_err(from_map_error)?);
+    if !resumed {
+        scenario.check_lengths(maze.map()).map_err(from_map_error)?;
+    }
+    let other = scenario.other_map(maze.map());
+    Ok(other.map(|problem| format!("warning: {}: {problem}", sanitized(&path.to_string_lossy()))))
 }
 
 /// Returns the checkpoint that `--resume` asks for: the given file, or the newest, of a map if one is named.
@@ -135,18 +152,19 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
     let Some(given) = &args.resume else { return Ok(None) };
     let name = match (given, &args.map) {
         (Some(_), Some(map)) => {
+            let map = map.display();
             let help = format!("give --resume FILE alone, or {map} --resume for the newest checkpoint of {map}");
             return Err(miette!(help = help, "a map and --resume FILE: a checkpoint contains its map"));
         }
         (Some(file), None) => {
-            let name = file.to_string_lossy().into_owned();
-            let is_name = map::builtin(&name).is_some()
+            let name = known_name(file);
+            let is_name = map::builtin(name).is_some()
                 || registry.worlds().iter().any(|kind| kind.create.is_some() && kind.name == name);
-            let is_map = || file.extension().is_some_and(|e| e == "map" || e == "txt");
+            let is_map = || ["map", "txt"].iter().any(|extension| files::has_extension(file, extension));
             if train::is_checkpoint(file) || !is_name && !is_map() {
                 return Ok(Some(file.clone()));
             }
-            Some(name)
+            Some(file.clone())
         }
         (None, map) => map.clone(),
     };
@@ -160,8 +178,8 @@ fn resumed_file(args: &TrainArgs, registry: &Registry) -> Result<Option<PathBuf>
 }
 
 /// Returns the title of the world called `name`, as in its checkpoints.
-fn title_of(name: &str, registry: &Registry) -> Result<String, Report> {
-    let kind = registry.worlds().iter().find(|kind| kind.name == name);
+fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
+    let kind = registry.worlds().iter().find(|kind| kind.name == known_name(name));
     match kind.and_then(|kind| kind.create) {
         Some(create) => Ok(create().title().to_owned()),
         None => Ok(find_map(name, registry)?.name().to_owned()),
@@ -181,8 +199,8 @@ pub fn begin(run: Run, world: &dyn Environment, registry: &Arc<Registry>, thread
 }
 
 /// Opens the world called `name`: a kind that needs no file, or the maze on that map.
-fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
-    if let Some(create) = registry.world(name).and_then(|kind| kind.create) {
+fn open_world(name: &Path, run: &Run, registry: &Registry) -> Result<Box<dyn Environment>, Report> {
+    if let Some(create) = registry.world(known_name(name)).and_then(|kind| kind.create) {
         return Ok(create());
     }
     open_maze(name, run, registry).map(|maze| Box::new(maze) as _)
@@ -192,12 +210,12 @@ fn open_world(name: &str, run: &Run, registry: &Registry) -> Result<Box<dyn Envi
 ///
 /// # Errors
 /// There is no such map, it is invalid, or it lacks what the settings of `run` require.
-pub fn open_maze(name: &str, run: &Run, registry: &Registry) -> Result<PointMaze, Report> {
+pub fn open_maze(name: &Path, run: &Run, registry: &Registry) -> Result<PointMaze, Report> {
     let map = Arc::new(find_map(name, registry)?);
     if run.settings.train.restart == Restart::StartCell && map.starts().is_empty() {
         let problem = "has no start S, which restart=start-cell requires";
         return Err(from_map_error(MapError::whole_file(
-            name,
+            &name.to_string_lossy(),
             problem,
             "mark a start with S, or use restart=anywhere",
         )));
@@ -226,7 +244,7 @@ fn save_to(path: &Path, resumed: Option<&Path>, overwrite: bool) -> Result<SaveT
 
 /// Returns the files that a run reads.
 fn inputs<'a>(args: &'a TrainArgs, resumed: Option<&'a Path>) -> impl Iterator<Item = &'a Path> {
-    let map = args.map.as_deref().map(Path::new);
+    let map = args.map.as_deref();
     let edits = args.edit_at.iter().map(|edit| edit.file.as_path());
     [map, args.scen.as_deref(), args.run.config.as_deref(), resumed].into_iter().flatten().chain(edits)
 }
@@ -257,21 +275,26 @@ pub fn threads(requested: Option<u16>) -> usize {
     requested.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
 }
 
-/// Loads the built-in map or the file called `name`; errors also list the worlds of `registry` that need no file.
+/// Returns a path as the name of a built-in map or world, which it may be; those are UTF-8.
+fn known_name(path: &Path) -> &str {
+    path.to_str().unwrap_or_default()
+}
+
+/// Loads the built-in map or the file at `path`; errors also list the worlds of `registry` that need no file.
 ///
 /// # Errors
-/// The file is invalid, or `name` is neither a built-in map nor a file.
-pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
+/// The file is invalid, or `path` is neither a built-in map nor a file.
+pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
+    let name = known_name(path);
     if let Some(grid) = map::builtin(name) {
         return Ok(grid);
     }
-    let path = Path::new(name);
     if registry.world(name).is_some_and(|kind| kind.create.is_some()) && !path.exists() {
         let help = "give a map: a built-in name or a file";
         return Err(miette!(help = help, "{name}: is a world without a map, which this command needs"));
     }
     let looks_like_a_name =
-        name != "-" && !path.exists() && path.extension().is_none() && !name.contains(std::path::is_separator);
+        name != "-" && !path.exists() && path.extension().is_none() && path.components().count() == 1;
     if looks_like_a_name {
         let maps = map::BUILTIN.map(|(known, _)| known);
         let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| kind.name);
@@ -282,7 +305,11 @@ pub fn find_map(name: &str, registry: &Registry) -> Result<Grid, Report> {
         let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
         let worlds = if worlds.is_empty() { String::new() } else { format!("; worlds: {}", worlds.join(", ")) };
         let help = format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", "));
-        return Err(from_map_error(MapError::whole_file(name, "is neither a built-in map nor a file", help)));
+        return Err(from_map_error(MapError::whole_file(
+            &path.to_string_lossy(),
+            "is neither a built-in map nor a file",
+            help,
+        )));
     }
     map::load_map(path).map_err(|mut error| {
         if !path.exists() {

@@ -41,6 +41,12 @@ pub fn sanitized_lines(text: &str) -> String {
     text.chars().map(|c| if is_active(c) && c != '\n' { replacement(c) } else { c }).collect()
 }
 
+/// Returns text as Markdown shows it literally, within a line or a cell of a table.
+pub fn markdown(text: &str) -> String {
+    let escaped = |c: char| "\\`*_[]<>|~&#$".contains(c).then_some('\\').into_iter().chain([c]);
+    sanitized(text).chars().flat_map(escaped).collect()
+}
+
 /// Returns a number and what it counts: `1 task`, `2 tasks`.
 pub fn counted(n: u64, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
@@ -105,6 +111,13 @@ mod tests {
         assert_eq!(shown, "a?[2Jb¿31m\u{fffd}c\u{1f6ab}?");
         assert!(sanitized_lines(evil).ends_with('\n'));
         assert_eq!(sanitized("maps/größe 7.txt"), "maps/größe 7.txt", "harmless text stays");
+    }
+
+    #[test]
+    fn names_do_not_act_in_markdown() {
+        assert_eq!(markdown("<b>a|b*_`[x](y)"), "\\<b\\>a\\|b\\*\\_\\`\\[x\\](y)");
+        assert_eq!(markdown("a\\b\n# c"), "a\\\\b?\\# c");
+        assert_eq!(markdown("den312d-größe 7.v2"), "den312d-größe 7.v2");
     }
 
     #[test]

@@ -18,7 +18,7 @@ mod settings;
 mod trainer;
 
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, from_bytes, is_checkpoint, load, save,
+    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes, is_checkpoint, load, save,
     with_updated_checksum,
 };
 pub use config::{

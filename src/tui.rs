@@ -128,7 +128,7 @@ pub fn run(
     let mut app = App::new(engine, viewer, config, Files { save });
     app.search = search;
     app.screen.first_run = is_first_run();
-    let file = args.map.as_deref().filter(|name| map::builtin(name).is_none()).map(Path::new);
+    let file = args.map.as_deref().filter(|file| file.to_str().is_none_or(|name| map::builtin(name).is_none()));
     let file = file.filter(|file| file.is_file()).map(Path::to_owned);
     // Writing to the disk must not delay the first frame.
     let remember = |file: PathBuf| {
@@ -153,7 +153,7 @@ fn is_first_run() -> bool {
 /// The run needs more memory than is left.
 pub fn prepare_tour(args: &TourArgs, registry: &Arc<Registry>) -> Result<Trainer, Report> {
     let run = tour::run();
-    let maze = setup::open_maze(tour::steps::MAP, &run, registry)?;
+    let maze = setup::open_maze(Path::new(tour::steps::MAP), &run, registry)?;
     setup::begin(run, &maze, registry, setup::threads(args.threads))
 }
 

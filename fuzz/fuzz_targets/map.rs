@@ -9,5 +9,5 @@ fuzz_target!(|bytes: &[u8]| match parse_map("fuzzed", bytes) {
         let again = parse_map("fuzzed", print_ascii(&grid).as_bytes()).expect("what was printed is a map");
         assert_eq!(again.free(), grid.free());
     }
-    Err(error) => assert!(!error.to_string().is_empty() && !error.right.is_empty()),
+    Err(error) => assert!(!error.to_string().is_empty() && !error.help.is_empty()),
 });

@@ -3,12 +3,18 @@
 
 use std::sync::LazyLock;
 
-use gdg_tui::map::{Grid, builtin, parse_scenario_bytes};
+use gdg_tui::map::{Grid, Scenario, builtin};
 use libfuzzer_sys::fuzz_target;
 
 static TRAP: LazyLock<Grid> = LazyLock::new(|| builtin("trap").expect("built in"));
 
-fuzz_target!(|bytes: &[u8]| match parse_scenario_bytes("fuzzed", bytes, &TRAP) {
-    Ok(tasks) => assert!(tasks.iter().all(|task| TRAP.is_free(task.start) && TRAP.is_free(task.goal))),
-    Err(error) => assert!(!error.to_string().is_empty() && !error.right.is_empty()),
+fuzz_target!(|bytes: &[u8]| {
+    let tasks = Scenario::parse("fuzzed", bytes.to_vec()).and_then(|scenario| {
+        let _ = (scenario.map_name(), scenario.other_map(&TRAP));
+        scenario.check_lengths(&TRAP).and_then(|()| scenario.tasks(&TRAP))
+    });
+    match tasks {
+        Ok(tasks) => assert!(tasks.iter().all(|task| TRAP.is_free(task.start) && TRAP.is_free(task.goal))),
+        Err(error) => assert!(!error.to_string().is_empty() && !error.help.is_empty()),
+    }
 });

@@ -1,5 +1,7 @@
 //! Options of `gdg-tui compare`.
 
+use std::path::PathBuf;
+
 use clap::Args;
 
 use super::{MethodParser, ScreenArgs, counts};
@@ -31,7 +33,7 @@ pub struct CompareArgs {
 
     /// Built-in map or map file
     #[arg(default_value = "fourrooms", value_name = "MAP")]
-    pub map: String,
+    pub map: PathBuf,
 
     /// Random seed of both: same seed, same runs
     #[arg(long, default_value_t = 0, value_parser = counts::<u64>(0..=u64::MAX))]

@@ -20,9 +20,9 @@ Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3
 #[derive(Debug, Args)]
 #[command(after_help = EXAMPLES, allow_negative_numbers = true)]
 pub struct SuiteArgs {
-    /// Built-in maps, map files, and folders, of which the .map files are used, or the .txt files if there are none
+    /// Built-in maps, map files, and folders, of which the .map files that are not hidden are used, or the .txt files if there are none
     #[arg(value_name = "FOLDER|MAP", required = true)]
-    pub maps: Vec<String>,
+    pub maps: Vec<PathBuf>,
 
     /// Updates per map [default: 60000 up to 6,000 free cells, 200000 up to 50,000, 600000 beyond]
     #[arg(long, value_name = "N", value_parser = counts::<u64>(1..=1 << 53))]

@@ -1,9 +1,11 @@
 //! Parsers of the values of options.
 
+use std::ffi::OsStr;
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 
 use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap_lex::OsStrExt as _;
 
 use super::EditAt;
 use crate::text::{parse_count, parse_real};
@@ -32,10 +34,15 @@ pub fn output() -> impl TypedValueParser<Value = PathBuf> {
     })
 }
 
-/// Parses `UPDATES:FILE`.
-pub fn parse_edit_at(text: &str) -> Result<EditAt, String> {
-    let (updates, file) = text.split_once(':').ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
-    let updates = parse_count(updates).map_err(|error| format!("{updates:?} is not a number of updates: {error}"))?;
+/// Returns the parser of `UPDATES:FILE`.
+pub fn edits() -> impl TypedValueParser<Value = EditAt> {
+    OsStringValueParser::new().try_map(|text| parse_edit_at(&text))
+}
+
+fn parse_edit_at(text: &OsStr) -> Result<EditAt, String> {
+    let (updates, file) = text.split_once(":").ok_or("expected UPDATES:FILE, e.g. 20000:closed.txt")?;
+    let updates = updates.to_string_lossy();
+    let updates = parse_count(&updates).map_err(|error| format!("{updates:?} is not a number of updates: {error}"))?;
     Ok(EditAt { updates, file: PathBuf::from(file) })
 }
 

@@ -13,11 +13,12 @@ use super::runner::Runner;
 use super::suite::{any_failed, print};
 use super::world::JobWorld;
 use crate::cli::{AblateArgs, EXIT_FAILURE};
+use crate::facts::warnings;
 use crate::files::{check_writable, write_atomically};
 use crate::map::Grid;
 use crate::report::from_config_error;
 use crate::setup::{find_map, refuse_existing, refuse_input, threads};
-use crate::text::{counted, eprint_line};
+use crate::text::{counted, eprint_line, markdown};
 use crate::train::{Evaluation, Method, Overrides, Preset, Registry, Run, Settings, settings_from};
 
 /// What is trained and evaluated.
@@ -134,6 +135,7 @@ pub fn run(args: &AblateArgs) -> Result<u8, Report> {
     }
     let registry = Registry::builtin();
     let map = find_map(&args.map, &registry)?;
+    warnings(&map, Some(&args.map)).iter().for_each(|warning| eprint_line(warning));
     let plan = Plan::new(Length::Updates(args.updates), 1, args.eval_tasks);
     let (cases, mut runs) = (cases(args.ladder), Vec::new());
     for case in &cases {
@@ -174,7 +176,7 @@ fn slug(name: &str) -> String {
 /// Checks that the results can be written, to fail before hours of training instead of after.
 fn check_json(path: &Path, args: &AblateArgs) -> Result<(), Report> {
     refuse_existing(path, args.overwrite)?;
-    refuse_input(("--json", path), std::iter::once(Path::new(&args.map)))?;
+    refuse_input(("--json", path), std::iter::once(args.map.as_path()))?;
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     if !folder.is_dir() {
         return Err(miette!("{}: cannot be written: there is no folder {}", path.display(), folder.display()));
@@ -200,7 +202,7 @@ fn settings(case: &Case) -> Result<Settings, Report> {
 fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
     let mut out = format!(
         "{}, {}, means of {} (success: worst seed in brackets), {} at each of six distances\n\n",
-        map.name(),
+        markdown(map.name()),
         counted(args.updates, "update"),
         counted(args.seeds, "seed"),
         counted(args.eval_tasks.into(), "task")

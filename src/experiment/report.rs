@@ -4,7 +4,7 @@ use super::folder::{Folder, picture_name};
 use super::job::{Job, JobResult};
 use super::table::{self, Row};
 use crate::env::Restart;
-use crate::text::counted;
+use crate::text::{counted, markdown};
 use crate::train::Evaluation;
 
 /// Heights of a sparkline, from 0 to 1.
@@ -19,11 +19,13 @@ pub fn report(groups: &[Vec<Job>], rows: &[Row], folder: &Folder) -> String {
             path length (Anderson et al. 2018). Errors are mean absolute relative errors of D, of D up to 10 steps, and of \
             the distance along the graph. False edges join places that no path of about their length does.\n";
     for (group, row) in groups.iter().zip(rows) {
-        out += &format!("\n## {}\n\n{}.\n", row.map, size(group));
+        out += &format!("\n## {}\n\n{}.\n", markdown(&row.map), size(group));
         for job in group {
             let result = row.results.iter().find(|result| result.key == job.key);
-            out +=
-                &format!("\n{}\n", result.map_or(format!("{}: no result yet.", job.name), |r| section(job, r, folder)));
+            out += &format!(
+                "\n{}\n",
+                result.map_or(format!("{}: no result yet.", markdown(&job.name)), |r| section(job, r, folder))
+            );
         }
     }
     out
@@ -62,10 +64,10 @@ fn size(group: &[Job]) -> String {
 fn section(job: &Job, result: &JobResult, folder: &Folder) -> String {
     let (picture, numbers) = (picture_name(job), table::numbers(result));
     let shown = if folder.path(&picture).is_file() {
-        format!("![{}]({picture})\n\n", job.name)
+        format!("![{}]({picture})\n\n", markdown(&job.name))
     } else {
         let again = "delete the file of its result and run this again to draw it";
-        format!("({picture} is missing: {again}.)\n\n")
+        format!("({} is missing: {again}.)\n\n", markdown(&picture))
     };
     let starts = result.map.iter().flat_map(|map| &map.starts);
     let starts: Vec<String> = starts.map(|[x, y]| format!("({x}, {y})")).collect();

@@ -16,6 +16,8 @@ use super::table::{Row, table};
 use super::world::JobWorld;
 use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
 use crate::env::maze;
+use crate::facts::warnings;
+use crate::files::{has_extension, is_hidden};
 use crate::map::{Grid, builtin, load_map};
 use crate::report::from_map_error;
 use crate::setup::{self, find_map, threads};
@@ -44,7 +46,7 @@ pub struct Suite<'a> {
 pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suite<'a>, Report> {
     let (mut groups, mut known) = (Vec::new(), BTreeSet::new());
     let job = |map: &Grid, seed, plan: &Plan| {
-        let run = setup::run(&args.run, maze::KIND.name, registry, seed)?;
+        let run = setup::run(&args.run, Path::new(maze::KIND.name), registry, seed)?;
         Job::new(JobWorld::maze(map, seed), None, run, plan.clone())
     };
     for map in &args.maps {
@@ -69,18 +71,20 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
     Ok(suite)
 }
 
-/// Returns the built-in map or the map file called `name`, or all `.map` files of the folder `name`, sorted by name; all
-/// `.txt` files if it has none.
-fn maps(name: &str, registry: &Registry) -> Result<Vec<Grid>, Report> {
-    let folder = Path::new(name);
-    if builtin(name).is_some() || !folder.is_dir() {
-        return Ok(vec![find_map(name, registry)?]);
+/// Returns the built-in map or the map file called `folder`, or all `.map` files of that folder, sorted by name; all `.txt`
+/// files if it has none. Hidden files are left out.
+fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
+    if !folder.is_dir() || folder.to_str().is_some_and(|name| builtin(name).is_some()) {
+        let map = find_map(folder, registry)?;
+        warn(&map, folder);
+        return Ok(vec![map]);
     }
+    let name = folder.display();
     let entries = std::fs::read_dir(folder).and_then(Iterator::collect::<std::io::Result<Vec<_>>>);
     let entries = entries.into_diagnostic().wrap_err_with(|| format!("{name}: cannot be read"))?;
     let files: Vec<PathBuf> = entries.into_iter().map(|entry| entry.path()).collect();
     let ending = |extension: &str| {
-        let is_map = |path: &&PathBuf| path.extension().is_some_and(|own| own == extension) && path.is_file();
+        let is_map = |path: &&PathBuf| has_extension(path, extension) && !is_hidden(path) && path.is_file();
         files.iter().filter(is_map).cloned().collect::<Vec<_>>()
     };
     // Texts beside maps are likely to be about them.
@@ -95,7 +99,13 @@ fn maps(name: &str, registry: &Registry) -> Result<Vec<Grid>, Report> {
         let help = "give a folder of .map or .txt files, map files, or names from 'gdg-tui maps'";
         return Err(miette!(help = help, "{name}: the folder has no .map or .txt files"));
     }
-    files.iter().map(|path| load_map(path).map_err(from_map_error)).collect()
+    let load = |path: &PathBuf| load_map(path).inspect(|map| warn(map, path)).map_err(from_map_error);
+    files.iter().map(load).collect()
+}
+
+/// Warns about what suggests that a map, read from `file`, is not what its author meant.
+fn warn(map: &Grid, file: &Path) {
+    warnings(map, Some(file)).iter().for_each(|warning| eprint_line(warning));
 }
 
 fn default_budget(map: &Grid) -> u64 {

@@ -1,7 +1,7 @@
 //! The table of results, in Markdown.
 
 use super::job::JobResult;
-use crate::text::sanitized;
+use crate::text::markdown;
 
 /// A column of numbers.
 struct Column {
@@ -59,7 +59,7 @@ pub fn table(rows: &[Row]) -> String {
             (found, all) if found < all && all > 1 => format!(" ({found} of {all} seeds)"),
             _ => String::new(),
         };
-        let map = sanitized(&row.map).replace('|', "\\|");
+        let map = markdown(&row.map);
         out += &format!("| {map}{missing} | {} | {} | {cells} |\n", row.free_cells, row.updates);
     }
     if rows.len() > 1 {

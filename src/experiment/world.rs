@@ -1,5 +1,6 @@
 //! The world of a job.
 
+use std::path::Path;
 use std::sync::Arc;
 
 use miette::{Report, miette};
@@ -36,7 +37,7 @@ impl JobWorld {
     pub fn find(name: &str, seed: u64, registry: &Registry) -> Result<Self, Report> {
         match registry.world_opened_by(name) {
             Some(kind) if kind.create.is_some() => Ok(Self::Named(name.to_owned())),
-            _ => Ok(Self::maze(&find_map(name, registry)?, seed)),
+            _ => Ok(Self::maze(&find_map(Path::new(name), registry)?, seed)),
         }
     }
 

@@ -3,7 +3,7 @@
 use super::error::MapResult;
 use super::grid::{Cell, Grid, is_size, size_limits};
 use super::text::Text;
-use crate::text::grouped;
+use crate::text::{counted, grouped};
 
 /// The most characters that an error names beside the first.
 const MAX_NAMED_CHARACTERS: usize = 3;
@@ -18,6 +18,9 @@ enum Mark {
 
 const ALLOWED_CHARACTERS: &str =
     "free cells are '.' or space, walls '#' (or '@', 'O', 'T', 'W'), 'S' a start and 'G' a goal";
+
+const ROW_LENGTHS: &str = "all rows must have the same length (an editor may have removed or added spaces at their ends: \
+                           write free cells as '.')";
 
 fn mark(c: char) -> Option<Mark> {
     match c {
@@ -34,16 +37,17 @@ fn mark(c: char) -> Option<Mark> {
 /// # Errors
 /// Fails on rows of different lengths, unknown characters, no free cell, or a size beyond [`size_limits`].
 pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
-    let width = text.lines[0].chars().count();
+    let rows = without_stray_blanks(&text.lines).unwrap_or_else(|| text.lines.clone());
+    let width = rows[0].chars().count();
     if width == 0 {
         return Err(text.error(0, 0..0, "the first row is empty", "begin the file with the map's first row"));
     }
-    if !is_size(width, text.lines.len()) {
-        return Err(too_large(text, width, text.lines.len()));
+    if !is_size(width, rows.len()) {
+        return Err(too_large(text, width, rows.len()));
     }
-    let mut free = Vec::with_capacity(width * text.lines.len());
+    let mut free = Vec::with_capacity(width * rows.len());
     let (mut starts, mut goals) = (Vec::new(), Vec::new());
-    for (y, line) in text.lines.iter().enumerate() {
+    for (y, line) in rows.iter().enumerate() {
         for (x, c) in line.chars().enumerate() {
             let Some(mark) = mark(c) else {
                 return Err(unknown_character(text, y, |c| mark(c).is_some(), ALLOWED_CHARACTERS));
@@ -55,10 +59,25 @@ pub fn parse_ascii(name: &str, text: &Text) -> MapResult<Grid> {
             }
             free.push(!matches!(mark, Mark::Wall));
         }
-        check_row_length(text, y, width, "the first row has")?;
+        check_row_length(text, (y, line), width, "the first row has", ROW_LENGTHS)?;
     }
     check_some_free(text, &free)?;
     Ok(Grid::new(name, width, free, starts, goals))
+}
+
+/// Returns the rows of a ragged map without the blanks at their ends, if that makes them equally long and there are no
+/// other blanks: free cells are written in another way then.
+fn without_stray_blanks<'a>(rows: &[&'a str]) -> Option<Vec<&'a str>> {
+    let lengths = |rows: &[&str]| {
+        let mut lengths = rows.iter().map(|row| row.chars().count());
+        let first = lengths.next();
+        lengths.all(|length| Some(length) == first)
+    };
+    if lengths(rows) {
+        return None;
+    }
+    let trimmed: Vec<&str> = rows.iter().map(|row| row.trim_end_matches([' ', '\t'])).collect();
+    (lengths(&trimmed) && trimmed.iter().all(|row| !row.contains(' '))).then_some(trimmed)
 }
 
 /// Prints the map as plain ASCII with LF line endings. Parsing the result gives the same map, except that a cell that
@@ -103,19 +122,23 @@ pub fn unknown_character(
     text.error(line, column..column + 1, problem, help)
 }
 
-/// Checks that line `line` has `width` characters; `because` says where that width comes from.
-pub fn check_row_length(text: &Text, line: usize, width: usize, because: &str) -> MapResult<()> {
-    let length = text.lines[line].chars().count();
+/// Checks that `row`, from line `line`, has `width` characters; `because` says where that width comes from.
+pub fn check_row_length(
+    text: &Text,
+    (line, row): (usize, &str),
+    width: usize,
+    because: &str,
+    help: &str,
+) -> MapResult<()> {
+    let length = row.chars().count();
     if length == width {
         return Ok(());
     }
     let at = length.min(width);
-    Err(text.error(
-        line,
-        at..length.max(at + 1),
-        format!("this row has {length} characters, {because} {width}"),
-        "all rows must have the same length (an editor may have removed trailing spaces: write free cells as '.')",
-    ))
+    let blanks = length - row.trim_end().chars().count();
+    let blanks = if blanks > 0 { format!(", {} at its end", counted(blanks as u64, "blank")) } else { String::new() };
+    let problem = format!("this row has {length} characters{blanks}, {because} {width}");
+    Err(text.error(line, at..length.max(at + 1), problem, help))
 }
 
 /// Checks that the map has a free cell.
@@ -123,5 +146,15 @@ pub fn check_some_free(text: &Text, free: &[bool]) -> MapResult<()> {
     if free.iter().any(|f| *f) {
         return Ok(());
     }
-    Err(super::MapError::whole_file(text.file, "the map has no free cell", "write free cells as '.'"))
+    let help = match doubtful_letters(&text.lines) {
+        Some(doubt) => format!("{doubt}: write free cells as '.'"),
+        None => "write free cells as '.'".to_owned(),
+    };
+    Err(super::MapError::whole_file(text.file, "the map has no free cell", help))
+}
+
+/// Returns what other programs read differently in a plain map.
+pub fn doubtful_letters(lines: &[&str]) -> Option<&'static str> {
+    let has = |letter: char| lines.iter().any(|line| line.contains(letter));
+    (has('#') && has('O')).then_some("O is a wall, as in Moving AI maps; in D4RL mazes it is a free cell")
 }

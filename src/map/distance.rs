@@ -18,7 +18,7 @@ pub struct StepSearch {
 }
 
 /// The four sides, then the corners.
-const OFFSETS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
+pub(super) const OFFSETS: [(isize, isize); 8] = [(-1, 0), (1, 0), (0, -1), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1)];
 
 const WEST: u8 = 0b0001;
 const NORTH: u8 = 0b0100;
@@ -134,6 +134,11 @@ impl StepSearch {
             moves[grid.index(cell)] = open.fold(sides, |bits, i| bits | way(i));
         }
         Self { width: grid.width(), moves, steps: vec![UNREACHABLE; grid.free().len()], reached: Vec::new() }
+    }
+
+    /// Returns the open neighbours of each cell, as a bit set over [`OFFSETS`].
+    pub(super) fn into_moves(self) -> Vec<u8> {
+        self.moves
     }
 
     /// Returns the steps from `cell` to every cell (row-major), [`UNREACHABLE`] where there is no path. Steps are

@@ -3,13 +3,13 @@
 use std::io::ErrorKind;
 use std::path::Path;
 
-use super::ascii::parse_ascii;
+use super::ascii::{self, parse_ascii};
 use super::error::{MapError, MapResult};
 use super::grid::{Grid, MAX_CELLS, size_limits};
 use super::movingai::{is_movingai, parse_movingai};
-use super::scenario::{ScenarioTask, is_scenario, parse_scenario};
+use super::scenario::{Scenario, ScenarioTask, is_scenario};
 use super::text::Text;
-use crate::files;
+use crate::files::{self, Format, Mismatch, Wanted};
 
 /// Size limit of a map or scenario file: room for the cells, line endings and a header.
 const MAX_BYTES: u64 = 4 * MAX_CELLS as u64;
@@ -29,20 +29,45 @@ pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
     if is_movingai(&text) { parse_movingai(&name, &text) } else { parse_ascii(&name, &text) }
 }
 
+/// What is read as a map.
+const MAP: Wanted = Wanted {
+    name: "a map",
+    help: "a map is plain text: one character per cell ('#' is a wall, '.' is free), or Moving AI's format",
+    // A scenario is refused with its place.
+    own: &[Format::Map, Format::Scenario, Format::Text],
+};
+
+/// What is read as a scenario.
+const SCENARIO: Wanted = Wanted {
+    name: "a scenario",
+    help: "a scenario is plain text in Moving AI's format: the line 'version 1', then a task per line",
+    own: &[Format::Scenario, Format::Text],
+};
+
 /// Reads and parses a map file.
 ///
 /// # Errors
 /// Like [`parse_map`]; also if the file cannot be read: missing, a directory, no permission, too large.
 pub fn load_map(path: &Path) -> MapResult<Grid> {
-    parse_map(&path.to_string_lossy(), &read(path, "map")?)
+    let parsed = read(path, "map").and_then(|bytes| parse_map(&path.to_string_lossy(), &bytes));
+    parsed.map_err(|error| explained(path, error, &MAP))
+}
+
+/// Reads a scenario, whatever map it is for.
+///
+/// # Errors
+/// The file cannot be read, or is not a scenario.
+pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
+    let parsed = read(path, "scenario").and_then(|bytes| Scenario::parse(&path.to_string_lossy(), bytes));
+    parsed.map_err(|error| explained(path, error, &SCENARIO))
 }
 
 /// Reads and parses a scenario for `grid`.
 ///
 /// # Errors
-/// Like [`load_map`]; also if a task does not fit the map.
+/// Like [`read_scenario`]; also if a task does not fit the map.
 pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    parse_scenario_bytes(&path.to_string_lossy(), &read(path, "scenario")?, grid)
+    read_scenario(path)?.tasks(grid)
 }
 
 /// Parses a scenario for `grid`; errors refer to it as `file`.
@@ -50,7 +75,23 @@ pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
 /// # Errors
 /// See [`load_scenario`].
 pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    parse_scenario(&Text::new(file, bytes)?, grid)
+    Scenario::parse(file, bytes.to_vec())?.tasks(grid)
+}
+
+/// Returns a warning about a plain map whose letters other programs read differently, `None` if there is nothing to say.
+pub fn doubtful_letters(path: &Path) -> Option<String> {
+    let bytes = read(path, "map").ok()?;
+    let text = Text::new("", &bytes).ok()?;
+    let doubt = ascii::doubtful_letters(&text.lines).filter(|_| !is_movingai(&text))?;
+    Some(format!("{doubt}: write walls as '#' and free cells as '.'"))
+}
+
+/// Returns what the file at `path` is if it is not what was `wanted`, else `error`.
+fn explained(path: &Path, error: Box<MapError>, wanted: &Wanted) -> Box<MapError> {
+    match wanted.mismatch(path) {
+        Some(Mismatch { problem, help }) => MapError::whole_file(&path.to_string_lossy(), problem, help),
+        None => error,
+    }
 }
 
 /// Reads a file that should contain a `kind`: a map or a scenario.

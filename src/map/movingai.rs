@@ -6,15 +6,27 @@ use super::ascii::{check_row_length, check_some_free, too_large, unknown_charact
 use super::error::MapResult;
 use super::grid::{Cell, Grid, MAX_SIDE, is_size};
 use super::text::Text;
+use crate::text::counted;
 
 const HEADER: &str =
     "a Moving AI map begins with the lines 'type octile', 'height H', 'width W' and 'map', then H rows follow";
 
 const ALLOWED_CHARACTERS: &str = "in a Moving AI map '.', 'G' and 'S' are passable, '@', 'O', 'T' and 'W' are not";
 
-/// Returns whether the text starts with a Moving AI header.
+/// The words that header lines begin with.
+const HEADER_WORDS: [&str; 4] = ["type", "height", "width", "map"];
+
+/// A header: sizes with the lines that state them, and the line of the first row.
+struct Header {
+    width: (usize, usize),
+    height: (usize, usize),
+    first_row: usize,
+}
+
+/// Returns whether the text starts with a Moving AI header, perhaps an incomplete one.
 pub fn is_movingai(text: &Text) -> bool {
-    text.lines[0].split_whitespace().next() == Some("type")
+    let first = text.lines[0].split_whitespace().next().unwrap_or_default();
+    HEADER_WORDS.iter().any(|word| first.eq_ignore_ascii_case(word))
 }
 
 /// Returns whether a character is a free cell; `None` if it is neither that nor a wall.
@@ -26,54 +38,82 @@ fn is_free(c: char) -> Option<bool> {
     }
 }
 
-/// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked.
+/// Parses a Moving AI map: `.`, `G` and `S` passable; `@`, `O`, `T` and `W` blocked. Blanks at the ends of lines do not
+/// count.
 ///
 /// # Errors
 /// Fails if the header is incomplete or contradicts the body, and on everything that makes a plain map invalid.
 pub fn parse_movingai(name: &str, text: &Text) -> MapResult<Grid> {
-    let (width, height, first_row) = parse_header(text)?;
+    let header = parse_header(text)?;
+    let Header { width: (width, _), height: (height, _), first_row } = header;
     if !is_size(width, height) {
         return Err(too_large(text, width, height));
     }
-    let rows = text.lines.len() - first_row;
+    let mut rows: Vec<&str> = text.lines[first_row..].iter().map(|row| row.trim_end()).collect();
+    while rows.last().is_some_and(|row| row.is_empty()) {
+        rows.pop();
+    }
+    let help = check_sizes(text, &header, &rows)?;
     let mut free = Vec::with_capacity(width * height);
-    for line in first_row..text.lines.len().min(first_row + height) {
-        check_row_length(text, line, width, "the header says width")?;
-        for c in text.lines[line].chars() {
+    for (y, row) in rows.iter().enumerate().take(height) {
+        check_row_length(text, (first_row + y, row), width, "the header says width", &help)?;
+        for c in row.chars() {
             let Some(is_free) = is_free(c) else {
-                return Err(unknown_character(text, line, |c| is_free(c).is_some(), ALLOWED_CHARACTERS));
+                let is_known = |c: char| is_free(c).is_some() || c.is_whitespace();
+                return Err(unknown_character(text, first_row + y, is_known, ALLOWED_CHARACTERS));
             };
             free.push(is_free);
         }
     }
-    if rows < height {
-        let line = text.lines.len() - 1;
-        let problem = format!("the map ends after {rows} rows, but the header says height {height}");
-        return Err(text.line_error(line, problem, "give as many rows as the header says"));
+    let help = "give as many rows as the header says";
+    if rows.len() < height {
+        let problem = format!("the map ends after {} rows, but the header says height {height}", rows.len());
+        return Err(text.line_error(text.lines.len() - 1, problem, help));
     }
-    if rows > height {
+    if rows.len() > height {
         let problem = format!("row {}, but the header says height {height}", height + 1);
-        return Err(text.line_error(first_row + height, problem, "give as many rows as the header says"));
+        return Err(text.line_error(first_row + height, problem, help));
     }
     check_some_free(text, &free)?;
     Ok(Grid::new(name, width, free, Vec::new(), Vec::new()))
 }
 
-/// Returns the width, the height and the index of the first row's line.
-fn parse_header(text: &Text) -> MapResult<(usize, usize, usize)> {
+/// Checks that height and width are not swapped, and returns what to do about rows of another width.
+fn check_sizes(text: &Text, header: &Header, rows: &[&str]) -> MapResult<String> {
+    let (width, height) = (header.width.0, header.height.0);
+    let length = rows.first().map_or(0, |row| row.chars().count());
+    if rows.iter().any(|row| row.chars().count() != length) {
+        return Ok("all rows must have as many characters as the header's width says".to_owned());
+    }
+    if width != height && (length, rows.len()) == (height, width) {
+        let problem = format!(
+            "height and width are swapped: there are {} of {}",
+            counted(rows.len() as u64, "row"),
+            counted(length as u64, "character")
+        );
+        let help = format!("write 'height {}' and 'width {length}'", rows.len());
+        return Err(text.line_error(header.width.1.min(header.height.1), problem, help));
+    }
+    Ok(format!("all rows have this length: write 'width {length}' in line {}", header.width.1 + 1))
+}
+
+/// Reads the header, in capitals or not.
+fn parse_header(text: &Text) -> MapResult<Header> {
     let (mut width, mut height) = (None, None);
     for (i, line) in text.lines.iter().enumerate() {
-        let words: Vec<&str> = line.split_whitespace().collect();
+        let lower = line.to_ascii_lowercase();
+        let words: Vec<&str> = lower.split_whitespace().collect();
         match words.as_slice() {
             ["type", "octile"] if i == 0 => {}
             ["type", ..] if i == 0 => {
                 return Err(text.line_error(i, "only maps of type octile are supported", HEADER));
             }
-            ["height", value] if height.is_none() => height = Some(parse_size(text, i, value)?),
-            ["width", value] if width.is_none() => width = Some(parse_size(text, i, value)?),
+            _ if i == 0 => return Err(text.line_error(i, "the line 'type octile' is missing before this one", HEADER)),
+            ["height", value] if height.is_none() => height = Some((parse_size(text, i, value)?, i)),
+            ["width", value] if width.is_none() => width = Some((parse_size(text, i, value)?, i)),
             ["map"] => {
                 return match (width, height) {
-                    (Some(w), Some(h)) => Ok((w, h, i + 1)),
+                    (Some(width), Some(height)) => Ok(Header { width, height, first_row: i + 1 }),
                     (None, _) => Err(text.line_error(i, "the header has no width", HEADER)),
                     (_, None) => Err(text.line_error(i, "the header has no height", HEADER)),
                 };
@@ -86,7 +126,7 @@ fn parse_header(text: &Text) -> MapResult<(usize, usize, usize)> {
 
 fn parse_size(text: &Text, line: usize, value: &str) -> MapResult<usize> {
     let column = text.lines[line].chars().count() - text.lines[line].trim_start().chars().count();
-    let from = column + text.lines[line].trim_start().find(value).unwrap_or(0);
+    let from = column + text.lines[line].trim_start().to_ascii_lowercase().find(value).unwrap_or(0);
     let error = |problem: String| {
         let help = format!("sizes are integers from 1 to {MAX_SIDE}");
         text.error(line, from..from + value.chars().count(), problem, help)

@@ -1,7 +1,9 @@
 //! Moving AI `.scen` files: tasks on a map.
 
-use super::error::MapResult;
+use super::distance::StepSearch;
+use super::error::{MapError, MapResult};
 use super::grid::{Cell, Grid};
+use super::octile::{Found, OctileSearch, least_length};
 use super::text::Text;
 
 /// One task of a scenario.
@@ -18,68 +20,189 @@ pub struct ScenarioTask {
 const EXPECTED_FIELDS: &str = "a task has 9 fields separated by tabs: bucket, map, map width, map height, start x, start y, \
                       goal x, goal y, optimal length";
 
+/// Fields of a task.
+const FIELDS: usize = 9;
+
+/// By how much a stated length may be below the true one, in cells: files round.
+const LENGTH_TOLERANCE: f64 = 0.01;
+
+/// Cells that all checks of stated lengths visit at most: less than a second, and no path that is found overflows.
+const MOST_VISITS: usize = 3_000_000;
+
+/// Tasks are checked in this many rounds, so that those on large maps, which there is no time for, are spread evenly.
+const ROUNDS: usize = 64;
+
+/// A scenario as in its file, whatever map it is for.
+#[derive(Clone, Debug)]
+pub struct Scenario {
+    file: String,
+    bytes: Vec<u8>,
+    entries: Vec<Entry>,
+}
+
+/// A task as in the file.
+#[derive(Clone, Copy, Debug)]
+struct Entry {
+    /// Line, from 0.
+    line: usize,
+    /// Width and height of the map that coordinates refer to.
+    size: (usize, usize),
+    start: (usize, usize),
+    goal: (usize, usize),
+    length: f64,
+}
+
+/// A field of a task: its first byte in the line, and its text.
+type Field<'a> = (usize, &'a str);
+
 /// Returns whether the text starts like a scenario of any version.
 pub fn is_scenario(text: &Text) -> bool {
-    text.lines[0].split_whitespace().next() == Some("version")
+    text.lines[0].split_whitespace().next().is_some_and(|word| word.eq_ignore_ascii_case("version"))
 }
 
-/// Parses a scenario for `grid`; scales coordinates if the stated map size differs from the grid's.
-///
-/// # Errors
-/// Fails on a missing version, a wrong number of fields, values that are not numbers, cells off the map or in a wall,
-/// and scenarios without tasks.
-pub fn parse_scenario(text: &Text, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    let version: Vec<&str> = text.lines[0].split_whitespace().collect();
-    if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
-        return Err(text.line_error(0, "not a scenario of version 1", "the first line must be 'version 1'"));
+impl Scenario {
+    /// Parses a scenario; errors refer to it as `file`.
+    ///
+    /// # Errors
+    /// Fails on a missing version, a wrong number of fields, values that are not numbers, and scenarios without tasks.
+    pub fn parse(file: &str, bytes: Vec<u8>) -> MapResult<Self> {
+        let text = Text::new(file, &bytes)?;
+        let version: Vec<String> = text.lines[0].split_whitespace().map(str::to_ascii_lowercase).collect();
+        let version: Vec<&str> = version.iter().map(String::as_str).collect();
+        if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
+            let (problem, help) = if fields(text.lines[0]).len() == FIELDS {
+                ("the line 'version 1' is missing before the first task", "write 'version 1' above this line")
+            } else {
+                ("not a scenario of version 1", "the first line must be 'version 1'")
+            };
+            return Err(text.line_error(0, problem, help));
+        }
+        let lines = text.lines.iter().enumerate().skip(1).filter(|(_, line)| !line.trim().is_empty());
+        let entries = lines.map(|(i, _)| parse_entry(&text, i)).collect::<MapResult<Vec<_>>>()?;
+        if entries.is_empty() {
+            return Err(text.line_error(0, "the scenario has no tasks", EXPECTED_FIELDS));
+        }
+        Ok(Self { file: file.to_owned(), bytes, entries })
     }
-    let tasks: MapResult<Vec<ScenarioTask>> = text
-        .lines
-        .iter()
-        .enumerate()
-        .skip(1)
-        .filter(|(_, line)| !line.trim().is_empty())
-        .map(|(i, _)| parse_task(text, i, grid))
-        .collect();
-    let tasks = tasks?;
-    if tasks.is_empty() {
-        return Err(text.line_error(0, "the scenario has no tasks", EXPECTED_FIELDS));
-    }
-    Ok(tasks)
-}
 
-fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> {
-    let fields: Vec<&str> = text.lines[line].split('\t').collect();
-    if fields.len() != 9 {
-        let problem = format!("{} fields instead of 9", fields.len());
-        return Err(text.line_error(line, problem, EXPECTED_FIELDS));
+    /// Returns the name of the map's file that the first task names.
+    pub fn map_name(&self) -> String {
+        self.text().map_or(String::new(), |text| map_name(text.lines[self.entries[0].line]).to_owned())
     }
-    let columns = |field: usize| {
-        let from: usize = fields[..field].iter().map(|f| f.chars().count() + 1).sum();
-        from..from + fields[field].chars().count()
-    };
-    let number = |field: usize| {
-        fields[field].trim().parse::<usize>().map_err(|_| {
-            text.error(line, columns(field), format!("{:?} is not an integer", fields[field]), EXPECTED_FIELDS)
-        })
-    };
-    let (stated_width, stated_height) = (number(2)?, number(3)?);
-    let cell = |field: usize, which: &str| {
-        let scale = |value: usize, stated: usize, size: usize| {
-            if stated == size || stated == 0 { value } else { (value as u128 * size as u128 / stated as u128) as usize }
+
+    /// Returns a warning if a task names another map than `grid`, with its line.
+    pub fn other_map(&self, grid: &Grid) -> Option<String> {
+        let text = self.text().ok()?;
+        let names = self.entries.iter().map(|entry| (entry.line, map_name(text.lines[entry.line])));
+        let (line, name) = names.into_iter().find(|(_, name)| !is_name_of(name, grid))?;
+        Some(format!("line {} is a task on {name}, but the map is {}", line + 1, grid.name()))
+    }
+
+    /// Returns the tasks on `grid`; scales coordinates if the stated map size is a multiple of the grid's, or a part.
+    ///
+    /// # Errors
+    /// A stated size has other proportions than the grid, or a start or goal is in a wall or off the map.
+    pub fn tasks(&self, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
+        let text = self.text()?;
+        self.entries.iter().map(|entry| entry.task(&text, grid)).collect()
+    }
+
+    /// Checks that no stated length is below that of the shortest path on `grid`, and that there is one. On large maps,
+    /// the paths of evenly spread tasks only.
+    ///
+    /// # Errors
+    /// Names the task that cannot be on this map. Also fails like [`Self::tasks`].
+    pub fn check_lengths(&self, grid: &Grid) -> MapResult<()> {
+        let text = self.text()?;
+        let tasks = self.tasks(grid)?;
+        let too_short = |entry: &Entry, least: f64, why: &str| {
+            let problem = format!("the length {} is too short: {why} {least:.2} long", entry.length);
+            let help =
+                "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
+            text.error(entry.line, columns(text.lines[entry.line], 8..=8), problem, help)
         };
-        let cell = Cell::new(
-            scale(number(field)?, stated_width, grid.width()),
-            scale(number(field + 1)?, stated_height, grid.height()),
-        );
+        for (entry, task) in self.entries.iter().zip(&tasks) {
+            let [start, goal] = [task.start, task.goal].map(|cell| (cell.x, cell.y));
+            // Lengths in scaled scenarios may count cells of either map.
+            let least = least_length(entry.start, entry.goal).min(least_length(start, goal));
+            if entry.length + LENGTH_TOLERANCE < least {
+                return Err(too_short(entry, least, "a path without any wall is"));
+            }
+        }
+        let mut search = OctileSearch::new(grid, MOST_VISITS);
+        let components = StepSearch::new(grid).components(grid).of_cell;
+        let rounds = (0..ROUNDS).flat_map(|round| (round..tasks.len()).step_by(ROUNDS));
+        for (entry, task) in rounds.map(|i| (&self.entries[i], &tasks[i])) {
+            let [from, to] = [task.start, task.goal].map(|cell| components[grid.index(cell)]);
+            if from != to {
+                let help = "starts and goals must be connected; is this the right map?";
+                let place = columns(text.lines[entry.line], 4..=7);
+                return Err(text.error(entry.line, place, "no path leads from this start to this goal", help));
+            }
+            if entry.is_scaled(grid) {
+                continue;
+            }
+            match search.search(task.start, task.goal, entry.length + LENGTH_TOLERANCE) {
+                Found::Longer(Some(least)) => return Err(too_short(entry, least, "the shortest path is")),
+                Found::Longer(None) => return Err(too_short(entry, entry.length, "every path is more than")),
+                Found::Unknown => break,
+                Found::Path => {}
+            }
+        }
+        Ok(())
+    }
+
+    fn text(&self) -> MapResult<Text<'_>> {
+        Text::new(&self.file, &self.bytes)
+    }
+}
+
+impl Entry {
+    /// Whether coordinates refer to a map of another size; a size of 0 x 0 is that of the map.
+    fn is_scaled(&self, grid: &Grid) -> bool {
+        self.size != (0, 0) && self.size != (grid.width(), grid.height())
+    }
+
+    /// Returns the task on `grid`.
+    fn task(&self, text: &Text, grid: &Grid) -> MapResult<ScenarioTask> {
+        let (width, height) = self.size;
+        if width as u128 * grid.height() as u128 != height as u128 * grid.width() as u128 {
+            let (own_width, own_height) = (grid.width(), grid.height());
+            let problem = if (width, height) == (own_height, own_width) {
+                format!("width and height are swapped: {} is {own_width} wide and {own_height} high", grid.name())
+            } else {
+                format!(
+                    "a task on a map of {width} x {height} cells does not fit {}, which has {own_width} x {own_height}",
+                    grid.name()
+                )
+            };
+            let help = "width and height, in this order, must be the map's, or both the same multiple of them; is this the \
+                        right map?";
+            return Err(text.error(self.line, columns(text.lines[self.line], 2..=3), problem, help));
+        }
+        Ok(ScenarioTask {
+            start: self.cell(text, grid, (4, "start"), self.start)?,
+            goal: self.cell(text, grid, (6, "goal"), self.goal)?,
+            optimal_octile: self.length,
+        })
+    }
+
+    /// Returns the cell of `grid` at the coordinates `stated` in `field` and the next.
+    fn cell(&self, text: &Text, grid: &Grid, (field, which): (usize, &str), stated: (usize, usize)) -> MapResult<Cell> {
+        let scale = |value: usize, from: usize, to: usize| (value as u128 * to as u128 / from as u128) as usize;
+        let (width, height) = self.size;
+        let cell = if self.is_scaled(grid) {
+            Cell::new(scale(stated.0, width, grid.width()), scale(stated.1, height, grid.height()))
+        } else {
+            Cell::new(stated.0, stated.1)
+        };
         if grid.is_free(cell) {
             return Ok(cell);
         }
         let (x, y) = (cell.x, cell.y);
-        let stated = (number(field)?, number(field + 1)?);
         let mut place = format!("the {which} ({}, {})", stated.0, stated.1);
         if stated != (x, y) {
-            place += &format!(" of a map of {stated_width} x {stated_height}, here ({x}, {y}),");
+            place += &format!(" of a map of {width} x {height}, here ({x}, {y}),");
         }
         let problem = if grid.contains(cell) {
             format!("{place} is a wall of {}", grid.name())
@@ -87,15 +210,66 @@ fn parse_task(text: &Text, line: usize, grid: &Grid) -> MapResult<ScenarioTask> 
             format!("{place} is outside the map of {} x {}", grid.width(), grid.height())
         };
         let help = "starts and goals must be free cells, as x, y from (0, 0) at the upper left; is this the right map?";
-        Err(text.error(line, columns(field).start..columns(field + 1).end, problem, help))
+        Err(text.error(self.line, columns(text.lines[self.line], field..=field + 1), problem, help))
+    }
+}
+
+fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
+    let whole = text.lines[line];
+    let fields = fields(whole);
+    if fields.len() != FIELDS {
+        let problem = format!("{} fields instead of {FIELDS}", fields.len());
+        return Err(text.line_error(line, problem, EXPECTED_FIELDS));
+    }
+    let error = |field: usize, what: &str| -> Box<MapError> {
+        let problem = format!("{:?} is not {what}", fields[field].1);
+        text.error(line, columns(whole, field..=field), problem, EXPECTED_FIELDS)
     };
-    let optimal_octile = fields[8].trim().parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
-    Ok(ScenarioTask {
-        start: cell(4, "start")?,
-        goal: cell(6, "goal")?,
-        optimal_octile: optimal_octile
-            .ok_or_else(|| text.error(line, columns(8), format!("{:?} is not a length", fields[8]), EXPECTED_FIELDS))?,
+    let number = |field: usize| fields[field].1.parse::<usize>().map_err(|_| error(field, "an integer"));
+    let length = fields[8].1.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
+    Ok(Entry {
+        line,
+        size: (number(2)?, number(3)?),
+        start: (number(4)?, number(5)?),
+        goal: (number(6)?, number(7)?),
+        length: length.ok_or_else(|| error(8, "a length"))?,
     })
+}
+
+/// Splits a task at tabs; if that does not give its fields, at blanks, where the name of the map may contain some.
+fn fields(line: &str) -> Vec<Field<'_>> {
+    let at = |part: &str| part.as_ptr() as usize - line.as_ptr() as usize;
+    let tabbed: Vec<Field> = line.split('\t').map(str::trim).map(|field| (at(field), field)).collect();
+    let words: Vec<Field> = line.split_whitespace().map(|word| (at(word), word)).collect();
+    if tabbed.len() == FIELDS {
+        return tabbed;
+    }
+    if words.len() < FIELDS {
+        return if tabbed.len() > 1 { tabbed } else { words };
+    }
+    let last = words[words.len() - FIELDS + 1];
+    let name = (words[1].0, &line[words[1].0..last.0 + last.1.len()]);
+    [&words[..1], &[name], &words[words.len() - FIELDS + 2..]].concat()
+}
+
+/// Returns the columns (from 0, in characters) of some fields of a task.
+fn columns(line: &str, which: std::ops::RangeInclusive<usize>) -> std::ops::Range<usize> {
+    let fields = fields(line);
+    let column = |byte: usize| line[..byte].chars().count();
+    let (first, last) = (fields[*which.start()], fields[*which.end()]);
+    column(first.0)..column(last.0 + last.1.len())
+}
+
+/// Returns the file name in a task's path of its map, which may come from Windows.
+fn map_name(line: &str) -> &str {
+    let path = fields(line).get(1).map_or("", |field| field.1);
+    path.rsplit(['/', '\\']).next().unwrap_or_default()
+}
+
+/// Returns whether `grid` may have been read from a file of this name.
+fn is_name_of(name: &str, grid: &Grid) -> bool {
+    let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+    [name, stem].iter().any(|name| name.eq_ignore_ascii_case(grid.name()))
 }
 
 #[cfg(test)]

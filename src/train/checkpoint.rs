@@ -22,7 +22,7 @@ use super::registry::Registry;
 use super::run::Run;
 use super::score::Success;
 use super::trainer::{LEARNED, Trainer, TrainerState};
-use crate::files;
+use crate::files::{self, Format, Mismatch, Wanted};
 use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::with_updated_checksum;
 use content::{ContentError, texts_from_header};
@@ -63,6 +63,13 @@ pub struct Description {
     pub written: Option<SystemTime>,
 }
 
+/// What is read as a checkpoint.
+const CHECKPOINT: Wanted = Wanted {
+    name: "a checkpoint",
+    help: "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors",
+    own: &[Format::Safetensors],
+};
+
 /// Maximum header size read, far above that of any checkpoint of this program.
 const MAX_HEADER_BYTES: u64 = 64 << 20;
 
@@ -72,7 +79,7 @@ const MAX_HEADER_BYTES: u64 = 64 << 20;
 /// The file cannot be read or is not a checkpoint of this program.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
     let (header, facts) = read_header(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
-    let describe = || {
+    let parsed = || {
         let store = texts_from_header(&header)?;
         // Tells a file that was cut off from a whole one, without reading its numbers.
         if content::file_size(&header).is_some_and(|whole| whole != facts.len()) {
@@ -94,7 +101,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
             written: facts.modified().ok(),
         })
     };
-    describe().map_err(|e| unreadable(path, &e.to_string()))
+    parsed().map_err(|e| unreadable(path, &e.to_string()))
 }
 
 /// Returns whether the file at `path` is a checkpoint of any version of this program, perhaps a damaged one.
@@ -102,20 +109,43 @@ pub fn is_checkpoint(path: &Path) -> bool {
     read_header(path).is_ok_and(|(header, _)| content::is_header_of_checkpoint(&header))
 }
 
-/// Reads the header of a safetensors file.
+/// Like [`describe`], but reads the whole file, and finds out whether it is damaged and what it needs is in `registry`.
+///
+/// # Errors
+/// The checkpoint cannot be loaded.
+pub fn examine(path: &Path, registry: &Registry) -> Result<Description, CheckpointError> {
+    let found = describe(path)?;
+    let bytes = read(path).map_err(|problem| unreadable(path, &problem))?;
+    content::from_bytes(&bytes).map_err(|e| unreadable(path, &e.to_string()))?;
+    if registry.world(&found.world).is_none() {
+        return Err(unreadable(path, &format!("is of the world {:?}, which this program lacks", found.world)));
+    }
+    registry.learner(&found.run.method.learner).map_err(|e| unreadable(path, &e.to_string()))?;
+    Ok(found)
+}
+
+/// Reads the header of a safetensors file, or what there is of one.
 fn read_header(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
     let mut file = files::open(path)?;
     let facts = file.metadata()?;
-    let mut length = [0; 8];
-    file.read_exact(&mut length)?;
-    let mut header = Vec::new();
-    file.take(u64::from_le_bytes(length).min(MAX_HEADER_BYTES)).read_to_end(&mut header)?;
+    let (mut length, mut header) = (Vec::new(), Vec::new());
+    (&mut file).take(8).read_to_end(&mut length)?;
+    if let Some(length) = length.first_chunk() {
+        file.take(u64::from_le_bytes(*length).min(MAX_HEADER_BYTES)).read_to_end(&mut header)?;
+    }
     Ok((header, facts))
 }
 
+/// Reads a whole checkpoint. The contents are briefly held twice, as bytes and as numbers.
+fn read(path: &Path) -> Result<Vec<u8>, String> {
+    files::read(path, memory::available_bytes() / 3).map_err(|e| format!("cannot be read: {e}"))
+}
+
+/// Returns the error about a file that is no checkpoint: what else it is if that is known, else `problem`.
 fn unreadable(path: &Path, problem: &str) -> CheckpointError {
-    let help = "give a checkpoint saved by gdg-tui, e.g. saves/NAME.safetensors".to_owned();
-    CheckpointError { file: path.to_owned(), problem: truncated(problem, MAX_REASON_CHARS), help }
+    let found = CHECKPOINT.mismatch(path);
+    let found = found.unwrap_or_else(|| Mismatch { problem: problem.to_owned(), help: CHECKPOINT.help.to_owned() });
+    CheckpointError { file: path.to_owned(), problem: truncated(&found.problem, MAX_REASON_CHARS), help: found.help }
 }
 
 /// Where to write a checkpoint.
@@ -221,11 +251,7 @@ pub struct Loaded {
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
 pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loaded, CheckpointError> {
-    let load = |file: &Path| {
-        // The contents are briefly held twice, as bytes and as numbers.
-        let bytes = files::read(file, memory::available_bytes() / 3).map_err(|e| format!("cannot be read: {e}"))?;
-        from_bytes(&bytes, registry, threads).map_err(|e| e.to_string())
-    };
+    let load = |file: &Path| from_bytes(&read(file)?, registry, threads).map_err(|e| e.to_string());
     let backup = files::backup_path(path);
     FileIdentity::record(path);
     match load(path) {

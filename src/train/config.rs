@@ -13,7 +13,7 @@ use serde_json::{Map, Value};
 use super::method::Preset;
 use super::settings::Settings;
 use super::settings::reference::{SETTINGS, Setting};
-use crate::files;
+use crate::files::{self, Format, Wanted};
 use crate::learn::OutOfRange;
 use crate::text::{CountError, Excerpt, parse_count, parse_real, sanitized, truncated};
 
@@ -299,13 +299,23 @@ impl<'de> Deserialize<'de> for Entries<'de> {
     }
 }
 
+/// What is read as settings.
+const SETTINGS_FILE: Wanted = Wanted {
+    name: "a settings file",
+    help: "give a JSON file in the format of --print-config",
+    own: &[Format::Json, Format::Text],
+};
+
 fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<ConfigError>> {
     let file = path.to_string_lossy();
-    let text = files::read_text(path, MAX_BYTES).map_err(|e| {
-        let help = "give a JSON file in the format of --print-config".to_owned();
-        ConfigError::new(format!("cannot be read: {e}"), help).at(format!("{}: ", sanitized(&file)))
-    })?;
-    apply_text(values, &file, &text)
+    let whole_file =
+        |problem: String, help: String| ConfigError::new(problem, help).at(format!("{}: ", sanitized(&file)));
+    let text = files::read_text(path, MAX_BYTES);
+    let text = text.map_err(|e| whole_file(format!("cannot be read: {e}"), SETTINGS_FILE.help.to_owned()));
+    text.and_then(|text| apply_text(values, &file, &text)).map_err(|error| match SETTINGS_FILE.mismatch(path) {
+        Some(found) => whole_file(found.problem, found.help),
+        None => error,
+    })
 }
 
 fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {

@@ -12,7 +12,7 @@ use crate::learn::LearnError;
 use crate::store::StoreError;
 
 /// Name of the description in the file's metadata.
-const DESCRIPTION: &str = "policy";
+pub(super) const POLICY_KEY: &str = "policy";
 
 /// Returns the bytes of a safetensors file with the actor that evaluations use: its weights by name, and in the metadata,
 /// as JSON under `policy`, how its inputs are computed (see [`crate::learn::ActorExport`]).
@@ -41,6 +41,6 @@ pub fn policy_file(trainer: &Trainer) -> Result<Vec<u8>, TrainError> {
         TensorView::new(Dtype::F32, tensor.shape.clone(), bytes).map(|view| (tensor.name.as_str(), view))
     });
     let views = views.collect::<Result<Vec<_>, _>>().map_err(failed)?;
-    let metadata = HashMap::from([(DESCRIPTION.to_owned(), description.to_string())]);
+    let metadata = HashMap::from([(POLICY_KEY.to_owned(), description.to_string())]);
     Ok(safetensors::serialize(views, Some(metadata)).map_err(failed)?)
 }

@@ -12,7 +12,7 @@ use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::raster::Marker;
 use super::theme::ThemeName;
-use crate::files;
+use crate::files::{self, Format, Wanted};
 use crate::text::{Excerpt, sanitized, sanitized_lines, truncated};
 
 /// The contents of the configuration file.
@@ -34,6 +34,13 @@ impl Default for UiConfig {
         Self { theme: ThemeName::Dark, marker: Marker::Auto, autosave_minutes: 5.0, keys: BTreeMap::new() }
     }
 }
+
+/// What is read as a configuration.
+const CONFIGURATION: Wanted = Wanted {
+    name: "a configuration of the interface",
+    help: "give a TOML file in the format of --print-config-template; settings of a run are given with --config",
+    own: &[Format::Text],
+};
 
 /// The largest file that is read, in bytes, and the most characters of it that an error quotes.
 const MAX_BYTES: u64 = 1 << 20;
@@ -87,11 +94,12 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     let path = file.map(Path::to_owned).or_else(default_path);
     let Some(path) = path.filter(|path| file.is_some() || path.exists()) else { return parse("", "") };
     let name = path.to_string_lossy();
-    let text = files::read_text(&path, MAX_BYTES).map_err(|e| {
-        let help = "give a TOML file in the format of --print-config-template";
-        error(&name, "", None, &format!("cannot be read: {e}"), help)
-    })?;
-    parse(&name, &text)
+    let text = files::read_text(&path, MAX_BYTES);
+    let text = text.map_err(|e| error(&name, "", None, &format!("cannot be read: {e}"), CONFIGURATION.help));
+    text.and_then(|text| parse(&name, &text)).map_err(|own| match CONFIGURATION.mismatch(&path) {
+        Some(found) => error(&name, "", None, &found.problem, &found.help),
+        None => own,
+    })
 }
 
 /// Parses the text of a configuration file called `name`.

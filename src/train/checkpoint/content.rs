@@ -6,6 +6,7 @@ use safetensors::tensor::{Dtype, SafeTensorError, SafeTensors, TensorView};
 use serde::Deserialize;
 
 use crate::store::{Array, Store, StoreError};
+use crate::train::policy_file::POLICY_KEY;
 
 /// Beginning of the name of every format.
 const FORMAT_PREFIX: &str = "gdg-tui checkpoint ";
@@ -28,6 +29,9 @@ pub enum ContentError {
     /// The header is truncated or not JSON.
     #[error("is not a safetensors file")]
     Header,
+    /// A safetensors file of something else.
+    #[error("is {0}, not a checkpoint")]
+    Other(&'static str),
     /// A format unknown to this version.
     #[error("has format {format:?}, written by version {version}; this version reads {FORMAT:?}")]
     Format {
@@ -203,7 +207,10 @@ pub fn file_size(header: &[u8]) -> Option<u64> {
 
 fn texts_of(metadata: Option<HashMap<String, String>>) -> Result<BTreeMap<String, String>, ContentError> {
     let texts: BTreeMap<String, String> = metadata.unwrap_or_default().into_iter().collect();
-    let format = texts.get(FORMAT_KEY).ok_or_else(|| StoreError::Missing(FORMAT_KEY.to_owned()))?;
+    let format = texts.get(FORMAT_KEY).filter(|format| format.starts_with(FORMAT_PREFIX)).ok_or_else(|| {
+        let is_policy = texts.contains_key(POLICY_KEY);
+        ContentError::Other(if is_policy { "an exported policy" } else { "a safetensors file of another program" })
+    })?;
     if [FORMAT, FORMAT_WITHOUT_WORLD, FORMAT_WITHOUT_CHECKSUM].contains(&format.as_str()) {
         return Ok(texts);
     }

@@ -7,7 +7,8 @@ use jiff::tz::TimeZone;
 
 use super::App;
 use super::answer::AnswerError;
-use crate::files::{read_text, write_atomically};
+use crate::facts::warnings;
+use crate::files::{has_extension, is_hidden, read_text, write_atomically};
 use crate::map::{load_map, print_ascii, print_movingai};
 use crate::runs::{self, SAVES};
 use crate::train::describe;
@@ -57,7 +58,7 @@ impl App {
             return Err(AnswerError::NoFileName);
         }
         let path = Path::new(name);
-        let movingai = path.extension().is_some_and(|e| e == "map");
+        let movingai = has_extension(path, "map");
         let marks = self.screen.maze.map.starts().len() + self.screen.maze.map.goals().len();
         let text = if movingai { print_movingai(&self.screen.maze.map) } else { print_ascii(&self.screen.maze.map) };
         write_atomically(path, text.as_bytes()).map_err(|error| AnswerError::Unwritable(name.to_owned(), error))?;
@@ -80,7 +81,10 @@ impl App {
 
     pub(super) fn open_map(&mut self, path: &Path) {
         match load_map(path) {
-            Ok(map) => self.offer_map(&Arc::new(map), Some(path)),
+            Ok(map) => {
+                warnings(&map, Some(path)).iter().for_each(|warning| self.notify(warning));
+                self.offer_map(&Arc::new(map), Some(path));
+            }
             Err(error) => {
                 self.report(&format!("{error}: {}", error.help));
             }
@@ -91,7 +95,8 @@ impl App {
 /// Returns the file of a checkpoint given by name or path.
 pub(super) fn checkpoint_file(name: &str) -> PathBuf {
     // A dot within a name does not begin an extension.
-    let path = PathBuf::from(format!("{}.safetensors", name.trim_end_matches(".safetensors")));
+    let path = Path::new(name);
+    let path = if has_extension(path, "safetensors") { path.to_owned() } else { format!("{name}.safetensors").into() };
     let plain = path.parent().is_none_or(|folder| folder.as_os_str().is_empty());
     if plain { Path::new(SAVES).join(path) } else { path }
 }
@@ -105,9 +110,9 @@ fn files_in(folder: &Path) -> Vec<PathBuf> {
 
 /// Returns whether to list a file (or folder, if `is_folder`) for opening a map: not a text of another kind.
 fn is_folder_or_map((path, is_folder): &(PathBuf, bool)) -> bool {
-    let has = |extension| path.extension().is_some_and(|e| e == extension);
+    let has = |extension| has_extension(path, extension);
     let small = || path.metadata().is_ok_and(|file| file.len() <= MAX_LISTED_BYTES);
-    *is_folder || has("map") || has("txt") && small() && load_map(path).is_ok()
+    !is_hidden(path) && (*is_folder || has("map") || has("txt") && small() && load_map(path).is_ok())
 }
 
 /// Returns recently opened or written maps that still exist.

@@ -1,14 +1,16 @@
 //! The two runs, prepared from the command line.
 
-use std::path::Path;
 use std::sync::Arc;
 
 use miette::{Report, miette};
 
 use super::LETTERS;
 use crate::cli::CompareArgs;
+use crate::env::PointMaze;
+use crate::facts::warnings;
 use crate::report::from_config_error;
 use crate::setup;
+use crate::text::eprint_line;
 use crate::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 /// A run that takes part in a comparison.
@@ -32,11 +34,15 @@ pub fn prepare(args: &CompareArgs, registry: &Arc<Registry>) -> Result<[Contesta
         }
     }
     if let Some(path) = &args.screen.interface.record {
-        setup::refuse_input(("--record", path), std::iter::once(Path::new(&args.map)))?;
+        setup::refuse_input(("--record", path), std::iter::once(args.map.as_path()))?;
     }
     let [a, b] =
         [(&args.a, &sides[0]), (&args.b, &sides[1])].map(|(method, side)| contestant(method, side, args, registry));
-    Ok([a?, b?])
+    let contestants = [a?, b?];
+    if let Some(maze) = PointMaze::downcast_ref(contestants[0].trainer.world()) {
+        warnings(maze.map(), Some(&args.map)).iter().for_each(|warning| eprint_line(warning));
+    }
+    Ok(contestants)
 }
 
 fn contestant(method: &Method, side: &str, args: &CompareArgs, registry: &Arc<Registry>) -> Result<Contestant, Report> {

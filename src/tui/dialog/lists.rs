@@ -9,6 +9,7 @@ use jiff::tz::TimeZone;
 use super::{Choice, Item, Picker};
 use crate::bridge::Planner;
 use crate::env::WORLDS;
+use crate::files::has_extension;
 use crate::learn::LEARNERS;
 use crate::map::{BUILTIN, Grid, RandomMapKind};
 use crate::text::{grouped, truncated};
@@ -267,10 +268,9 @@ pub fn maps(folder: &Path, entries: &[(PathBuf, bool)], recent: Option<&[PathBuf
     items.push(Item::new("..", "folder", Choice::Folder(folder.join(".."))));
     for (path, is_folder) in entries {
         let name = path.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        let is_map = path.extension().is_some_and(|e| e == "map" || e == "txt");
-        if *is_folder && !name.starts_with('.') {
+        if *is_folder {
             items.push(Item::new(format!("{name}/"), "folder", Choice::Folder(path.clone())));
-        } else if is_map {
+        } else if ["map", "txt"].iter().any(|extension| has_extension(path, extension)) {
             items.push(Item::new(name, "map", Choice::OpenMap(path.clone())));
         }
     }

@@ -1,0 +1,131 @@
+//! Lengths of shortest paths as Moving AI states them: a diagonal counts sqrt 2, and cuts no corner.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::distance::{OFFSETS, StepSearch};
+use super::grid::{Cell, Grid};
+
+/// Lengths of a straight and a diagonal move, rounded down.
+const STRAIGHT: u32 = 1000;
+const DIAGONAL: u32 = 1414;
+
+/// What a search has found.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Found {
+    /// A path that is as long as allowed at most.
+    Path,
+    /// All paths are longer: the shortest has about this length, or none exists.
+    Longer(Option<f64>),
+    /// The search took too long.
+    Unknown,
+}
+
+/// Searches for shortest paths over one map; reuses its buffers. A library search over hashed nodes is many times slower.
+pub struct OctileSearch {
+    width: usize,
+    /// Open neighbours of each cell, as a bit set over [`OFFSETS`].
+    moves: Vec<u8>,
+    /// Length of the shortest known path to each cell.
+    lengths: Vec<u32>,
+    /// Cells reached by the latest search.
+    reached: Vec<u32>,
+    /// Cells that may still be visited, over all searches.
+    left: usize,
+}
+
+impl OctileSearch {
+    /// Prepares searches over `grid` that visit `most_visits` cells altogether.
+    pub fn new(grid: &Grid, most_visits: usize) -> Self {
+        let lengths = vec![u32::MAX; grid.free().len()];
+        let moves = StepSearch::new(grid).into_moves();
+        Self { width: grid.width(), moves, lengths, reached: Vec::new(), left: most_visits }
+    }
+
+    /// Returns whether a path of at most `most` cells leads from `start` to `goal`, both free.
+    pub fn search(&mut self, start: Cell, goal: Cell, most: f64) -> Found {
+        let most = (most * f64::from(STRAIGHT)).ceil();
+        match self.shortest(start, goal, most as u32) {
+            Ok(Some(_)) => Found::Path,
+            Ok(None) => match self.shortest(start, goal, u32::MAX) {
+                Ok(length) => Found::Longer(length.map(|length| f64::from(length) / f64::from(STRAIGHT))),
+                Err(Exhausted) => Found::Longer(None),
+            },
+            Err(Exhausted) => Found::Unknown,
+        }
+    }
+
+    /// Returns the length of the shortest path, if that is at most `most` (A* over the cells).
+    fn shortest(&mut self, start: Cell, goal: Cell, most: u32) -> Result<Option<u32>, Exhausted> {
+        for at in self.reached.drain(..) {
+            self.lengths[at as usize] = u32::MAX;
+        }
+        let width = self.width;
+        let to_goal = |at: usize| straight_length(Cell::new(at % width, at / width), goal);
+        let first = start.y * width + start.x;
+        self.lengths[first] = 0;
+        self.reached.push(first as u32);
+        // Of equally promising cells, the one nearest to the goal comes first.
+        let mut open = BinaryHeap::from([Reverse((to_goal(first), to_goal(first), first as u32))]);
+        while let Some(Reverse((promised, ahead, at))) = open.pop() {
+            if ahead == 0 {
+                return Ok(Some(promised));
+            }
+            let (at, length) = (at as usize, promised - ahead);
+            if length > self.lengths[at] {
+                continue;
+            }
+            self.left = self.left.checked_sub(1).ok_or(Exhausted)?;
+            let mut bits = self.moves[at];
+            while bits != 0 {
+                let (dx, dy) = OFFSETS[bits.trailing_zeros() as usize];
+                bits &= bits - 1;
+                let next = at.wrapping_add_signed(dy * width as isize + dx);
+                let own = length.saturating_add(if dx == 0 || dy == 0 { STRAIGHT } else { DIAGONAL });
+                let promised = own.saturating_add(to_goal(next));
+                if own < self.lengths[next] && promised <= most {
+                    if self.lengths[next] == u32::MAX {
+                        self.reached.push(next as u32);
+                    }
+                    self.lengths[next] = own;
+                    open.push(Reverse((promised, promised - own, next as u32)));
+                }
+            }
+        }
+        Ok(None)
+    }
+}
+
+/// All visits are used up.
+struct Exhausted;
+
+/// Returns the length of the shortest path without any wall.
+fn straight_length(a: Cell, b: Cell) -> u32 {
+    let (x, y) = (a.x.abs_diff(b.x) as u32, a.y.abs_diff(b.y) as u32);
+    x.min(y).saturating_mul(DIAGONAL).saturating_add(x.abs_diff(y).saturating_mul(STRAIGHT))
+}
+
+/// Returns the least length, in cells, of a path between two cells, whatever is between them.
+pub fn least_length((ax, ay): (usize, usize), (bx, by): (usize, usize)) -> f64 {
+    let (x, y) = (ax.abs_diff(bx) as f64, ay.abs_diff(by) as f64);
+    x.min(y) * std::f64::consts::SQRT_2 + (x - y).abs()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::map::parse_map;
+
+    #[test]
+    fn paths_go_around_walls_and_cut_no_corners() {
+        let grid = parse_map("map", b"...#\n.#..\n...#\n####\n..#.\n").expect("a map");
+        let mut search = OctileSearch::new(&grid, 1000);
+        let (a, b) = (Cell::new(1, 0), Cell::new(1, 2));
+        assert_eq!(search.search(a, b, 4.0), Found::Path);
+        assert_eq!(search.search(a, b, 3.9), Found::Longer(Some(4.0)));
+        assert_eq!(search.search(a, Cell::new(0, 4), 50.0), Found::Longer(None));
+        assert_eq!(search.search(a, a, 0.0), Found::Path);
+        search.left = 3;
+        assert_eq!(search.search(a, b, 4.0), Found::Unknown);
+    }
+}
