@@ -14,6 +14,7 @@ use std::time::{Duration, Instant};
 use tokio::sync::watch;
 
 use crate::learn::{Policy, Scratch};
+use crate::pulse::Pulse;
 use crate::text::grouped;
 use crate::train::{Counters, Evaluation, Limits, Tick, TrainError, Trainer};
 pub use command::{Command, MakeWorld};
@@ -46,8 +47,9 @@ const NETWORKS_PAUSE_FACTOR: u32 = 60;
 /// Polling interval for a running evaluation while training is paused.
 const POLL_INTERVAL: Duration = Duration::from_millis(100);
 
-/// Timeout for stopping the trainer, after which it counts as hung. A tick of the largest networks takes a few seconds.
-const STOP_TIMEOUT: Duration = Duration::from_secs(30);
+/// Time without any movement after which a trainer that is to stop counts as hung. Updates of the largest networks, edits of
+/// the largest maps and slow disks take minutes.
+const HUNG_AFTER: Duration = Duration::from_mins(10);
 
 /// Priority of the training threads: by how much lower than that of the front end. A thread of this niceness gets a tenth
 /// of a core that another one wants.
@@ -62,6 +64,7 @@ pub struct Engine {
     commands: SyncSender<Command>,
     snapshots: watch::Receiver<Arc<Snapshot>>,
     thread: JoinHandle<Trainer>,
+    pulse: Pulse,
 }
 
 impl Engine {
@@ -77,9 +80,11 @@ impl Engine {
     ///
     /// # Errors
     /// See [`Self::start`].
-    pub fn resume(trainer: Trainer, limits: Limits, file: Option<PathBuf>) -> Result<Self, TrainError> {
+    pub fn resume(mut trainer: Trainer, limits: Limits, file: Option<PathBuf>) -> Result<Self, TrainError> {
         let (commands, inbox) = sync_channel(64);
         let saved = file.map(|file| (trainer.counters().updates, Arc::new(file)));
+        let pulse = Pulse::default();
+        trainer.set_pulse(pulse.clone());
         let first = Snapshot { limits, saved, ..Snapshot::capture(&trainer)? };
         let (publish, snapshots) = watch::channel(Arc::new(first.clone()));
         let worker = Worker {
@@ -94,10 +99,11 @@ impl Engine {
             next_update_at: None,
             new_file: None,
             autosaved: Vec::new(),
+            pulse: pulse.clone(),
             scratch: Scratch::default(),
         };
         let thread = std::thread::Builder::new().name("trainer".to_owned()).spawn(|| worker.run())?;
-        Ok(Self { commands, snapshots, thread })
+        Ok(Self { commands, snapshots, thread, pulse })
     }
 
     /// Queues a command, which runs before the next update. Drops it and returns `false` if the queue is full.
@@ -110,12 +116,26 @@ impl Engine {
         self.snapshots.clone()
     }
 
-    /// Stops training and returns the trainer, or `None` if its thread does not stop in time or has panicked.
+    /// Returns what tells whether the trainer moves, and what it is doing.
+    pub fn pulse(&self) -> &Pulse {
+        &self.pulse
+    }
+
+    /// Stops training and returns the trainer, for as long as it takes while anything moves; `None` if its thread hangs or
+    /// has panicked.
     pub fn stop(self) -> Option<Trainer> {
+        self.stop_unless_hung(HUNG_AFTER)
+    }
+
+    fn stop_unless_hung(self, hung_after: Duration) -> Option<Trainer> {
         drop(self.commands);
-        let began = Instant::now();
+        self.pulse.stop();
+        let (mut beats, mut moved) = (self.pulse.beats(), Instant::now());
         while !self.thread.is_finished() {
-            if began.elapsed() > STOP_TIMEOUT {
+            let now = self.pulse.beats();
+            if now != beats {
+                (beats, moved) = (now, Instant::now());
+            } else if moved.elapsed() > hung_after {
                 return None;
             }
             std::thread::sleep(Duration::from_millis(2));
@@ -142,6 +162,7 @@ struct Worker {
     new_file: Option<(PathBuf, PathBuf)>,
     /// Autosaved files, oldest first.
     autosaved: Vec<PathBuf>,
+    pulse: Pulse,
     scratch: Scratch,
 }
 
@@ -497,6 +518,33 @@ mod tests {
         release.send(()).expect("the trainer waits");
         assert!(engine.stop().is_some());
         assert_eq!(made.load(Ordering::Relaxed), 3, "the one begun, and the last before and after another command");
+    }
+
+    #[test]
+    fn stopping_waits_for_what_moves_and_gives_up_what_does_not() {
+        let limit = Duration::from_millis(100);
+        for moves in [true, false] {
+            let run =
+                Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+            let world = PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
+            let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
+            let engine = Engine::start(trainer, Limits::default()).expect("a thread");
+            let (begun, begins) = channel();
+            let pulse = engine.pulse().clone();
+            let make = move |world: &dyn Environment| {
+                begun.send(()).expect("the test waits");
+                for _ in 0..100 {
+                    std::thread::sleep(limit / 10);
+                    if moves {
+                        pulse.beat();
+                    }
+                }
+                world.fork(world.agents())
+            };
+            assert!(engine.send(Command::ChangeWorld(Box::new(make), "edited")));
+            begins.recv().expect("the edit begins");
+            assert_eq!(engine.stop_unless_hung(limit).is_some(), moves);
+        }
     }
 
     #[test]

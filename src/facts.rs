@@ -5,11 +5,12 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Report, miette};
 
 use crate::files::has_extension;
 use crate::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
+use crate::printing::progress_target;
 use crate::report::from_map_error;
 use crate::setup::find_map;
 use crate::text::{counted, sanitized};
@@ -155,8 +156,7 @@ struct Spinner(ProgressBar);
 
 impl Spinner {
     fn start(message: &'static str) -> Self {
-        // Indicatif draws nothing if standard error is not a terminal.
-        let bar = ProgressBar::with_draw_target(None, ProgressDrawTarget::stderr());
+        let bar = ProgressBar::with_draw_target(None, progress_target());
         let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(message);
         bar.enable_steady_tick(Duration::from_millis(100));
         Self(bar)

@@ -6,13 +6,14 @@ mod records;
 mod saver;
 mod table;
 
-use std::io::{ErrorKind, Write};
+use std::io::ErrorKind;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
 use crate::cli::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, TrainArgs};
+use crate::printing;
 use crate::setup::{Setup, save_elsewhere};
 use crate::signals::TerminationSignal;
 use crate::text::{eprint_line, escape_json_line, grouped};
@@ -31,8 +32,9 @@ const PROGRESS_EVERY_UPDATES: u64 = 1_000;
 ///
 /// # Errors
 /// Training, writing records or saving fails.
-pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
-    let termination = TerminationSignal::listen(|| {})?;
+pub fn run(mut setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
+    let termination = TerminationSignal::listen()?;
+    setup.trainer.set_pulse(termination.pulse().clone());
     setup.warnings.iter().for_each(|warning| eprint_line(warning));
     let saver = setup.save.clone().map(|to| Saver::new(to, args.save_every));
     let table = args.csv.as_deref().map(|path| Table::open(path, args.overwrite, &setup)).transpose();
@@ -56,6 +58,7 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
         return Err(miette::miette!(help = crate::logging::hint(), "{problem}"));
     }
     print(&Record::end(reason, &session.setup.trainer))?;
+    printing::stdout().flush().map_err(unwritten)?;
     session.progress.finish();
     if let (EndReason::Interrupted, Some(status)) = (reason, session.termination.status()) {
         return Ok(status);
@@ -77,14 +80,18 @@ pub fn run(setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
 /// Writes one line to standard output.
 fn print(record: &Record) -> Result<(), Report> {
     let line = escape_json_line(&serde_json::to_string(record).into_diagnostic()?);
-    let mut out = std::io::stdout().lock();
-    writeln!(out, "{line}").and_then(|()| out.flush()).map_err(|error| match error.kind() {
+    printing::stdout().print(format!("{line}\n").as_bytes()).map_err(unwritten)
+}
+
+/// Says that records could not be written.
+fn unwritten(error: std::io::Error) -> Report {
+    match error.kind() {
         ErrorKind::BrokenPipe => {
             let help = "redirect the records to a file, or let their reader go on to the end";
             miette!(help = help, "training ended: nothing reads standard output any more")
         }
         _ => Report::msg(error).wrap_err("standard output"),
-    })
+    }
 }
 
 struct Session<'a> {

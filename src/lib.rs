@@ -12,10 +12,11 @@
 //! Each module depends only on modules to its left:
 //!
 //! ```text
-//! text, faults, files, store <- map <- env <- learn <- bridge <- train <- engine <- view <- headless, tui, experiment
+//! text, printing, pulse, faults, files, store <- map <- env <- learn <- bridge <- train <- engine <- view <- headless, tui, experiment
 //! ```
 //!
-//! * [`text`]: makes external text safe to display. [`files`]: reads and replaces files safely. [`faults`]: collects
+//! * [`text`]: makes external text safe to display. [`printing`]: standard output and error, for which nobody waits.
+//!   [`pulse`]: what a run is doing, and the wish that it stops. [`files`]: reads and replaces files safely. [`faults`]: collects
 //!   panics. [`store`]: named arrays and texts, the form of all saved state.
 //! * [`map`]: grid maps and the true distances on them. Evaluation and display read these; learning never does.
 //! * [`env`](mod@env): the interface of a world ([`env::Environment`]) and the built-in worlds, a folder each.
@@ -32,7 +33,7 @@
 //!   walks to the goal; a folder for each kind of scene; colours, contours and pictures.
 //! * [`headless`] (one run), `tui` (one run, or two side by side) and [`experiment`] (many runs in parallel, whose results
 //!   are kept: benchmark suites, the paper's figures): the front ends.
-//!   [`cli`], [`setup`], [`runs`], [`report`], [`signals`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
+//!   [`cli`], [`setup`], [`runs`], [`report`], [`signals`], [`waiting`], [`logging`] and [`facts`] serve them; [`export_policy`] writes an actor for
 //!   other programs, [`film`] an animation of how distance was learned;
 //!   `frames` renders frames of recordings. `tui` and `frames` need the feature `tui`, which is on by default.
 //!
@@ -103,6 +104,10 @@ pub mod logging;
 #[forbid(unsafe_code)]
 pub mod map;
 #[forbid(unsafe_code)]
+pub mod printing;
+#[forbid(unsafe_code)]
+pub mod pulse;
+#[forbid(unsafe_code)]
 pub mod report;
 #[forbid(unsafe_code)]
 pub mod runs;
@@ -121,3 +126,5 @@ pub mod train;
 pub mod tui;
 #[forbid(unsafe_code)]
 pub mod view;
+#[forbid(unsafe_code)]
+pub mod waiting;

@@ -19,7 +19,7 @@ use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
 #[cfg(feature = "tui")]
 use gdg_tui::tui::PreparedInterface;
-use gdg_tui::{export_policy, facts, faults, film, headless, logging, report, runs, setup, signals};
+use gdg_tui::{export_policy, facts, faults, film, headless, logging, printing, report, runs, setup, signals};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
 use miette::Report;
@@ -35,11 +35,14 @@ fn main() -> ExitCode {
         tui::guard_terminal();
         return ExitCode::SUCCESS;
     }
-    let cli = match Cli::try_parse() {
-        Ok(cli) => cli,
-        Err(error) => return usage(&error),
-    };
-    let status = match &cli.command {
+    let status = Cli::try_parse().map_or_else(|error| usage(&error), |cli| run(&cli));
+    printing::finish();
+    ExitCode::from(status)
+}
+
+/// Runs a command and returns the exit status.
+fn run(cli: &Cli) -> u8 {
+    match &cli.command {
         Some(Command::Maps { random: None, .. }) => print(&facts::list()),
         Some(Command::Maps { random: Some(kind), size, seed }) => {
             let size = size.map(usize::from);
@@ -71,9 +74,8 @@ fn main() -> ExitCode {
         Some(Command::Check { file, map }) => printed(facts::check(file, map.as_deref()), EXIT_BAD_INPUT),
         Some(Command::ExportPolicy(args)) => printed(export_policy::run(args), EXIT_BAD_INPUT),
         Some(Command::Film(args)) => printed(film::run(args), EXIT_BAD_INPUT),
-        None => train(&cli),
-    };
-    ExitCode::from(status)
+        None => train(cli),
+    }
 }
 
 #[cfg(feature = "tui")]
@@ -174,20 +176,20 @@ fn train(cli: &Cli) -> u8 {
 }
 
 /// Prints the error in the arguments, or the requested help.
-fn usage(error: &clap::Error) -> ExitCode {
+fn usage(error: &clap::Error) -> u8 {
     let text = error.to_string();
     if sanitized_lines(&text) == text {
         if let Err(problem) = error.print()
             && !error.use_stderr()
             && problem.kind() != std::io::ErrorKind::BrokenPipe
         {
-            return ExitCode::from(fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE));
+            return fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE);
         }
     } else {
         // It quotes an argument that contains terminal control characters.
         eprint_line(sanitized_lines(&text).trim_end());
     }
-    ExitCode::from(error.exit_code() as u8)
+    error.exit_code() as u8
 }
 
 fn printed(text: Result<String, Report>, status: u8) -> u8 {
@@ -196,11 +198,9 @@ fn printed(text: Result<String, Report>, status: u8) -> u8 {
 
 /// Prints to standard output. An early close (`| head`) is not an error.
 fn print(text: &str) -> u8 {
-    use std::io::Write;
-    match std::io::stdout().write_all(text.as_bytes()) {
+    match printing::print_text(text) {
         Ok(()) => 0,
-        Err(e) if e.kind() == std::io::ErrorKind::BrokenPipe => 0,
-        Err(e) => fail(Report::msg(e).wrap_err("standard output"), EXIT_FAILURE),
+        Err(error) => fail(Report::msg(error).wrap_err("standard output"), EXIT_FAILURE),
     }
 }
 

@@ -1,12 +1,18 @@
-//! Termination signals: the first one ends a run gracefully, the second one immediately.
+//! Termination signals: the first one ends a run gracefully; the same one again, later, ends it at once.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
+use std::sync::mpsc::channel;
 use std::time::{Duration, Instant};
 
 use miette::{IntoDiagnostic, Report};
-use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM, SIGXFSZ};
+use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ};
 use signal_hook::iterator::Signals;
+
+use crate::printing;
+use crate::pulse::Pulse;
+use crate::waiting::Waiting;
 
 /// Makes writing beyond the limit on the size of files (`ulimit -f`) an error like a full disk, which would otherwise end
 /// the program.
@@ -20,50 +26,138 @@ pub fn survive_file_size_limit() -> std::io::Result<()> {
 /// A signal that arrives again so soon is the same one: `timeout` sends its own to the program and to its group.
 const SAME_SIGNAL: Duration = Duration::from_millis(200);
 
+/// How long the terminal may take to be restored when the program is to end at once: it may not read.
+const LONGEST_RESTORE: Duration = Duration::from_millis(500);
+
+/// Signals that end the program on every system: of terminals and users, of batch systems (SIGUSR1, SIGUSR2 and SIGXCPU
+/// warn of a limit), of timers that a program has inherited. They would all end it with nothing saved. Signals for faults,
+/// and SIGQUIT, which asks for a core dump, keep their effect.
+const ENDING: [i32; 9] = [SIGINT, SIGTERM, SIGHUP, SIGUSR1, SIGUSR2, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
+
+/// Those that come more than once without anybody's wish to end at once: whoever closes a terminal passes the hang-up on,
+/// as the system does itself, and clocks go on.
+const REPEATING: [i32; 5] = [SIGHUP, SIGXCPU, SIGALRM, SIGVTALRM, SIGPROF];
+
 /// The termination signal received so far, if any.
 #[derive(Clone, Default)]
-pub struct TerminationSignal(Arc<AtomicI32>);
+pub struct TerminationSignal {
+    number: Arc<AtomicI32>,
+    pulse: Pulse,
+}
 
 impl TerminationSignal {
-    /// Registers the termination signals SIGINT, SIGTERM and SIGHUP, except those that were ignored at startup (as
-    /// under nohup). On a second signal, runs `restore_terminal` and exits.
+    /// Registers the signals that end the program, except those that were ignored at startup (as under nohup). While the
+    /// program takes long to end, says on standard error what it waits for.
     ///
     /// # Errors
     /// Returns the system's error.
-    pub fn listen(restore_terminal: fn()) -> Result<Self, Report> {
+    pub fn listen() -> Result<Self, Report> {
+        Self::listen_with(None)
+    }
+
+    /// Like [`Self::listen`], for an interface, which says itself what it waits for, and whose terminal is to be restored
+    /// before the program ends at once.
+    ///
+    /// # Errors
+    /// Returns the system's error.
+    pub fn listen_in_interface(restore_terminal: fn()) -> Result<Self, Report> {
+        Self::listen_with(Some(restore_terminal))
+    }
+
+    fn listen_with(restore_terminal: Option<fn()>) -> Result<Self, Report> {
         let termination = Self::default();
-        let ignored_signals = ignored_signals();
-        let mut signals =
-            Signals::new([SIGINT, SIGTERM, SIGHUP].into_iter().filter(|n| ignored_signals >> (n - 1) & 1 == 0))
-                .into_diagnostic()?;
-        let first = termination.0.clone();
+        let ignored = ignored_signals();
+        let is_ignored = |number: &i32| ignored >> (number - 1) & 1 == 1;
+        let mut signals = Signals::new(ENDING.iter().filter(|number| !is_ignored(number))).into_diagnostic()?;
+        for number in ending_here().filter(|number| !is_ignored(number)) {
+            // The C library keeps some real-time signals to itself.
+            let _ = signals.add_signal(number);
+        }
+        let own = termination.clone();
         let listen = move || {
-            let mut latest: Option<(i32, Instant)> = None;
+            let (mut arrivals, mut waiting) = (Arrivals::default(), None);
             for number in signals.forever() {
                 tracing::info!("signal {number}");
-                if latest.is_some_and(|(same, at)| same == number && at.elapsed() < SAME_SIGNAL) {
-                    continue;
+                if arrivals.is_another_wish(number, Instant::now()) {
+                    end_at_once(restore_terminal, own.number().unwrap_or(number));
                 }
-                latest = Some((number, Instant::now()));
-                if first.swap(number, Ordering::Relaxed) != 0 {
-                    restore_terminal();
-                    signal_hook::low_level::exit(128 + number);
+                if own.number.compare_exchange(0, number, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
+                    printing::hurry();
+                    own.pulse.stop();
+                    waiting = restore_terminal.is_none().then(|| Waiting::begin(&own.pulse, || {}));
                 }
             }
+            drop(waiting);
         };
         std::thread::Builder::new().name("signals".to_owned()).spawn(listen).into_diagnostic()?;
         Ok(termination)
     }
 
-    /// Returns the number of the signal received, if any.
+    /// Returns the number of the first signal received, if any.
     pub fn number(&self) -> Option<i32> {
-        Some(self.0.load(Ordering::Relaxed)).filter(|number| *number != 0)
+        Some(self.number.load(Ordering::Relaxed)).filter(|number| *number != 0)
     }
 
     /// Returns the exit status of a run ended gracefully by a signal, if there was one.
     pub fn status(&self) -> Option<u8> {
         self.number().map(|number| 128 + number as u8)
     }
+
+    /// Returns what tells trainers to stop when a signal arrives.
+    pub fn pulse(&self) -> &Pulse {
+        &self.pulse
+    }
+}
+
+/// When each signal arrived last.
+#[derive(Default)]
+struct Arrivals(BTreeMap<i32, Instant>);
+
+impl Arrivals {
+    /// Notes a signal; returns whether somebody wishes once more that the program ends. Signals that come together are one
+    /// wish: the end of a login session sends SIGTERM, SIGCONT and SIGHUP. So are those by which a batch system insists, as
+    /// it sends another one each time.
+    fn is_another_wish(&mut self, number: i32, now: Instant) -> bool {
+        let before = self.0.insert(number, now);
+        let again = before.is_some_and(|before| now.saturating_duration_since(before) >= SAME_SIGNAL);
+        again && !REPEATING.contains(&number)
+    }
+}
+
+/// Ends the program without saving.
+fn end_at_once(restore_terminal: Option<fn()>, number: i32) -> ! {
+    if let Some(restore) = restore_terminal {
+        let (done, is_done) = channel();
+        std::thread::spawn(move || {
+            restore();
+            // Nobody waits any more if the terminal was too slow.
+            let _ = done.send(());
+        });
+        let _ = is_done.recv_timeout(LONGEST_RESTORE);
+    }
+    signal_hook::low_level::exit(128 + number)
+}
+
+/// Linux's real-time signals, less those that its C libraries use.
+#[cfg(target_os = "linux")]
+const REAL_TIME: std::ops::RangeInclusive<i32> = 34..=64;
+
+/// Returns further signals that would end the program on this system: SIGPWR, when power fails or a container is to stop,
+/// SIGIO, SIGSTKFLT and the real-time signals.
+#[cfg(target_os = "linux")]
+fn ending_here() -> impl Iterator<Item = i32> {
+    use nix::sys::signal::Signal;
+
+    #[cfg(not(any(target_arch = "mips", target_arch = "mips64", target_arch = "sparc64")))]
+    let named = [Signal::SIGPWR, Signal::SIGIO, Signal::SIGSTKFLT];
+    #[cfg(any(target_arch = "mips", target_arch = "mips64", target_arch = "sparc64"))]
+    let named = [Signal::SIGPWR, Signal::SIGIO];
+    named.into_iter().map(|signal| signal as i32).chain(REAL_TIME)
+}
+
+#[cfg(not(target_os = "linux"))]
+fn ending_here() -> impl Iterator<Item = i32> {
+    std::iter::empty()
 }
 
 /// Returns the signals ignored by this process, bit n - 1 for number n. Only Linux exposes this without unsafe code;
@@ -72,4 +166,31 @@ fn ignored_signals() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
     mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn only_the_same_signal_again_after_a_moment_is_another_wish_to_end() {
+        let began = Instant::now();
+        let wishes = |signals: &[(i32, u64)]| {
+            let mut arrivals = Arrivals::default();
+            let at = |(number, ms): &(i32, u64)| arrivals.is_another_wish(*number, began + Duration::from_millis(*ms));
+            signals.iter().map(at).collect::<Vec<_>>().contains(&true)
+        };
+        assert!(wishes(&[(SIGINT, 0), (SIGINT, 300)]), "Ctrl-C again");
+        assert!(wishes(&[(SIGTERM, 0), (SIGHUP, 1), (SIGTERM, 900)]));
+        for together in [
+            &[(SIGTERM, 0), (SIGTERM, 5)][..],
+            &[(SIGTERM, 0), (SIGHUP, 0)],
+            &[(SIGINT, 0), (SIGTERM, 10_000)],
+            &[(SIGUSR1, 0), (SIGTERM, 30_000)],
+            &[(SIGHUP, 0), (SIGHUP, 700)],
+            &[(SIGXCPU, 0), (SIGXCPU, 1000), (SIGXCPU, 2000)],
+        ] {
+            assert!(!wishes(together), "{together:?}");
+        }
+    }
 }

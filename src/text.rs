@@ -59,8 +59,7 @@ pub fn grouped(n: u64) -> String {
 
 /// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
 pub fn eprint_line(line: &str) {
-    use std::io::Write as _;
-    let _ = writeln!(std::io::stderr().lock(), "{line}");
+    let _ = crate::printing::stderr().print(format!("{line}\n").as_bytes());
 }
 
 /// Returns the beginning of `text`, made safe by [`sanitized`], in at most `max_chars` characters.

@@ -116,7 +116,7 @@ pub fn run(
     PreparedInterface { config, recorder }: PreparedInterface,
     args: &TrainArgs,
 ) -> Result<u8, Report> {
-    let termination = TerminationSignal::listen(terminal::restore)?;
+    let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let Setup { trainer, save, resumed, warnings, .. } = setup;
     // A resumed run is what the user wants.
     let search = resumed.is_none().then(|| app::search(trainer.world().title().to_owned()).ok()).flatten();
@@ -162,7 +162,7 @@ pub fn prepare_tour(args: &TourArgs, registry: &Arc<Registry>) -> Result<Trainer
 /// # Errors
 /// Errors of the terminal, of training or of saving.
 pub fn take_tour(trainer: Trainer, PreparedInterface { config, recorder }: PreparedInterface) -> Result<u8, Report> {
-    let termination = TerminationSignal::listen(terminal::restore)?;
+    let termination = TerminationSignal::listen_in_interface(terminal::restore)?;
     let engine = Engine::start(trainer, Limits::default()).into_diagnostic()?;
     let viewer = Viewer::start(&engine).into_diagnostic()?;
     let marker = config.0.marker;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 /// Modules from the lowest layer to the highest; modules of the same layer may depend on each other.
 const LAYERS: [&[&str]; 9] = [
-    &["text", "faults", "files", "store"],
+    &["text", "printing", "pulse", "faults", "files", "store"],
     &["map"],
     &["env"],
     &["learn"],
@@ -30,6 +30,7 @@ const LAYERS: [&[&str]; 9] = [
         "setup",
         "signals",
         "tui",
+        "waiting",
     ],
 ];
 

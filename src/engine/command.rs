@@ -89,6 +89,17 @@ fn changes(before: &Run, after: &Run) -> String {
     if all.is_empty() { "changed".to_owned() } else { all.join(", ") }
 }
 
+/// Returns what a command is about, as in "waiting for ...".
+fn activity(command: &Command) -> &'static str {
+    match command {
+        Command::Save(..) | Command::Autosave(..) => "the checkpoint to be written",
+        Command::ChangeWorld(..) => "the edit of the world",
+        Command::Change(..) => "the change of settings",
+        Command::StartRun(..) | Command::Load(..) => "the run to be opened",
+        _ => "the trainer",
+    }
+}
+
 impl Worker {
     /// Continues in an edited world and returns a notice for the user, which begins with what was `done`.
     fn change_world(&mut self, world: &dyn Environment, done: &str) -> Result<String, CommandError> {
@@ -127,6 +138,7 @@ impl Worker {
     /// Switches to another run.
     fn switch_to(&mut self, trainer: Trainer) -> Result<(), TrainError> {
         self.trainer = trainer;
+        self.trainer.set_pulse(self.pulse.clone());
         (self.evaluation, self.next_evaluation_at, self.next_update_at, self.follow, self.new_file) =
             (None, None, None, None, None);
         self.autosaved.clear();
@@ -194,6 +206,7 @@ impl Worker {
 
     /// Runs a command. A panic is reported, and the run is repaired as far as possible.
     pub(super) fn execute(&mut self, command: Command) {
+        self.pulse.begin(activity(&command));
         let saves = matches!(command, Command::Save(..));
         if catch_unwind(AssertUnwindSafe(|| self.execute_unguarded(command))).is_err() {
             self.repair("a command");

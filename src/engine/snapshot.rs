@@ -232,6 +232,19 @@ impl Snapshot {
         self.learned(self.counters.updates)
     }
 
+    /// Returns the number of updates not saved in any checkpoint.
+    pub fn unsaved_updates(&self) -> u64 {
+        let saved = self.saved.as_ref().map_or(0, |(updates, _)| self.learned(*updates));
+        self.updates().saturating_sub(saved)
+    }
+
+    /// Takes over from `latest`, a later one of the same run, what the user has decided, but not how far training is.
+    pub fn follow_decisions(&mut self, latest: &Self) {
+        (self.run, self.methods, self.learns) = (latest.run.clone(), latest.methods.clone(), latest.learns);
+        (self.phase, self.limits, self.speed) = (latest.phase.clone(), latest.limits, latest.speed);
+        (self.saved, self.autosaves) = (latest.saved.clone(), latest.autosaves.clone());
+    }
+
     /// Returns the training time in seconds, and the updates done by the learner.
     pub fn moment(&self) -> (f64, u64) {
         (self.seconds, self.updates())

@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
 
 use super::job::Job;
+use crate::printing::progress_target;
 use crate::text::eprint_line;
 
 /// Parts that the bar is divided into.
@@ -66,7 +67,7 @@ impl Progress {
             let group = format!("{} {} {:?}", job.world.name(), run.method, run.preset);
             Item { group, total: job.plan.length.amount(), done: 0, first: 0, began: None, spent: None }
         };
-        let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), ProgressDrawTarget::stderr());
+        let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), progress_target());
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed_precise} so far") {
             bar.set_style(style);
         }

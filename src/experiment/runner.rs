@@ -74,7 +74,7 @@ impl Runner {
             }
         }
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
-        let termination = TerminationSignal::listen(|| {})?;
+        let termination = TerminationSignal::listen()?;
         let (folder, registry) = (folder.clone(), registry.clone());
         let runner = Self { folder, registry, termination: termination.clone(), keep };
         let ends = runner.run(&open, parallel);
@@ -135,6 +135,7 @@ impl Runner {
             return Ok(End::Done);
         }
         let mut trainer = self.resume_or_begin(job, at)?;
+        trainer.set_pulse(self.termination.pulse().clone());
         let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)), None);
         at.progress.begin(at.job, job.plan.length.done(&trainer.counters()));
         if !self.train(job, &mut trainer, &mut saver, at)? {

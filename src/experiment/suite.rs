@@ -1,7 +1,6 @@
 //! `gdg-tui suite`: trains on every map and writes a table and a report.
 
 use std::collections::BTreeSet;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,6 +18,7 @@ use crate::env::maze;
 use crate::facts::warnings;
 use crate::files::{has_extension, is_hidden};
 use crate::map::{Grid, builtin, load_map};
+use crate::printing::print_text;
 use crate::report::from_map_error;
 use crate::setup::{self, find_map, threads};
 use crate::text::{counted, eprint_line, sanitized, sanitized_lines};
@@ -231,10 +231,5 @@ pub(super) fn print(text: &str) -> Result<(), Report> {
 /// # Errors
 /// It cannot be written.
 pub(super) fn print_raw(text: &str) -> Result<(), Report> {
-    match std::io::stdout().write_all(text.as_bytes()) {
-        Err(error) if error.kind() != std::io::ErrorKind::BrokenPipe => {
-            Err(error).into_diagnostic().wrap_err("standard output")
-        }
-        _ => Ok(()),
-    }
+    print_text(text).into_diagnostic().wrap_err("standard output")
 }

@@ -197,6 +197,7 @@ impl Learner for Ddpg {
     /// units of the reward. Distances known from the bridge graph are not used.
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
+        self.pool.follow(data.pulse);
         let mut batch = std::mem::take(&mut self.batch);
         self.sampler.sample(data.replay, data.rng, &mut batch);
         profile.lap(Stage::Sample, began);

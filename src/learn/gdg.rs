@@ -265,6 +265,7 @@ impl Learner for Gdg {
 
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
+        self.pool.follow(data.pulse);
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
         if let Some(known) = &data.known {
             let first = self.sampler.add_known(known, data.rng, &mut self.batch);

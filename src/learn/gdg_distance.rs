@@ -198,6 +198,7 @@ impl Learner for GdgDistance {
     /// given.
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
+        self.pool.follow(data.pulse);
         let mut batch = std::mem::take(&mut self.batch);
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut batch);
         profile.lap(Stage::Sample, began);

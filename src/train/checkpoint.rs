@@ -222,6 +222,7 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     if crate::faults::point("save") {
         return Err(failed("injected fault".to_owned()));
     }
+    trainer.pulse().begin("the checkpoint to be written");
     let store = trainer.save().map_err(|e| failed(e.to_string()))?;
     let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
     let written = match to {
@@ -233,6 +234,7 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
         SaveTo::CreateNew(path) => files::write_to_unused(path, &bytes),
     };
     let path = written.map_err(|e| failed(e.to_string()))?;
+    trainer.pulse().beat();
     FileIdentity::record(&path);
     tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)

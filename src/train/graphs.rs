@@ -186,6 +186,11 @@ impl Graphs {
         Ok(())
     }
 
+    /// Returns whether the next graph is due at update `now`.
+    pub fn is_due(&self, now: u64) -> bool {
+        self.next.as_ref().is_some_and(|(due, _)| *due <= now)
+    }
+
     /// Swaps in the next graph if it is due at update `now`; returns whether it was.
     pub fn activate_due(&mut self, now: u64) -> bool {
         let Some((_, next)) = self.next.take_if(|(due, _)| *due <= now) else { return false };

@@ -3,9 +3,10 @@
 mod change;
 mod persistence;
 mod recovery;
+mod undo;
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
@@ -24,6 +25,7 @@ use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage, TrainingData,
 };
+use crate::pulse::Pulse;
 pub use change::{KeptState, WorldChange};
 pub(super) use persistence::{LEARNED, TrainerState};
 use recovery::LastGood;
@@ -64,6 +66,9 @@ pub struct Trainer {
     recovery: Option<Recovery>,
     /// Whether an update is in progress: a panic during it leaves the networks partially updated.
     in_update: bool,
+    /// How long the latest update took.
+    update_took: Option<Duration>,
+    pulse: Pulse,
 }
 
 fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
@@ -120,6 +125,8 @@ impl Trainer {
             last_good: LastGood::capture(0, [0.0; 3], &*learner)?,
             recovery: None,
             in_update: false,
+            update_took: None,
+            pulse: Pulse::default(),
             learner,
             registry: registry.clone(),
             run,
@@ -129,6 +136,16 @@ impl Trainer {
     /// Returns the number of threads that share an update's work.
     pub fn threads(&self) -> usize {
         self.threads
+    }
+
+    /// Returns what tells others that training moves, and what ends it.
+    pub fn pulse(&self) -> &Pulse {
+        &self.pulse
+    }
+
+    /// Shares a pulse with those that wait for the trainer.
+    pub fn set_pulse(&mut self, pulse: Pulse) {
+        self.pulse = pulse;
     }
 
     /// Returns the definition of the run.
@@ -222,13 +239,18 @@ impl Trainer {
         reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
     }
 
-    /// Runs one update if one is due, else one step of every agent.
+    /// Runs one update if one is due, else one step of every agent. If training is to stop (see [`Self::pulse`]), a long
+    /// update is undone.
     ///
     /// # Errors
     /// The learner fails, or the run has diverged with no rollbacks left.
     pub fn tick(&mut self) -> Result<Tick> {
         let began = Instant::now();
+        self.pulse.beat();
         let tick = if self.is_update_due() { self.update()? } else { self.step()? };
+        if tick == Tick::Update {
+            self.update_took = Some(began.elapsed());
+        }
         if tick == Tick::Step {
             self.profile.lap(Stage::Explore, began);
         }
@@ -296,6 +318,8 @@ impl Trainer {
     }
 
     fn update(&mut self) -> Result<Tick> {
+        self.pulse.begin("the update in progress");
+        let undo = self.undo_for_update()?;
         self.counters.owed_steps -= self.run.settings.train.env_steps_per_update;
         self.counters.updates += 1;
         if !self.learns() {
@@ -317,7 +341,13 @@ impl Trainer {
         let recent_slots = self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
         let relearning = relearns.then_some(Relearning { recent_slots, graph_finds_changed });
         self.in_update = true;
-        let losses = learner.update(TrainingData { replay, known, relearning, rng: batch_rng }, profile)?;
+        let finishes = Pulse::default();
+        let pulse = if undo.is_some() { &self.pulse } else { &finishes };
+        let losses = learner.update(TrainingData { replay, known, relearning, rng: batch_rng, pulse }, profile)?;
+        if let Some(undo) = undo.filter(|_| self.pulse.take_left_out()) {
+            self.undo(undo)?;
+            return Ok(Tick::Undone);
+        }
         self.in_update = false;
         let keep = (1.0 - 1.0 / LOSS_AVERAGE_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
         for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
@@ -358,6 +388,12 @@ impl Trainer {
         let Settings { learn, bridge, .. } = &self.run.settings;
         let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0;
         wanted && self.run.method.bridges()
+    }
+
+    /// Returns whether update `now` takes up a bridge graph or starts to build one.
+    fn changes_graph_at(&self, now: u64) -> bool {
+        let builds = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
+        self.needs_graph() && (builds || self.graphs.is_due(now))
     }
 
     /// Swaps in the next bridge graph if it is due, and starts another build if that is due.

@@ -84,6 +84,8 @@ pub struct App {
     film_export: Option<JoinHandle<Result<String, String>>>,
     /// The engine's snapshots and the viewer's views.
     feed: (watch::Receiver<Arc<Snapshot>>, watch::Receiver<View>),
+    /// The latest snapshot; the screen may be frozen and show an earlier one.
+    pub(super) latest: Arc<Snapshot>,
     /// What the next frame can reuse.
     cache: Cache,
     /// The theme in use, while others are shown that are selected in the list of themes.
@@ -113,6 +115,7 @@ impl App {
             export: None,
             film_export: None,
             feed: (engine.snapshots(), viewer.views()),
+            latest: snapshot.clone(),
             cache: Cache::with_pictures(),
             previewed_over: None,
             screen: Screen::new((&config, keymap), snapshot),
@@ -269,7 +272,7 @@ impl App {
 
     /// Shows a notice and logs it.
     pub fn notify(&mut self, text: &str) {
-        self.screen.log.add(text, self.screen.snapshot.moment(), false);
+        self.screen.log.add(text, self.latest.moment(), false);
     }
 
     /// Shows a notice of what concerns the screen alone, which the log is not for.
@@ -279,7 +282,7 @@ impl App {
 
     /// Shows an error and logs it.
     pub fn report(&mut self, text: &str) {
-        self.screen.log.add(text, self.screen.snapshot.moment(), true);
+        self.screen.log.add(text, self.latest.moment(), true);
     }
 
     /// Handles a drawn frame: stores its places for clicks, and has the viewer compute what its pixels show.

@@ -85,7 +85,7 @@ pub fn run(
     contestants: [Contestant; 2],
     PreparedInterface { config, recorder }: PreparedInterface,
 ) -> Result<u8, Report> {
-    let termination = TerminationSignal::listen(super::terminal::restore)?;
+    let termination = TerminationSignal::listen_in_interface(super::terminal::restore)?;
     let marker = config.0.marker;
     let comparison = Comparison::start(contestants, &config, Limits::default())?;
     event_loop::show(comparison, recorder, marker, &termination)

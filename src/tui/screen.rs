@@ -209,10 +209,9 @@ impl Screen {
         self.scene() == SceneKind::Maze && self.maze.map != self.maze.kept_map
     }
 
-    /// Returns the number of updates not saved in any checkpoint.
+    /// Returns the number of updates not saved in any checkpoint, of those shown.
     pub fn unsaved_updates(&self) -> u64 {
-        let saved = self.snapshot.saved.as_ref().map_or(0, |(updates, _)| self.snapshot.learned(*updates));
-        self.snapshot.updates().saturating_sub(saved)
+        self.snapshot.unsaved_updates()
     }
 
     /// Returns a summary of the latest evaluation of the current method.

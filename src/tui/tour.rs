@@ -96,7 +96,7 @@ pub fn run() -> Run {
 impl App {
     /// Asks whether to leave this run for the tour's.
     pub(super) fn ask_tour(&mut self) {
-        self.open_picker(lists::tour_choices(self.screen.unsaved_updates(), self.is_worth_saving()));
+        self.open_picker(lists::tour_choices(self.latest.unsaved_updates(), self.is_worth_saving()));
     }
 
     /// Starts the tour's run, with which the tour begins.

@@ -11,6 +11,8 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex};
 
+use crate::pulse::Pulse;
+
 /// How long a helper spins before it sleeps: longer than the gap between two pieces of an update.
 const SPIN_DURATION: Duration = Duration::from_micros(300);
 
@@ -64,6 +66,8 @@ struct JobSlot {
 pub struct ThreadPool {
     slot: Arc<JobSlot>,
     threads: usize,
+    /// Counts the tasks of [`Self::try_run`], and may have them left out.
+    pulse: Pulse,
     /// Started by the first piece of work, so that they have the priority of the thread that works.
     helpers: OnceLock<Vec<JoinHandle<()>>>,
 }
@@ -71,7 +75,12 @@ pub struct ThreadPool {
 impl ThreadPool {
     /// Creates a pool of `threads` threads, including the caller; of fewer if the system refuses to start as many.
     pub fn new(threads: usize) -> Self {
-        Self { slot: Arc::default(), threads, helpers: OnceLock::new() }
+        Self { slot: Arc::default(), threads, pulse: Pulse::default(), helpers: OnceLock::new() }
+    }
+
+    /// Has `pulse` count the tasks of the following work, and say whether to leave them out.
+    pub fn follow(&mut self, pulse: &Pulse) {
+        self.pulse = pulse.clone();
     }
 
     fn start_helpers(&self) -> Vec<JoinHandle<()>> {
@@ -109,7 +118,8 @@ impl ThreadPool {
 }
 
 impl ThreadPool {
-    /// Calls `work` with each index below `tasks` on data that all threads share; returns when all calls are done.
+    /// Calls `work` with each index below `tasks` on data that all threads share; returns when all calls are done. Leaves
+    /// out those that begin after training is to stop.
     ///
     /// # Errors
     /// Returns the first error of a call.
@@ -123,8 +133,12 @@ impl ThreadPool {
         work: fn(&S, usize) -> Result<(), E>,
     ) -> Result<(), E> {
         let failure = Arc::new(Mutex::new(None));
-        let (shared, first) = (shared.clone(), failure.clone());
+        let (shared, first, pulse) = (shared.clone(), failure.clone(), self.pulse.clone());
         self.run(tasks, move |i| {
+            if pulse.leaves_out() {
+                return;
+            }
+            pulse.beat();
             if let Err(error) = work(&shared, i) {
                 first.lock().get_or_insert(error);
             }

@@ -155,7 +155,6 @@ impl App {
     }
 
     fn toggle_pause(&mut self) {
-        // The shown snapshot may be frozen.
         let trains = self.snapshots().borrow().phase.is_training();
         if self.command(if trains { Command::Pause } else { Command::Resume }) {
             self.screen.pausing = trains;

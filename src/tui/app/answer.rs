@@ -95,7 +95,7 @@ impl App {
             Choice::Act(action) => self.act(action),
             Choice::Setting(name) => self.ask_setting(name),
             Choice::Method(method) if method.learner != self.screen.run().method.learner && self.is_worth_saving() => {
-                self.open_picker(lists::method_choices(self.screen.unsaved_updates(), method));
+                self.open_picker(lists::method_choices(self.latest.unsaved_updates(), method));
             }
             Choice::Method(method) | Choice::MethodUnsaved(method) => self.change_run(|run| run.set_method(method)),
             Choice::Preset(preset) => {
@@ -136,7 +136,7 @@ impl App {
                 self.change_map_or_say(new, Some("the map stays as it is"));
             }
             Choice::Load(path) if self.is_worth_saving() => {
-                self.open_picker(lists::load_choices(self.screen.unsaved_updates(), path));
+                self.open_picker(lists::load_choices(self.latest.unsaved_updates(), path));
             }
             Choice::Load(path) | Choice::LoadUnsaved(path) => {
                 self.notify(&format!("loading {} ...", path.display()));

@@ -14,6 +14,8 @@ use crate::setup::save_elsewhere;
 use crate::text::grouped;
 use crate::train::{self, Notes, SaveTo, Trainer};
 use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
+use crate::tui::terminal;
+use crate::waiting::Waiting;
 
 /// Unsaved training that may be discarded without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
@@ -112,8 +114,6 @@ impl App {
 
     /// Saves the run, and then does something else unless that fails.
     pub(super) fn save_then(&mut self, then: Choice) {
-        // A frozen screen would miss the snapshot that reports the checkpoint as written.
-        self.freeze(false);
         self.saving.then = Some(then).filter(|_| self.save());
     }
 
@@ -145,18 +145,19 @@ impl App {
 
     /// Returns the run, updates and map that an autosave would save now.
     pub(super) fn what_is_autosaved(&self) -> Autosaved {
-        (self.screen.snapshot.run.clone(), self.screen.snapshot.updates(), self.screen.maze.map.clone())
+        (self.latest.run.clone(), self.latest.updates(), self.screen.maze.map.clone())
     }
 
     /// Returns whether enough is unsaved to be worth asking about: training, or any edit of the map.
     pub(in crate::tui) fn is_worth_saving(&self) -> bool {
-        let updates = self.screen.snapshot.updates().max(1);
-        let seconds = self.screen.snapshot.seconds * self.screen.unsaved_updates() as f64 / updates as f64;
+        let updates = self.latest.updates().max(1);
+        let seconds = self.latest.seconds * self.latest.unsaved_updates() as f64 / updates as f64;
         seconds > MAX_DISCARDED_SECS || self.screen.has_unsaved_map()
     }
 
     /// Handles a request to quit. A second request does not wait for the checkpoint.
     pub(super) fn quit(&mut self) {
+        self.catch_up();
         if self.saving.quit_state == QuitState::Saving {
             self.done = true;
         } else if self.saving.named.is_some() {
@@ -170,20 +171,18 @@ impl App {
 
     /// Returns the question whether to save before quitting.
     pub(super) fn quit_question(&self) -> Picker {
-        let (unsaved, autosaves) = (self.screen.unsaved_updates(), &self.screen.snapshot.autosaves);
+        let (unsaved, autosaves) = (self.latest.unsaved_updates(), &self.latest.autosaves);
         lists::quit_choices(unsaved, self.screen.has_unsaved_map(), &self.save_path(), autosaves)
     }
 
     /// Quits once the run is saved.
     pub(super) fn save_and_quit(&mut self) {
-        let up_to_date = self.screen.unsaved_updates() == 0 && !self.screen.has_unsaved_map();
-        if self.screen.snapshot.saved.is_some() && up_to_date {
+        let up_to_date = self.latest.unsaved_updates() == 0 && !self.screen.has_unsaved_map();
+        if self.latest.saved.is_some() && up_to_date {
             self.done = true;
             return;
         }
-        // A frozen screen would miss the snapshot that reports the checkpoint as written.
-        self.freeze(false);
-        self.saving.was_training = self.screen.snapshot.phase.is_training();
+        self.saving.was_training = self.latest.phase.is_training();
         self.command(Command::Pause);
         if self.save() {
             self.saving.quit_state = QuitState::Saving;
@@ -201,7 +200,7 @@ impl App {
 
     /// Handles the outcome of saves since `before`.
     pub(super) fn on_saving(&mut self, before: &Snapshot) {
-        let now = self.screen.snapshot.clone();
+        let now = self.latest.clone();
         if let Some((_, path)) = &now.saved
             && before.saved.as_ref().is_none_or(|(_, earlier)| !std::sync::Arc::ptr_eq(earlier, path))
         {
@@ -253,6 +252,7 @@ impl App {
 
     /// Handles a signal to end the program: unsaved training worth asking about will be saved on closing.
     pub fn on_signal(&mut self) {
+        self.catch_up();
         if self.is_worth_saving() && self.saving.named.is_none() {
             self.saving.named = Some(self.saving.to.path().to_owned());
         }
@@ -266,8 +266,12 @@ impl App {
 
     /// Ends training, and saves if that is requested and not yet done. The summary says how much is not saved if the
     /// run `is_kept` at all.
-    pub fn close(self, is_kept: bool) -> ClosedRun {
-        let failed = !self.failures.is_empty() || matches!(self.screen.snapshot.phase, Phase::Failed(_));
+    pub fn close(mut self, is_kept: bool) -> ClosedRun {
+        // Decided before: what closing itself reports changes nothing.
+        self.catch_up();
+        self.screen.snapshot = self.latest.clone();
+        let _waiting = Waiting::begin(self.engine.pulse(), terminal::restore);
+        let failed = !self.failures.is_empty() || matches!(self.latest.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
         let notes = self.notes();
         let (worth_saving, unsaved_map) = (self.is_worth_saving(), self.screen.has_unsaved_map());
@@ -293,7 +297,8 @@ impl App {
                 }
             }
             None if wanted || worth_saving => {
-                let problem = "the trainer hung or crashed: progress since the last checkpoint is lost";
+                let lost = grouped(snapshot.unsaved_updates());
+                let problem = format!("the trainer hung or crashed: {lost} updates since the last save are lost");
                 saved = Err(miette::miette!(help = logging::hint(), "{problem}"));
             }
             Some(_) if is_kept && (worth_saving || snapshot.saved.is_some()) => {

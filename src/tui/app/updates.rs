@@ -13,28 +13,15 @@ use crate::view::{OnArrival, View};
 impl App {
     /// Handles a new snapshot.
     pub fn on_snapshot(&mut self, snapshot: Arc<Snapshot>) {
-        // A new run is shown even if the screen is frozen.
-        if self.screen.frozen && snapshot.generation == self.screen.snapshot.generation {
-            return;
-        }
-        let before = std::mem::replace(&mut self.screen.snapshot, snapshot);
-        if self.screen.snapshot.generation != before.generation {
-            self.start_run();
-        }
-        if self.screen.snapshot.run != before.run {
-            self.screen.update_changed_settings();
-            self.update_settings_list();
-        }
+        let before = std::mem::replace(&mut self.latest, snapshot);
+        self.show_snapshot(&before);
         self.update_quit_question();
         self.on_saving(&before);
-        if !Arc::ptr_eq(&self.screen.snapshot.autosaves, &before.autosaves) {
+        if !Arc::ptr_eq(&self.latest.autosaves, &before.autosaves) {
             self.autosaved_as = self.autosaving_as.take();
         }
-        if self.screen.snapshot.evaluations.len() > before.evaluations.len() {
-            self.log_evaluation();
-        }
-        self.screen.pausing &= self.screen.snapshot.phase.is_training();
-        let notice = self.screen.snapshot.notice.clone();
+        self.screen.pausing &= self.latest.phase.is_training();
+        let notice = self.latest.notice.clone();
         if notice.number > before.notice.number {
             if notice.is_error {
                 // Perhaps it was the autosave that failed; then it is tried again.
@@ -44,16 +31,43 @@ impl App {
             self.tour_requested &= !notice.is_error;
             if notice.is_error { self.report(&notice.text) } else { self.notify(&notice.text) }
         }
-        if let (Phase::Failed(error), true) = (&self.screen.snapshot.phase, before.phase != self.screen.snapshot.phase)
-        {
+        if let (Phase::Failed(error), true) = (&self.latest.phase, before.phase != self.latest.phase) {
             self.on_training_failed(&error.clone());
         }
-        if before.phase.is_training() && self.screen.snapshot.phase == Phase::Done {
+        if before.phase.is_training() && self.latest.phase == Phase::Done {
             self.notify(&format!(
                 "done: limit reached; {} continues without it",
                 self.screen.keymap.key_of(Action::TogglePause)
             ));
             self.save_at_limit();
+        }
+    }
+
+    /// Shows the latest snapshot, which came after `before`; on a frozen screen, only what the user has decided. A new run
+    /// is shown in any case.
+    fn show_snapshot(&mut self, before: &Snapshot) {
+        let is_new_run = self.latest.generation != before.generation;
+        if self.screen.frozen && !is_new_run {
+            Arc::make_mut(&mut self.screen.snapshot).follow_decisions(&self.latest);
+        } else {
+            let shown = std::mem::replace(&mut self.screen.snapshot, self.latest.clone());
+            if is_new_run {
+                self.start_run();
+            } else if self.latest.evaluations.len() > shown.evaluations.len() {
+                self.log_evaluation();
+            }
+        }
+        if self.latest.run != before.run {
+            self.screen.update_changed_settings();
+            self.update_settings_list();
+        }
+    }
+
+    /// Takes over what the trainer has published last, which may not have been shown yet.
+    pub(super) fn catch_up(&mut self) {
+        if self.feed.0.has_changed().unwrap_or(true) {
+            let snapshot = self.feed.0.borrow_and_update().clone();
+            self.on_snapshot(snapshot);
         }
     }
 
@@ -153,7 +167,7 @@ impl App {
         if due {
             self.autosaved = Instant::now();
             // What has not changed needs no other copy, which would take the place of an older one.
-            let changed = self.screen.unsaved_updates() > 0 && self.autosaved_as != Some(self.what_is_autosaved());
+            let changed = self.latest.unsaved_updates() > 0 && self.autosaved_as != Some(self.what_is_autosaved());
             if changed && self.autosaving_as.is_none() {
                 self.autosave();
             }

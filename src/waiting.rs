@@ -1,0 +1,48 @@
+//! Says what a program that is to end still waits for.
+
+use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use crate::pulse::Pulse;
+use crate::text::eprint_line;
+
+/// Time after which something is said.
+const PATIENCE: Duration = Duration::from_secs(2);
+
+/// Time between looks at what is being done, ...
+const POLL_INTERVAL: Duration = Duration::from_secs(1);
+
+/// ... and between lines while that stays the same.
+const REPEAT_AFTER: Duration = Duration::from_mins(1);
+
+/// Says on standard error what is waited for, if it takes long, until it is dropped.
+pub struct Waiting {
+    _ended: Sender<()>,
+}
+
+impl Waiting {
+    /// Begins to wait for what `pulse` is doing. `before` runs before anything is said, which may have to leave a screen.
+    pub fn begin(pulse: &Pulse, before: fn()) -> Self {
+        let ((ended, end), pulse) = (channel(), pulse.clone());
+        let say = move || {
+            let (began, mut said) = (Instant::now(), None);
+            let mut pause = PATIENCE;
+            while end.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
+                pause = POLL_INTERVAL;
+                let activity = pulse.activity();
+                if said.is_some_and(|(same, at): (_, Instant)| same == activity && at.elapsed() < REPEAT_AFTER) {
+                    continue;
+                }
+                if said.is_none() {
+                    before();
+                }
+                let hint = if said.is_none() { "; Ctrl-C twice ends at once, without what is not saved" } else { "" };
+                said = Some((activity, Instant::now()));
+                eprint_line(&format!("waiting for {activity} ({} s so far){hint}", began.elapsed().as_secs()));
+            }
+        };
+        // Without a thread, nothing is said.
+        let _ = std::thread::Builder::new().name("waiting".to_owned()).spawn(say);
+        Self { _ended: ended }
+    }
+}
