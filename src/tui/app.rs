@@ -168,6 +168,12 @@ impl App {
         self.terminal_request
     }
 
+    /// Takes what has been published so far as seen.
+    #[cfg(test)]
+    pub fn ignore_published(&mut self) {
+        self.feed.0.mark_unchanged();
+    }
+
     /// Stops training and returns the trainer.
     #[cfg(test)]
     pub fn stop(self) -> Option<crate::train::Trainer> {

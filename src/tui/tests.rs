@@ -5,6 +5,7 @@ mod arm;
 mod compare;
 mod dialogs;
 mod found;
+mod frozen;
 mod mouse;
 mod past;
 mod pixels;

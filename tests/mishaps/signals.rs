@@ -1,1 +1,276 @@
 //! Signals, and output that nobody reads: neither loses a run.
+
+use std::fs::File;
+use std::io::{PipeReader, Write};
+
+use super::*;
+
+/// Sends signals one right after the other, by a single shell.
+fn kill_at_once(process: u32, signals: &[&str]) {
+    let kills: Vec<String> = signals.iter().map(|signal| format!("kill -{signal} {process}")).collect();
+    assert!(Command::new("sh").args(["-c", &kills.join("; ")]).status().unwrap().success(), "{signals:?}");
+}
+
+/// Waits until `is` holds.
+fn wait_until(what: &str, is: impl Fn() -> bool) {
+    let began = Instant::now();
+    while !is() {
+        assert!(began.elapsed() < Duration::from_mins(1), "{what}");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+}
+
+/// Waits for a program to exit; returns its status and how long that took.
+fn end_of(mut child: Child) -> (i32, Duration) {
+    let began = Instant::now();
+    let status = loop {
+        if let Some(status) = child.try_wait().unwrap() {
+            break status;
+        }
+        if began.elapsed() > Duration::from_mins(1) {
+            child.kill().unwrap();
+            panic!("the program does not end");
+        }
+        std::thread::sleep(Duration::from_millis(10));
+    };
+    (status.code().unwrap_or(-1), began.elapsed())
+}
+
+/// Returns a pipe that is full: whoever writes to it waits.
+#[cfg(target_os = "linux")]
+fn full_pipe() -> (PipeReader, File) {
+    use nix::fcntl::{FcntlArg, fcntl};
+
+    let (reader, mut writer) = std::io::pipe().unwrap();
+    let size = fcntl(&writer, FcntlArg::F_SETPIPE_SZ(4096)).unwrap();
+    writer.write_all(&vec![b'#'; size as usize]).unwrap();
+    (reader, File::from(std::os::fd::OwnedFd::from(writer)))
+}
+
+/// Starts a suite of one job in `folder`, whose checkpoint is saved on a signal.
+fn suite(folder: &Path, errors: Stdio) -> Child {
+    let mut command = isolated_command(folder);
+    command.args(["suite", "trap", "--budget", "10000000", "--out", "results", "--set", "hidden=16"]);
+    command.args(["--set", "candidates=50", "--set", "buffer_size=20000", "--set", "learning_starts=200"]);
+    let child = command.stdin(Stdio::null()).stdout(Stdio::null()).stderr(errors).spawn().unwrap();
+    // The log is written once signals are heard and the job runs.
+    wait_until("the job does not begin", || folder.join("results/jobs").is_dir());
+    child
+}
+
+#[test]
+fn every_signal_that_would_end_the_program_saves_the_run() {
+    let batch_systems = ["USR1", "USR2", "XCPU"];
+    let clocks = ["ALRM", "VTALRM", "PROF"];
+    // SIGPWR, SIGIO, SIGSTKFLT and two real-time signals.
+    let of_linux = if cfg!(target_os = "linux") { &["30", "29", "16", "34", "64"][..] } else { &[] };
+    for signal in batch_systems.iter().chain(&clocks).chain(of_linux) {
+        let folder = folder();
+        let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "kept.safetensors"]));
+        run.wait_for("progress");
+        let (status, _) = run.end_with_signal(signal);
+        assert!((129..=192).contains(&status), "{signal}: {status}");
+        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0, "{signal}");
+    }
+}
+
+#[test]
+fn a_limit_of_cpu_time_saves_the_run() {
+    let folder = folder();
+    let program = headless(folder.path(), &["trap", "--save", "kept.safetensors", "--threads", "2"]);
+    let mut shell = Command::new("sh");
+    // The signal comes again and again, after every second of both threads.
+    shell.args(["-c", "ulimit -S -t 2; ulimit -H -t 60; exec \"$0\" \"$@\""]);
+    shell.arg(program.get_program()).args(program.get_args()).current_dir(folder.path());
+    shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?))));
+    assert_eq!(outcome(&mut shell).0, 152);
+    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
+}
+
+#[test]
+fn sigquit_ends_the_program_at_once() {
+    let folder = folder();
+    let program = headless(folder.path(), &["trap", "--save", "kept.safetensors"]);
+    let mut shell = Command::new("sh");
+    shell.args(["-c", "ulimit -c 0; exec \"$0\" \"$@\""]).arg(program.get_program()).args(program.get_args());
+    shell.envs(program.get_envs().filter_map(|(name, value)| Some((name, value?)))).current_dir(folder.path());
+    let mut run = RunningProgram::start(&mut shell);
+    run.wait_for("progress");
+    assert_eq!(run.end_with_signal("QUIT").0, -1);
+    assert!(!folder.path().join("kept.safetensors").exists());
+}
+
+#[test]
+fn signals_that_come_together_are_one() {
+    for signals in [&["TERM", "HUP"][..], &["INT", "TERM"], &["HUP", "TERM", "CONT"], &["TERM", "USR1", "INT"]] {
+        let folder = folder();
+        let kept = folder.path().join("kept.safetensors");
+        let mut run = RunningProgram::start(&mut headless(folder.path(), &["trap", "--save", "kept.safetensors"]));
+        run.wait_for("progress");
+        kill_at_once(run.child.id(), signals);
+        run.out.read_to_string(&mut String::new()).unwrap();
+        assert!(run.child.wait().unwrap().code().is_some_and(|status| status > 128), "{signals:?}");
+        assert!(assert_loads(&kept) > 0, "{signals:?}");
+
+        std::fs::remove_file(&kept).unwrap();
+        let mut session = Session::start(folder.path(), &["trap", "--save", "kept.safetensors"]);
+        session.wait_for("training");
+        kill_at_once(session.child.process_id().unwrap(), signals);
+        assert!(session.status() > 128, "{signals:?}");
+        assert!(kept.is_file(), "{signals:?}");
+
+        let suite = suite(folder.path(), Stdio::null());
+        kill_at_once(suite.id(), signals);
+        assert!(end_of(suite).0 > 128, "{signals:?}");
+        assert_eq!(checkpoints(&folder.path().join("results")).len(), 1, "{signals:?}");
+    }
+}
+
+#[test]
+fn a_signal_that_comes_during_slow_saving_ends_it_only_if_it_is_the_same_again() {
+    let start = || {
+        let folder = folder();
+        let args = ["trap", "--save", "kept.safetensors"];
+        // Training hangs for a while before it is saved.
+        let mut run = RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "trainer=delay:9000@1"));
+        run.wait_for("start");
+        kill(run.child.id(), "TERM");
+        std::thread::sleep(Duration::from_millis(400));
+        (folder, run)
+    };
+    let (folder, run) = start();
+    assert_eq!(run.end_with_signal("HUP").0, 143);
+    assert_loads(&folder.path().join("kept.safetensors"));
+    let (folder, run) = start();
+    assert_eq!(run.end_with_signal("TERM").0, 143);
+    assert!(!folder.path().join("kept.safetensors").exists());
+}
+
+/// Signals and the exit statuses that they lead to.
+const STATUSES: [(&str, i32); 3] = [("TERM", 143), ("HUP", 129), ("INT", 130)];
+
+#[cfg(target_os = "linux")]
+#[test]
+fn records_that_nobody_reads_delay_neither_checkpoints_nor_signals() {
+    for (signal, status) in STATUSES {
+        let folder = folder();
+        let kept = folder.path().join("kept.safetensors");
+        let (_reader, pipe) = full_pipe();
+        // A checkpoint every 60 ms.
+        let mut command = headless(folder.path(), &["trap", "--save", "kept.safetensors", "--save-every", "0.001"]);
+        let child = command.stdin(Stdio::null()).stdout(pipe).stderr(Stdio::null()).spawn().unwrap();
+        wait_until("no checkpoint", || kept.is_file());
+        kill(child.id(), signal);
+        let (ended, took) = end_of(child);
+        assert!(ended == status && took < TIMEOUT, "{signal}: {ended} after {took:?}");
+        assert!(assert_loads(&kept) > 0);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn errors_that_nobody_reads_delay_neither_training_nor_signals() {
+    for (signal, status) in STATUSES {
+        let folder = folder();
+        let records = folder.path().join("records");
+        let (_reader, pipe) = full_pipe();
+        let mut command = isolated_command(folder.path());
+        // Without --no-ui, the first line says on standard error why there is no interface.
+        command.args(["trap", "--save", "kept.safetensors", "--set", "hidden=16", "--set", "buffer_size=20000"]);
+        let out = File::create(&records).unwrap();
+        let child = command.stdin(Stdio::null()).stdout(out).stderr(pipe).spawn().unwrap();
+        wait_until("no records", || std::fs::read_to_string(&records).unwrap().contains("progress"));
+        kill(child.id(), signal);
+        let (ended, took) = end_of(child);
+        assert!(ended == status && took < TIMEOUT, "{signal}: {ended} after {took:?}");
+        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_suite_whose_errors_nobody_reads_is_saved_on_a_signal() {
+    let folder = folder();
+    let (_reader, pipe) = full_pipe();
+    let suite = suite(folder.path(), pipe.into());
+    kill_at_once(suite.id(), &["TERM"]);
+    let (status, took) = end_of(suite);
+    assert!(status == 143 && took < TIMEOUT, "{status} after {took:?}");
+    assert_eq!(checkpoints(&folder.path().join("results")).len(), 1);
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_reader_that_comes_late_gets_all_records_in_order() {
+    let folder = folder();
+    let (mut reader, pipe) = full_pipe();
+    let args = ["trap", "--max-updates", "3000", "--eval-tasks", "1", "--save", "kept.safetensors"];
+    let mut command = headless(folder.path(), &args);
+    let child = command.stdin(Stdio::null()).stdout(pipe).stderr(Stdio::null()).spawn().unwrap();
+    drop(command);
+    // Training ends although nobody reads.
+    wait_until("no checkpoint", || folder.path().join("kept.safetensors").is_file());
+    let mut text = String::new();
+    reader.read_to_string(&mut text).unwrap();
+    let names: Vec<String> = events(text.trim_start_matches('#'))
+        .iter()
+        .map(|event| format!("{} {}", event["event"].as_str().unwrap(), event["updates"]))
+        .collect();
+    let expected = ["start 0", "progress 1000", "progress 2000", "progress 3000", "saved 3000", "evaluation 3000"];
+    assert!(names.iter().take(6).map(String::as_str).eq(expected) && names.last().unwrap() == "end 3000", "{names:?}");
+    assert_eq!(end_of(child).0, 0);
+}
+
+#[test]
+fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
+    let (folder, faults) = (folder(), [(FAULTS, "trainer=delay:8000@1")]);
+    let (args, kept) = (["trap", "--save", "kept.safetensors"], folder.path().join("kept.safetensors"));
+    let mut run = RunningProgram::start(headless(folder.path(), &args).envs(faults));
+    run.wait_for("start");
+    kill(run.child.id(), "TERM");
+    let mut errors = String::new();
+    run.child.stderr.take().unwrap().read_to_string(&mut errors).unwrap();
+    assert_eq!(end_of(run.child).0, 143);
+    assert!(errors.contains("waiting for") && errors.contains("twice"), "{errors}");
+    assert_loads(&kept);
+
+    // The interface leaves its screen for it.
+    std::fs::remove_file(&kept).unwrap();
+    let mut session = Session::start_with(folder.path(), &args, &faults);
+    session.wait_for("training");
+    session.signal("TERM");
+    session.wait_for("waiting for");
+    assert_eq!(session.status(), 143);
+    assert_loads(&kept);
+}
+
+#[test]
+fn a_long_update_is_left_unfinished_on_a_signal_and_the_run_goes_on_as_if_it_had_not_begun() {
+    let settings = ["--set", "batch_size=8192", "--set", "hidden=256", "--set", "learning_starts=500"];
+    let limits = ["--max-updates", "2", "--eval-tasks", "1", "--save"];
+    let start = |folder: &Path, save: &str| {
+        let mut command = isolated_command(folder);
+        command.args(["--no-ui", "trap", "--set", "buffer_size=20000", "--set", "candidates=50"]);
+        command.args(settings).args(limits).arg(save);
+        command
+    };
+    let folder = folder();
+    assert_eq!(outcome(&mut start(folder.path(), "whole.safetensors")).0, 0);
+    let mut run = RunningProgram::start(&mut start(folder.path(), "parts.safetensors"));
+    run.wait_for("start");
+    std::thread::sleep(Duration::from_millis(700));
+    let (status, _) = run.end_with_signal("TERM");
+    assert!(status == 143, "{status}");
+    let parts = folder.path().join("parts.safetensors");
+    assert!(assert_loads(&parts) < 2);
+    let mut resumed = isolated_command(folder.path());
+    resumed.args(["--no-ui", "--resume", "parts.safetensors"]).args(limits).arg("parts.safetensors");
+    assert_eq!(outcome(&mut resumed).0, 0);
+    let state = |path: &Path| {
+        let loaded = train::load(path, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}")).trainer;
+        let mut networks = gdg_tui::store::Store::default();
+        loaded.learner().save(&mut networks).unwrap();
+        (networks, loaded.counters())
+    };
+    assert!(state(&parts) == state(&folder.path().join("whole.safetensors")));
+}

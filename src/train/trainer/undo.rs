@@ -40,3 +40,64 @@ impl Trainer {
         Ok(())
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::env::PointMaze;
+    use crate::train::{Method, Preset, Registry, Run, Settings, Tick};
+
+    fn trainer(method: &str, threads: usize) -> Trainer {
+        let mut settings = Settings::default();
+        (settings.learn.hidden, settings.learn.batch_size, settings.learn.buffer_size) = (16, 64, 2_000);
+        (settings.train.learning_starts, settings.bridge.candidates) = (200, 20);
+        settings.bridge.graph_every_updates = 8;
+        let method: Method = method.parse().expect("a method");
+        let run = Run { method, preset: Preset::Default, seed: 1, settings };
+        let world = PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
+        Trainer::new(run, &world, &Registry::builtin(), threads).expect("a trainer")
+    }
+
+    /// Returns everything that decides how the run goes on.
+    fn state(trainer: &mut Trainer) -> Store {
+        trainer.seconds = 0.0;
+        trainer.save().expect("a state")
+    }
+
+    #[test]
+    fn an_update_left_unfinished_at_any_part_leaves_no_trace() {
+        for (method, threads) in [("gdg-bridge", 1), ("gdg", 2), ("her", 1), ("gdg-distance", 2)] {
+            let (mut whole, mut stopped) = (trainer(method, threads), trainer(method, threads));
+            let (mut parts, mut undone, mut finished) = (0, 0, 0);
+            while whole.counters().updates < 60 {
+                let tick = whole.tick().expect("a tick");
+                if tick == Tick::Update {
+                    let before = state(&mut stopped);
+                    // As if the latest update had been a long one.
+                    stopped.update_took = None;
+                    stopped.pulse.stop_at(stopped.pulse.beats() + 2 + parts % 40);
+                    parts += 7;
+                    match stopped.tick().expect("a tick") {
+                        Tick::Undone => {
+                            assert!(state(&mut stopped) == before, "{method}: update {}", whole.counters().updates);
+                            undone += 1;
+                        }
+                        // A short way to the end, or a change of the graph.
+                        done => {
+                            assert_eq!(done, Tick::Update);
+                            finished += 1;
+                            stopped.pulse.stop_at(u64::MAX);
+                            continue;
+                        }
+                    }
+                    stopped.pulse.stop_at(u64::MAX);
+                }
+                assert_eq!(stopped.tick().expect("a tick"), tick);
+            }
+            assert!(undone > 10 && finished > 0, "{method}: {undone} undone, {finished} finished");
+            assert!(state(&mut whole) == state(&mut stopped), "{method}");
+        }
+    }
+}

@@ -138,6 +138,13 @@ impl App {
         self.command(Command::Autosave(self.saving.to.path().to_owned(), self.notes()));
     }
 
+    /// Returns whether anything has changed since the latest autosave. What has not needs no other copy, which would take
+    /// the place of an older one.
+    pub(in crate::tui) fn has_something_to_autosave(&self) -> bool {
+        let changed = self.latest.unsaved_updates() > 0 && self.autosaved_as != Some(self.what_is_autosaved());
+        changed && self.autosaving_as.is_none()
+    }
+
     /// Returns what a checkpoint keeps of the screen.
     fn notes(&self) -> Notes {
         Notes { log: self.screen.log.entries().to_vec(), goal: self.goal() }

@@ -166,9 +166,7 @@ impl App {
         let due = self.autosave_minutes > 0.0 && self.autosaved.elapsed().as_secs_f64() > 60.0 * self.autosave_minutes;
         if due {
             self.autosaved = Instant::now();
-            // What has not changed needs no other copy, which would take the place of an older one.
-            let changed = self.latest.unsaved_updates() > 0 && self.autosaved_as != Some(self.what_is_autosaved());
-            if changed && self.autosaving_as.is_none() {
+            if self.has_something_to_autosave() {
                 self.autosave();
             }
         }

@@ -1,0 +1,91 @@
+//! A frozen screen shows an earlier moment, and nothing is judged by that.
+
+use super::screens::staged_app;
+use super::*;
+
+/// Freezes the screen and goes on training for `seconds` behind it.
+fn train_frozen(app: &mut App, seconds: f64, change: impl FnOnce(&mut Snapshot)) {
+    press(app, KeyCode::Char('F'));
+    assert!(app.screen.frozen);
+    let mut latest = (*app.screen.snapshot).clone();
+    latest.counters.updates += (100.0 * seconds) as u64;
+    latest.seconds += seconds;
+    change(&mut latest);
+    app.on_snapshot(Arc::new(latest));
+}
+
+/// Returns an app whose run has just been saved.
+fn saved_app() -> App {
+    let mut app = staged_app(80, 24);
+    let mut saved = (*app.screen.snapshot).clone();
+    saved.saved = Some((saved.counters.updates, Arc::new(PathBuf::from("saves/kept.safetensors"))));
+    app.on_snapshot(Arc::new(saved));
+    app
+}
+
+#[test]
+fn what_is_unsaved_behind_a_frozen_screen_is_asked_about_and_saved_on_a_signal() {
+    let mut app = saved_app();
+    let shown = app.screen.snapshot.counters.updates;
+    train_frozen(&mut app, 60.0, |_| {});
+    assert_eq!(app.screen.snapshot.counters.updates, shown, "the screen stays");
+    press(&mut app, KeyCode::Char('q'));
+    assert!(!app.is_done());
+    let asked = text(&draw(&mut app, 80, 24));
+    assert!(asked.contains("6,000 unsaved updates"), "{asked}");
+    app.on_signal();
+    assert!(app.saves_at_end().is_some_and(|path| path.ends_with("kept.safetensors")));
+}
+
+#[test]
+fn nothing_is_asked_about_where_nothing_is_unsaved() {
+    let mut app = staged_app(80, 24);
+    train_frozen(&mut app, 0.0, |latest| {
+        latest.saved = Some((latest.counters.updates, Arc::new(PathBuf::from("saves/kept.safetensors"))));
+    });
+    press(&mut app, KeyCode::Char('q'));
+    assert!(app.is_done());
+}
+
+#[test]
+fn a_frozen_screen_says_what_was_saved_and_that_the_limit_is_reached() {
+    let mut app = staged_app(80, 24);
+    train_frozen(&mut app, 1.0, |latest| {
+        latest.notice.number += 1;
+        latest.notice.text = "autosaved kept-auto.safetensors".to_owned();
+        latest.autosaves = Arc::new(vec![PathBuf::from("kept-auto.safetensors")]);
+    });
+    assert!(text(&draw(&mut app, 80, 24)).contains("autosaved kept-auto"));
+    let mut done = (*app.latest).clone();
+    done.phase = Phase::Done;
+    app.on_snapshot(Arc::new(done));
+    assert!(text(&draw(&mut app, 80, 24)).contains("limit reached"));
+}
+
+#[test]
+fn autosaves_go_on_behind_a_frozen_screen() {
+    let mut app = saved_app();
+    assert!(!app.has_something_to_autosave());
+    train_frozen(&mut app, 60.0, |_| {});
+    assert!(app.has_something_to_autosave());
+}
+
+#[test]
+fn settings_changed_one_after_the_other_on_a_frozen_screen_are_all_kept() {
+    let mut app = app();
+    wait_until(&mut app, |app| app.screen.snapshot.counters.updates > 0);
+    press(&mut app, KeyCode::Char('F'));
+    for (name, value) in [("expectile", "0.7"), ("tau", "0.01")] {
+        app.choose(super::super::dialog::Choice::Setting(name.to_owned()));
+        press_with(&mut app, KeyCode::Char('u'), KeyModifiers::CONTROL);
+        type_text(&mut app, value);
+        press(&mut app, KeyCode::Enter);
+        let is_set = |app: &App| {
+            let settings = train::list_settings(&app.screen.run().settings);
+            settings.iter().any(|(known, now)| known == name && now == value)
+        };
+        wait_until(&mut app, is_set);
+    }
+    let settings = train::list_settings(&app.screen.run().settings);
+    assert!(settings.contains(&("expectile".to_owned(), "0.7".to_owned())), "the first change is kept");
+}
