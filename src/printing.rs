@@ -68,9 +68,9 @@ impl Queue {
         self.is_writing || !self.bytes.is_empty()
     }
 
-    /// Returns the latest error, once.
+    /// Returns the latest error, once; none after a signal, as a terminal that is closed sends one.
     fn outcome(&mut self) -> io::Result<()> {
-        self.error.take().map_or(Ok(()), Err)
+        self.error.take().filter(|_| !hurries()).map_or(Ok(()), Err)
     }
 }
 

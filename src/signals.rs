@@ -65,6 +65,7 @@ impl TerminationSignal {
     }
 
     fn listen_with(restore_terminal: Option<fn()>) -> Result<Self, Report> {
+        warn_of_cpu_limit();
         let termination = Self::default();
         let ignored = ignored_signals();
         let is_ignored = |number: &i32| ignored >> (number - 1) & 1 == 1;
@@ -122,6 +123,24 @@ impl Arrivals {
         let again = before.is_some_and(|before| now.saturating_duration_since(before) >= SAME_SIGNAL);
         again && !REPEATING.contains(&number)
     }
+}
+
+/// Has a limit of CPU time warn by SIGXCPU before it kills the program: `ulimit -t` and batch systems often set both at once.
+fn warn_of_cpu_limit() {
+    use nix::sys::resource::{RLIM_INFINITY, Resource, getrlimit, setrlimit};
+
+    let Ok((soft, hard)) = getrlimit(Resource::RLIMIT_CPU) else { return };
+    let cores = std::thread::available_parallelism().map_or(1, |cores| cores.get() as u64);
+    if hard != RLIM_INFINITY && soft > warning_before(hard, cores) {
+        // Without it, the limit is as it was.
+        let _ = setrlimit(Resource::RLIMIT_CPU, warning_before(hard, cores), hard);
+    }
+}
+
+/// Returns the seconds of CPU time after which to warn of a limit: all cores may go on for a few seconds until the run is
+/// saved.
+fn warning_before(limit: u64, cores: u64) -> u64 {
+    limit - (limit / 2).min(5 + 3 * cores)
 }
 
 /// Ends the program without saving.

@@ -17,7 +17,7 @@ Examples:
   gdg-tui reproduce all --collect            figures and report from the jobs that are done
 
 Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad usage or input;
-129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (all jobs are saved; a second signal exits without saving).";
+129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (all jobs are saved; the same signal again exits without saving).";
 
 /// How much is trained for the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
