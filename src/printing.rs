@@ -286,17 +286,15 @@ mod tests {
     static GATE: Mutex<()> = Mutex::new(());
     static READ: Mutex<Vec<u8>> = Mutex::new(Vec::new());
 
-    /// A reader that takes a few bytes at a time, and none while the gate is closed.
-    fn read(bytes: &[u8]) -> io::Result<usize> {
-        let _open = GATE.lock();
-        let n = bytes.len().min(3);
-        READ.lock().extend_from_slice(&bytes[..n]);
-        Ok(n)
-    }
-
     #[test]
     fn a_reader_that_stops_gets_everything_in_order_later_and_delays_nobody() {
-        static STREAM: Stream = Stream::new("test", read);
+        // A reader that takes a few bytes at a time, and none while the gate is closed.
+        static STREAM: Stream = Stream::new("test", |bytes| {
+            let _open = GATE.lock();
+            let n = bytes.len().min(3);
+            READ.lock().extend_from_slice(&bytes[..n]);
+            Ok(n)
+        });
         let closed = GATE.lock();
         let began = Instant::now();
         let lines: Vec<String> = (0..1000).map(|i| format!("line {i}\n")).collect();

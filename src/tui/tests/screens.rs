@@ -53,17 +53,22 @@ pub(super) fn evaluation(at: f64) -> Evaluation {
     }
 }
 
+/// Waits until the trainer, whose limit is 0 updates, has ended, and takes what it has published as seen: what follows is
+/// made up.
+fn ignore_trainer(app: &mut App) {
+    let began = Instant::now();
+    while app.snapshots().borrow().phase != Phase::Done {
+        assert!(began.elapsed() < Duration::from_mins(1), "timed out");
+        std::thread::sleep(Duration::from_millis(5));
+    }
+    app.ignore_published();
+}
+
 /// Returns an app in the middle of a run with fixed numbers on the rooms map, drawn once at the given size.
 pub fn staged_app(width: u16, height: u16) -> App {
     let mut app = app_with(rooms(), Method::default(), Limits { updates: Some(0), ..Limits::default() });
     draw(&mut app, width, height);
-    // What follows is made up: nothing else comes from the trainer.
-    let began = Instant::now();
-    while app.snapshots().borrow().phase != Phase::Done {
-        assert!(began.elapsed() < Duration::from_mins(1), "the limit is 0 updates");
-        std::thread::sleep(Duration::from_millis(5));
-    }
-    app.ignore_published();
+    ignore_trainer(&mut app);
     let evaluations = (1..=4).map(|i| (2_500 * i, evaluation(0.25 * i as f64))).collect();
     let search = SearchOutcome {
         state: vec![1.5, 0.5],
