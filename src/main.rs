@@ -15,6 +15,8 @@ use gdg_tui::cli::{CompareArgs, ScreenArgs, TourArgs};
 use gdg_tui::env::Scene;
 use gdg_tui::experiment::{ablate, reproduce, suite};
 use gdg_tui::map::{print_ascii, random};
+#[cfg(feature = "tui")]
+use gdg_tui::text::terminal_obeys_escapes;
 use gdg_tui::text::{eprint_line, sanitized_lines};
 use gdg_tui::train::{Registry, print_settings, reference_page};
 #[cfg(feature = "tui")]
@@ -80,34 +82,32 @@ fn run(cli: &Cli) -> u8 {
 
 #[cfg(feature = "tui")]
 fn run_tour(args: &TourArgs) -> u8 {
-    let needs_terminal = miette::miette!(
-        help = "gdg-tui --no-ui trains without one",
-        "a tour is something to watch: it needs a terminal"
-    );
+    let needs_terminal = ("a tour is something to watch: it needs a terminal", "gdg-tui --no-ui trains without one");
     watch(&args.screen, needs_terminal, |registry| tui::prepare_tour(args, registry), tui::take_tour)
 }
 
 #[cfg(feature = "tui")]
 fn run_comparison(args: &CompareArgs) -> u8 {
-    let needs_terminal = miette::miette!(
-        help = "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
-        "a comparison is something to watch: it needs a terminal"
+    let needs_terminal = (
+        "a comparison is something to watch: it needs a terminal",
+        "gdg-tui reproduce and gdg-tui suite --method METHOD compare methods without one",
     );
     watch(&args.screen, needs_terminal, |registry| tui::prepare_comparison(args, registry), tui::compare)
 }
 
-/// Prepares and shows something that makes no sense without a terminal; without one, reports `needs_terminal`.
+/// Prepares and shows something that makes no sense without a terminal; without one, reports `needs_terminal`, an error and
+/// its help.
 #[cfg(feature = "tui")]
 fn watch<T>(
     args: &ScreenArgs,
-    needs_terminal: Report,
+    (needs_terminal, help): (&str, &str),
     prepare: impl FnOnce(&Arc<Registry>) -> Result<T, Report>,
     show: impl FnOnce(T, PreparedInterface) -> Result<u8, Report>,
 ) -> u8 {
     logging::start(args.log_level);
     let prepared = prepare(&Registry::builtin()).and_then(|prepared| {
-        if !std::io::stdout().is_terminal() {
-            return Err(needs_terminal);
+        if let Some(obstacle) = obstacle_to_interface() {
+            return Err(miette::miette!(help = help, "{needs_terminal}, but {obstacle}"));
         }
         Ok((prepared, tui::prepare(&args.interface, args.overwrite)?))
     });
@@ -115,6 +115,19 @@ fn watch<T>(
         Ok((prepared, interface)) => show(prepared, interface).unwrap_or_else(|error| fail(error, EXIT_FAILURE)),
         Err(error) => fail(error, EXIT_BAD_INPUT),
     }
+}
+
+/// Returns why the interface cannot be shown, if it cannot.
+#[cfg(feature = "tui")]
+fn obstacle_to_interface() -> Option<String> {
+    if !std::io::stdout().is_terminal() {
+        return Some("the output is not a terminal".to_owned());
+    }
+    let of_kind = || match std::env::var("TERM").unwrap_or_default().as_str() {
+        "" => "TERM is not set".to_owned(),
+        term => format!("TERM={}", sanitized_lines(term)),
+    };
+    (!terminal_obeys_escapes()).then(|| format!("the terminal cannot draw it ({})", of_kind()))
 }
 
 fn run_suite(args: &SuiteArgs) -> u8 {
@@ -147,15 +160,17 @@ fn train(cli: &Cli) -> u8 {
     }
     logging::start(args.log_level);
     #[cfg(feature = "tui")]
-    let with_ui = !args.no_ui && std::io::stdout().is_terminal();
+    let obstacle = obstacle_to_interface();
     #[cfg(feature = "tui")]
-    if !args.no_ui && !with_ui {
+    let with_ui = !args.no_ui && obstacle.is_none();
+    #[cfg(feature = "tui")]
+    if let Some(obstacle) = obstacle.filter(|_| !args.no_ui) {
         if args.interface.record.is_some() {
             let help = "run it in a terminal, or without --record";
-            let error = miette::miette!(help = help, "--record: there is no screen, as the output is not a terminal");
+            let error = miette::miette!(help = help, "--record: there is no screen, as {obstacle}");
             return fail(error, EXIT_BAD_INPUT);
         }
-        eprint_line("trains without the interface, as the output is not a terminal (--no-ui says that this is meant)");
+        eprint_line(&format!("trains without the interface, as {obstacle} (--no-ui says that this is meant)"));
     }
     let setup = match setup::prepare(args, &Registry::builtin()) {
         Ok(setup) => setup,

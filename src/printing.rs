@@ -12,6 +12,9 @@ use std::time::{Duration, Instant};
 use indicatif::ProgressDrawTarget;
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
+#[cfg(unix)]
+use crate::text::terminal_obeys_escapes;
+
 /// How long printing waits for the reader if nothing else is queued. Errors are then reported where they occur.
 const PATIENCE: Duration = Duration::from_millis(50);
 
@@ -217,9 +220,12 @@ pub fn finish() {
     let _ = STDERR.flush();
 }
 
-/// Returns where progress bars are drawn: on standard error, if that is a terminal.
+/// Returns where progress bars are drawn: on standard error, if that is a terminal that can move its cursor.
 #[cfg(unix)]
 pub fn progress_target() -> ProgressDrawTarget {
+    if !terminal_obeys_escapes() {
+        return ProgressDrawTarget::hidden();
+    }
     ProgressDrawTarget::term(console::Term::read_write_pair(io::stdin(), Frames), FRAMES_PER_SECOND)
 }
 

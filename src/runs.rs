@@ -1,16 +1,14 @@
 //! Saved runs: a folder's checkpoints as a table, the newest of them, and the command that continues one.
 
-use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
-use miette::{IntoDiagnostic, Report, WrapErr, miette};
-use tabwriter::TabWriter;
+use miette::{Report, miette};
 
 use crate::files::is_hidden;
-use crate::text::{grouped, safe_file_name, sanitized};
+use crate::text::{aligned, grouped, safe_file_name, sanitized};
 use crate::train::{CheckpointError, Description, Registry, describe, examine};
 
 /// Default folder for checkpoints.
@@ -66,20 +64,16 @@ pub fn list(folder: &Path) -> Result<String, Report> {
     let registry = Registry::builtin();
     let mut found: Vec<_> = files.iter().map(|path| examine(path, &registry)).collect();
     found.sort_by_key(|found| std::cmp::Reverse(found.as_ref().ok().and_then(|found| found.written)));
-    let mut table = TabWriter::new(Vec::new()).padding(2);
-    writeln!(table, "file\tupdates\tplanned\tgreedy\twritten\tMB\tmap\tmethod\tseed").into_diagnostic()?;
-    for found in &found {
-        writeln!(table, "{}", line(found)).into_diagnostic()?;
-    }
-    let bytes = table.into_inner().map_err(|error| miette!("{error}")).wrap_err("the table")?;
-    Ok(String::from_utf8_lossy(&bytes).into_owned())
+    let head = ["file", "updates", "planned", "greedy", "written", "MB", "map", "method", "seed"];
+    let head = head.map(str::to_owned).to_vec();
+    Ok(aligned(&std::iter::once(head).chain(found.iter().map(row)).collect::<Vec<_>>()))
 }
 
-/// Returns a line of the table, with tabs between the columns.
-fn line(found: &Result<Description, CheckpointError>) -> String {
+/// Returns the cells of a line of the table.
+fn row(found: &Result<Description, CheckpointError>) -> Vec<String> {
     match found {
         // What the file's name often says as well comes last: a narrow terminal breaks lines there.
-        Ok(found) => [
+        Ok(found) => vec![
             name(&found.file),
             grouped(found.updates),
             rate(found.success.as_ref().and_then(|success| success.planned)),
@@ -89,10 +83,9 @@ fn line(found: &Result<Description, CheckpointError>) -> String {
             found.title.clone(),
             found.run.method.name(),
             found.run.seed.to_string(),
-        ]
-        .join("\t"),
-        // Without tabs, as a long reason would widen a column.
-        Err(error) => format!("{}  cannot be loaded: {}", name(&error.file), sanitized(&error.problem)),
+        ],
+        // In one cell, as a long reason would widen a column.
+        Err(error) => vec![format!("{}  cannot be loaded: {}", name(&error.file), sanitized(&error.problem))],
     }
 }
 

@@ -3,9 +3,11 @@
 //! Text from a file or an argument may control the terminal that shows it: move its cursor, change its title, reverse
 //! the text direction. All external text passes through here before it is displayed.
 
+mod columns;
 mod excerpt;
 mod number;
 
+pub use columns::{aligned, display_width, fitted, padded};
 pub use excerpt::{Excerpt, line_and_column};
 pub use number::{CountError, parse_count, parse_real};
 
@@ -55,6 +57,19 @@ pub fn counted(n: u64, what: &str) -> String {
 /// Returns a number in groups of three digits: `57,000`.
 pub fn grouped(n: u64) -> String {
     indicatif::HumanCount(n).to_string()
+}
+
+/// Returns whether a terminal obeys escape sequences, by its kind: the variable `TERM`, which names none on Windows.
+pub fn obeys_escapes(term: Option<&str>) -> bool {
+    match term {
+        None | Some("") => cfg!(windows),
+        Some(term) => term != "unknown" && !term.starts_with("dumb"),
+    }
+}
+
+/// Returns whether the terminal of this program obeys escape sequences.
+pub fn terminal_obeys_escapes() -> bool {
+    obeys_escapes(std::env::var("TERM").ok().as_deref())
 }
 
 /// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
@@ -117,6 +132,15 @@ mod tests {
         assert_eq!(markdown("<b>a|b*_`[x](y)"), "\\<b\\>a\\|b\\*\\_\\`\\[x\\](y)");
         assert_eq!(markdown("a\\b\n# c"), "a\\\\b?\\# c");
         assert_eq!(markdown("den312d-größe 7.v2"), "den312d-größe 7.v2");
+    }
+
+    #[test]
+    fn terminals_without_escape_sequences_are_known() {
+        for term in ["dumb", "dumb-emacs-ansi", "unknown"] {
+            assert!(!obeys_escapes(Some(term)), "{term}");
+        }
+        assert!(["xterm-256color", "linux", "vt100"].iter().all(|term| obeys_escapes(Some(term))));
+        assert_eq!([None, Some("")].map(obeys_escapes), [cfg!(windows); 2], "of no kind");
     }
 
     #[test]

@@ -14,7 +14,8 @@
 //! * `graphics`: pictures in the terminal, where it shows them; `sheet` draws them.
 //! * `render`: the panes and everything else around it.
 //! * `tour`: the guided tour.
-//! * `export`: writes what is shown to files; `terminal`: the terminal itself; `record`: recordings of it.
+//! * `export`: writes what is shown to files; `terminal`: the terminal itself; `input`: what comes from it; `record`:
+//!   recordings of it.
 
 mod action;
 mod app;
@@ -27,6 +28,7 @@ mod event_loop;
 mod export;
 mod glyphs;
 mod graphics;
+mod input;
 mod keymap;
 mod layers;
 mod layout;

@@ -21,7 +21,7 @@ use crate::map::{Grid, builtin, load_map};
 use crate::printing::print_text;
 use crate::report::from_map_error;
 use crate::setup::{self, find_map, threads};
-use crate::text::{counted, eprint_line, sanitized, sanitized_lines};
+use crate::text::{aligned, counted, eprint_line, sanitized, sanitized_lines};
 use crate::train::Registry;
 
 /// Default budgets: maximum number of free cells, and updates.
@@ -154,9 +154,7 @@ impl Suite<'_> {
 
     /// Returns a line per job.
     fn list(&self) -> String {
-        let widest = |of: fn(&Job) -> &str| self.jobs().map(|job| of(job).chars().count()).max().unwrap_or(0);
-        let (wide, wide_map) = (widest(|job| &job.name), widest(|job| job.world.name()));
-        let line = |job: &Job| {
+        let row = |job: &Job| {
             let state = match self.folder.state(job) {
                 State::NotBegun => "not begun".to_owned(),
                 State::Begun(updates) => format!("begun, {updates} updates done"),
@@ -165,9 +163,10 @@ impl Suite<'_> {
             let (name, map, seed) = (&job.name, sanitized(job.world.name()), job.run.seed);
             let cells = job.world.map().map_or(0, |map| map.free_count());
             let updates = job.plan.length.amount();
-            format!("{name:<wide$}  {map:<wide_map$}  {cells:>8} cells  seed {seed}  {updates:>7} updates  {state}\n")
+            let (cells, updates) = (format!("{cells:>8} cells"), format!("{updates:>7} updates"));
+            vec![name.clone(), map, cells, format!("seed {seed}"), updates, state]
         };
-        self.jobs().map(line).collect()
+        aligned(&self.jobs().map(row).collect::<Vec<_>>())
     }
 
     /// Returns the rows of the table, with the results there are.

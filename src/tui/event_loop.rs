@@ -1,11 +1,9 @@
 //! The event loop: forwards events, draws frames, and restores the terminal at the end.
 
-use std::io::Write;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::time::{Duration, Instant};
 
-use crossterm::event::{Event, EventStream, MouseEvent, MouseEventKind};
-use futures_util::StreamExt;
+use crossterm::event::{Event, MouseEvent, MouseEventKind};
 use miette::{IntoDiagnostic, Report};
 use ratatui::Frame;
 
@@ -13,7 +11,7 @@ use super::app::ClosedRun;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::raster::Marker;
 use super::record::Recorder;
-use super::terminal::Terminal;
+use super::terminal::{self, Terminal};
 use crate::signals::TerminationSignal;
 use crate::text::sanitized_lines;
 
@@ -36,6 +34,8 @@ pub enum TerminalRequest {
     Suspend,
     /// Draw everything again.
     Redraw,
+    /// Draw for another size.
+    Resize,
 }
 
 /// What fills the screen: the trainer, or a comparison.
@@ -101,8 +101,10 @@ pub fn show(
     }
     // First, since writing to a terminal that is gone may block.
     let closed = interface.close();
+    // What is typed meanwhile is gone with the interface.
+    let _ = runtime.block_on(terminal.answered());
     drop(terminal);
-    let _ = writeln!(std::io::stdout(), "{}", sanitized_lines(&closed.summary));
+    terminal::print(&sanitized_lines(&closed.summary));
     closed.saved?;
     if let Some(status) = termination.status() {
         return Ok(status);
@@ -120,34 +122,32 @@ async fn event_loop(
     mut job_control: JobControl,
     termination: &TerminationSignal,
 ) -> std::io::Result<()> {
-    let mut events = EventStream::new();
     let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
-    terminal.take_typed().iter().for_each(|event| app.on_event(event));
+    terminal.answered().await.iter().for_each(|event| app.on_event(event));
     while !app.is_done() && termination.number().is_none() {
         let mut request = None;
         tokio::select! {
-            event = events.next() => match event {
-                Some(event) => {
-                    let event = event?;
-                    if !terminal.is_late_answer(&event) {
-                        app.on_event(&event);
-                        timer.immediate = true;
-                        if !is_hovering(&event) {
-                            terminal.expect_answer();
-                        }
-                    }
+            event = terminal.next_event() => {
+                let event = event?;
+                app.on_event(&event);
+                timer.immediate = true;
+                if !is_hovering(&event) {
+                    terminal.expect_answer();
                 }
-                // End of input: the terminal is gone.
-                None => break,
-            },
+            }
             () = app.update() => timer.changed = true,
             signalled = job_control.next() => request = Some(signalled),
             () = tokio::time::sleep(timer.until_due()) => {}
         }
         if let Some(request) = request.or(app.take_terminal_request()) {
             match request {
-                TerminalRequest::Suspend => terminal.suspend()?,
+                TerminalRequest::Suspend => {
+                    if !terminal.suspend().await? {
+                        app.report("not suspended: no shell is waiting that could resume the program");
+                    }
+                }
                 TerminalRequest::Redraw => terminal.reopen()?,
+                TerminalRequest::Resize => {}
             }
             timer.immediate = true;
         }
@@ -155,9 +155,13 @@ async fn event_loop(
         timer.idle = !app.is_training();
         if timer.is_due() {
             crate::faults::point("interface");
-            terminal.draw(app)?;
+            // A terminal that is slow to read is sent fewer frames.
+            let is_ready = terminal.is_ready()?;
+            if is_ready {
+                terminal.draw(app)?;
+            }
             // What has been left out follows.
-            timer.changed = terminal.is_behind();
+            timer.changed = !is_ready || terminal.is_behind();
         }
     }
     Ok(())
@@ -168,23 +172,25 @@ fn is_hovering(event: &Event) -> bool {
     matches!(event, Event::Mouse(MouseEvent { kind: MouseEventKind::Moved, .. }))
 }
 
-/// Signals of job control: another process wants the program to stop (SIGTSTP), or has continued it (SIGCONT) after a stop
-/// that it could not prepare for.
+/// Signals of the terminal: another process wants the program to stop (SIGTSTP), or has continued it (SIGCONT) after a stop
+/// that it could not prepare for; the window has another size (SIGWINCH).
 struct JobControl {
     #[cfg(unix)]
     stop: tokio::signal::unix::Signal,
     #[cfg(unix)]
     continued: tokio::signal::unix::Signal,
+    #[cfg(unix)]
+    resized: tokio::signal::unix::Signal,
 }
 
 impl JobControl {
     #[cfg(unix)]
     fn listen() -> std::io::Result<Self> {
-        use signal_hook::consts::{SIGCONT, SIGTSTP};
+        use signal_hook::consts::{SIGCONT, SIGTSTP, SIGWINCH};
         use tokio::signal::unix::{SignalKind, signal};
 
         let listen = |number| signal(SignalKind::from_raw(number));
-        Ok(Self { stop: listen(SIGTSTP)?, continued: listen(SIGCONT)? })
+        Ok(Self { stop: listen(SIGTSTP)?, continued: listen(SIGCONT)?, resized: listen(SIGWINCH)? })
     }
 
     #[cfg(not(unix))]
@@ -198,6 +204,7 @@ impl JobControl {
         tokio::select! {
             Some(()) = self.stop.recv() => TerminalRequest::Suspend,
             Some(()) = self.continued.recv() => TerminalRequest::Redraw,
+            Some(()) = self.resized.recv() => TerminalRequest::Resize,
             else => std::future::pending().await,
         }
     }

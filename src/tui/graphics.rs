@@ -20,6 +20,7 @@ use ratatui::style::{Color, Style};
 use tiny_skia::Pixmap;
 
 use super::raster::Marker;
+use crate::text::obeys_escapes;
 use query::Answer;
 
 /// How a terminal is sent pictures.
@@ -68,7 +69,7 @@ pub fn is_worth_asking(marker: Marker, variable: impl Fn(&str) -> Option<String>
     let term = variable("TERM").unwrap_or_default();
     let is_set = |name: &str| variable(name).is_some_and(|value| !value.is_empty());
     let within_another = is_set("TMUX") || is_set("STY") || ["screen", "tmux"].iter().any(|own| term.starts_with(own));
-    !["", "dumb", "linux"].contains(&&*term) && (!within_another || marker == Marker::Pixels)
+    obeys_escapes(Some(&term)) && term != "linux" && (!within_another || marker == Marker::Pixels)
 }
 
 /// A picture in the place of characters.

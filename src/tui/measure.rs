@@ -127,7 +127,7 @@ impl MeasuredInterface {
                 // Frames with the same picture as before say nothing.
                 if redraw != Redraw::Nothing {
                     frames_us.push(took.as_secs_f64() * 1e6);
-                    patches.iter_mut().for_each(|(patches, _)| patches.rest(took, true));
+                    patches.iter_mut().for_each(|(patches, _)| patches.rest(Instant::now(), took, true));
                 }
             }
         }

@@ -1,54 +1,69 @@
 //! The terminal: set up at the start, and always restored.
 
 mod guard;
+mod suspend;
+mod writer;
 
-use std::cell::Cell;
-use std::io::{Stdout, Write, stdout};
+use std::cell::{Cell, RefCell};
+use std::io::Write;
 use std::rc::Rc;
 use std::sync::Once;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use crossterm::event::{DisableBracketedPaste, DisableMouseCapture, EnableBracketedPaste, EnableMouseCapture, Event};
 use crossterm::terminal::{
     BeginSynchronizedUpdate, Clear, ClearType, EndSynchronizedUpdate, EnterAlternateScreen, LeaveAlternateScreen,
     disable_raw_mode, enable_raw_mode,
 };
-use crossterm::{cursor, execute};
+use crossterm::{cursor, queue};
 use ratatui::backend::CrosstermBackend;
 use ratatui::layout::Rect;
 use ratatui::{TerminalOptions, Viewport};
 
 use super::event_loop::Interface;
 use super::graphics::patches::Patches;
-use super::graphics::query::{self, Answer, LateAnswer};
+use super::graphics::query::{self, Answer};
 use super::graphics::{self, Graphics, Protocol, Redraw, encode};
+use super::input::{Input, InputStream};
 use super::raster::Marker;
 use super::record::{LARGEST_SCREEN, Recorder};
 use guard::Guard;
 pub use guard::{GUARD_COMMAND, run_guard};
 
+/// How long the terminal may take to answer what it can show: before the first frame, and again before it is given back,
+/// as its answer would be typed at the shell's prompt.
+const ANSWER_TIMEOUT: Duration = Duration::from_millis(250);
+
+/// Events before the first frame; the rest follows after it.
+const MAX_EVENTS_BEFORE: usize = 1000;
+
+/// How long the terminal may take to read the end of the output. After that, it is left to the guard.
+const LEAVING_TIMEOUT: Duration = Duration::from_millis(300);
+
 /// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
 pub struct Terminal {
     inner: ratatui::Terminal<CrosstermBackend<Output>>,
     size: (u16, u16),
+    input: InputStream,
     recorder: Option<Recorder>,
     /// What the terminal has answered, if it was asked what it can show.
-    answer: Answer,
-    late_answer: LateAnswer,
+    answer: Option<Answer>,
     graphics: Option<Graphics>,
     /// The pictures on the screen, if it shows any.
     patches: Option<Patches>,
-    /// Whether all further output is discarded.
-    closed: Rc<Cell<bool>>,
-    shows_cursor: Rc<Cell<bool>>,
+    /// How long the latest pictures took to draw, and whether training ran, until they are written.
+    pictures_sent: Option<(Duration, bool)>,
+    output: Output,
     /// Dismissed last, after everything has been restored.
     guard: Option<Guard>,
 }
 
-/// Standard output, until it is closed.
+/// Collects what is to be written, until it is closed.
+#[derive(Clone, Default)]
 pub struct Output {
-    terminal: Stdout,
+    bytes: Rc<RefCell<Vec<u8>>>,
+    /// Whether all further output is discarded.
     closed: Rc<Cell<bool>>,
     /// Whether the text cursor has been shown: pictures must not move it, and the library does not tell.
     shows_cursor: Rc<Cell<bool>>,
@@ -67,11 +82,14 @@ impl Write for Output {
         if [SHOW_CURSOR, HIDE_CURSOR].contains(&bytes) {
             self.shows_cursor.set(bytes == SHOW_CURSOR);
         }
-        if self.closed.get() { Ok(bytes.len()) } else { self.terminal.write(bytes) }
+        if !self.closed.get() {
+            self.bytes.borrow_mut().extend(bytes);
+        }
+        Ok(bytes.len())
     }
 
     fn flush(&mut self) -> std::io::Result<()> {
-        if self.closed.get() { Ok(()) } else { self.terminal.flush() }
+        Ok(())
     }
 }
 
@@ -93,24 +111,22 @@ impl Terminal {
                 before(info);
             }));
         });
-        let (closed, shows_cursor, guard) = (Rc::default(), Rc::default(), Guard::start());
+        let guard = Guard::start();
         let asks = recorder.is_none() && graphics::is_worth_asking(marker, |name| std::env::var(name).ok());
+        let output = Output::default();
         let enter = || {
             set_up_modes()?;
-            let answer = if asks { query::ask(&mut stdout())? } else { Answer::default() };
-            Ok((screen(&closed, &shows_cursor)?, answer))
+            if asks {
+                writer::terminal()?.send(query::QUESTIONS)?;
+            }
+            Ok((screen(&output)?, InputStream::start()?))
         };
         match enter() {
-            Ok((inner, answer)) => {
+            Ok((inner, input)) => {
                 crate::faults::show_in_interface(true);
-                let late_answer = if asks { LateAnswer::after(&answer) } else { LateAnswer::default() };
-                let graphics = asks.then(|| choose(&answer)).flatten();
-                if let Some(graphics) = graphics {
-                    tracing::info!(?graphics, "the terminal shows pictures");
-                }
-                let patches = graphics.map(|graphics| Patches::new(graphics.protocol));
-                let size = (0, 0);
-                Ok(Self { inner, size, recorder, answer, late_answer, graphics, patches, closed, shows_cursor, guard })
+                let answer = asks.then(Answer::default);
+                let (size, graphics, patches, pictures_sent) = ((0, 0), None, None, None);
+                Ok(Self { inner, size, input, recorder, answer, graphics, patches, pictures_sent, output, guard })
             }
             Err(error) => {
                 restore();
@@ -119,14 +135,52 @@ impl Terminal {
         }
     }
 
-    /// Returns what the user typed while the terminal was asked what it can show.
-    pub fn take_typed(&mut self) -> Vec<Event> {
-        std::mem::take(&mut self.answer).events()
+    /// Waits for the next event of the user. Nothing is lost if the future is dropped.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub async fn next_event(&mut self) -> std::io::Result<Event> {
+        loop {
+            match self.input.next().await? {
+                Input::Event(event) => return Ok(event),
+                Input::Reply(reply) => self.take_reply(&reply),
+            }
+        }
     }
 
-    /// Returns whether an event is not the user's, but a part of the terminal's answer that comes late.
-    pub fn is_late_answer(&mut self, event: &Event) -> bool {
-        self.late_answer.has(event)
+    /// Takes over a reply of the terminal, and shows pictures from then on if it says that it does.
+    fn take_reply(&mut self, reply: &[u8]) {
+        let Some(answer) = &mut self.answer else { return };
+        answer.take(reply);
+        if answer.is_complete && self.graphics.is_none() {
+            self.graphics = choose(answer);
+            if let Some(graphics) = self.graphics {
+                tracing::info!(?graphics, "the terminal shows pictures");
+                self.patches = Some(Patches::new(graphics.protocol));
+            }
+        }
+    }
+
+    /// Waits for the terminal to answer what it can show, but not long; returns what the user did meanwhile.
+    pub async fn answered(&mut self) -> Vec<Event> {
+        let mut events = Vec::new();
+        let end = tokio::time::Instant::now() + ANSWER_TIMEOUT;
+        while self.answer.as_ref().is_some_and(|answer| !answer.is_complete) && events.len() < MAX_EVENTS_BEFORE {
+            match tokio::time::timeout_at(end, self.input.next()).await {
+                Ok(Ok(Input::Event(event))) => events.push(event),
+                Ok(Ok(Input::Reply(reply))) => self.take_reply(&reply),
+                Ok(Err(_)) | Err(_) => break,
+            }
+        }
+        events
+    }
+
+    /// Returns whether the terminal has read the previous frame.
+    ///
+    /// # Errors
+    /// Errors of the terminal.
+    pub fn is_ready(&self) -> std::io::Result<bool> {
+        Ok(writer::terminal()?.is_idle())
     }
 
     /// Has the next frame show the pictures as they are, and be recorded: the user has done something.
@@ -149,7 +203,7 @@ impl Terminal {
         // On a larger terminal the rest stays empty.
         let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
         if std::mem::replace(&mut self.size, size) != size {
-            self.clear_pictures()?;
+            self.clear_pictures();
             self.inner.resize(Rect::new(0, 0, size.0, size.1))?;
         }
         if let Some(graphics) = &mut self.graphics {
@@ -157,12 +211,18 @@ impl Terminal {
             graphics.character = character_size().unwrap_or(graphics.character);
         }
         let is_training = interface.is_training();
+        let writer = writer::terminal()?;
+        if let (Some(patches), Some((took, training)), Some((end, sending))) =
+            (&mut self.patches, self.pictures_sent.take(), writer.latest())
+        {
+            patches.rest(end, took + sending, training);
+        }
         let redraw = self.patches.as_ref().map_or(Redraw::All, |patches| patches.redraw(is_training));
         interface.set_graphics(self.graphics, redraw);
-        execute!(stdout(), BeginSynchronizedUpdate)?;
-        let drawn = self.draw_within_update(interface);
-        execute!(stdout(), EndSynchronizedUpdate)?;
-        drawn
+        queue!(self.output, BeginSynchronizedUpdate)?;
+        self.draw_within_update(interface)?;
+        queue!(self.output, EndSynchronizedUpdate)?;
+        writer.send(&self.output.bytes.take())
     }
 
     fn draw_within_update(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {
@@ -182,35 +242,36 @@ impl Terminal {
                 SHOWS_KITTY_PICTURES.store(true, Ordering::Relaxed);
                 self.guard.iter_mut().for_each(Guard::expect_pictures);
             }
-            let mut out = stdout().lock();
             // Hidden, and back to where it was.
-            out.write_all(&[HIDE_CURSOR, SAVE_CURSOR].concat())?;
-            out.write_all(&bytes)?;
-            out.write_all(RESTORE_CURSOR)?;
-            if self.shows_cursor.get() {
-                out.write_all(SHOW_CURSOR)?;
-            }
-            out.flush()?;
-            patches.rest(began.elapsed(), interface.is_training());
+            let cursor = if self.output.shows_cursor.get() { SHOW_CURSOR } else { b"" };
+            let mut out = self.output.bytes.borrow_mut();
+            [HIDE_CURSOR, SAVE_CURSOR, &bytes, RESTORE_CURSOR, cursor].iter().for_each(|part| out.extend(*part));
+            self.pictures_sent = Some((began.elapsed(), interface.is_training()));
         }
         Ok(())
     }
 
     /// Deletes all pictures, before the screen is cleared.
-    fn clear_pictures(&mut self) -> std::io::Result<()> {
-        let Some(patches) = &mut self.patches else { return Ok(()) };
-        stdout().write_all(patches.clear())
+    fn clear_pictures(&mut self) {
+        if let Some(patches) = &mut self.patches {
+            self.output.bytes.borrow_mut().extend(patches.clear());
+        }
     }
 
-    /// Restores the terminal, stops this program until it is resumed, and sets the terminal up again.
+    /// Restores the terminal, stops this program until it is resumed, and sets the terminal up again. Returns whether it did:
+    /// it does not stop where nothing would resume it.
     ///
     /// # Errors
     /// Errors of the terminal.
-    pub fn suspend(&mut self) -> std::io::Result<()> {
+    pub async fn suspend(&mut self) -> std::io::Result<bool> {
+        if !suspend::is_resumable() {
+            return Ok(false);
+        }
+        self.answered().await;
         restore();
-        #[cfg(unix)]
-        signal_hook::low_level::emulate_default_handler(signal_hook::consts::SIGTSTP)?;
-        self.reopen()
+        suspend::stop()?;
+        self.reopen()?;
+        Ok(true)
     }
 
     /// Sets the terminal up again and has the next frame draw everything, whatever is on the screen.
@@ -222,9 +283,9 @@ impl Terminal {
         let _ = disable_raw_mode();
         set_up_modes()?;
         // A new instance knows nothing of the old screen, so it redraws everything without querying the terminal.
-        self.closed.set(true);
-        self.closed = Rc::default();
-        self.inner = screen(&self.closed, &self.shows_cursor)?;
+        self.output.closed.set(true);
+        self.output = Output { shows_cursor: self.output.shows_cursor.clone(), ..Output::default() };
+        self.inner = screen(&self.output)?;
         self.patches.iter_mut().for_each(Patches::forget);
         self.size = (0, 0);
         Ok(())
@@ -233,32 +294,50 @@ impl Terminal {
 
 impl Drop for Terminal {
     fn drop(&mut self) {
-        restore();
+        if !give_back() {
+            self.guard.iter_mut().for_each(Guard::take_over);
+        }
         crate::faults::show_in_interface(false);
-        // Everything is restored: discard what the library would still write, as it complains if it cannot.
-        self.closed.set(true);
+        // Everything is restored: discard what the library would still write.
+        self.output.closed.set(true);
     }
 }
 
-fn screen(
-    closed: &Rc<Cell<bool>>,
-    shows_cursor: &Rc<Cell<bool>>,
-) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
-    let output = Output { terminal: stdout(), closed: closed.clone(), shows_cursor: shows_cursor.clone() };
-    let backend = CrosstermBackend::new(output);
+/// Returns the screen, of which nothing is drawn yet.
+fn screen(output: &Output) -> std::io::Result<ratatui::Terminal<CrosstermBackend<Output>>> {
+    let backend = CrosstermBackend::new(output.clone());
     // Its size is set before each frame.
     ratatui::Terminal::with_options(backend, TerminalOptions { viewport: Viewport::Fixed(Rect::default()) })
 }
 
+/// Sets the modes of the terminal and its driver.
 fn set_up_modes() -> std::io::Result<()> {
     enable_raw_mode()?;
-    execute!(stdout(), EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)
+    let mut bytes = Vec::new();
+    queue!(bytes, EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)?;
+    writer::terminal()?.send(&bytes)
 }
 
 /// Restores the terminal. Ignores errors, which cannot be reported any more.
 pub fn restore() {
-    leave_screen();
+    give_back();
+}
+
+/// Restores the terminal; returns whether it has read all of the output.
+fn give_back() -> bool {
+    let bytes = leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed));
+    let is_read = writer::terminal().is_ok_and(|writer| writer.send(&bytes).is_ok() && writer.wait(LEAVING_TIMEOUT));
     let _ = disable_raw_mode();
+    is_read
+}
+
+/// Prints a line after the interface is closed, unless the terminal does not read it.
+pub fn print(line: &str) {
+    if let Ok(writer) = writer::terminal()
+        && writer.send(format!("{line}\n").as_bytes()).is_ok()
+    {
+        writer.wait(LEAVING_TIMEOUT);
+    }
 }
 
 /// Whether pictures have been sent to the terminal that it keeps elsewhere than its characters.
@@ -277,25 +356,24 @@ fn character_size() -> Option<(u16, u16)> {
     Some((of(size.width, size.columns)?, of(size.height, size.rows)?))
 }
 
-/// Restores everything except the terminal's modes.
-fn leave_screen() {
-    if SHOWS_KITTY_PICTURES.load(Ordering::Relaxed) {
-        delete_pictures(&mut stdout());
+/// Returns what restores everything except the modes of the terminal's driver. `pictures` are those that the terminal keeps
+/// elsewhere than its characters; others go with the screen.
+fn leaving(pictures: bool) -> Vec<u8> {
+    let mut bytes = Vec::new();
+    // Writing to memory does not fail.
+    if pictures {
+        bytes.extend(encode::DELETE_ALL);
+        let _ = queue!(bytes, Clear(ClearType::All));
     }
-    let _ = execute!(
-        stdout(),
+    let _ = queue!(
+        bytes,
         EndSynchronizedUpdate,
         DisableBracketedPaste,
         DisableMouseCapture,
         LeaveAlternateScreen,
         cursor::Show
     );
-}
-
-/// Deletes all of kitty's pictures on the program's own screen. Those of other protocols go with the screen.
-fn delete_pictures(out: &mut impl Write) {
-    let _ = out.write_all(encode::DELETE_ALL);
-    let _ = execute!(out, Clear(ClearType::All));
+    bytes
 }
 
 #[cfg(test)]
@@ -304,9 +382,9 @@ mod tests {
 
     #[test]
     fn pictures_are_deleted_before_the_screen_is_left() {
-        let mut out = Vec::new();
-        delete_pictures(&mut out);
-        let text = String::from_utf8(out).expect("text");
-        assert!(text.starts_with("\x1b_Ga=d,d=A") && text.ends_with("\x1b[2J"), "{text:?}");
+        let text = String::from_utf8(leaving(true)).expect("text");
+        let (deleted, left) = (text.find("\x1b_Ga=d,d=A"), text.find("\x1b[?1049l"));
+        assert!(deleted == Some(0) && left.is_some() && text.contains("\x1b[2J"), "{text:?}");
+        assert!(!String::from_utf8(leaving(false)).expect("text").contains("\x1b_G"));
     }
 }

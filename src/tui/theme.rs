@@ -7,6 +7,7 @@ use colorous::Gradient;
 use ratatui::style::{Color, Modifier, Style};
 use serde::{Deserialize, Serialize};
 
+use crate::text::terminal_obeys_escapes;
 pub use crate::view::{Rgb, blend, contour, lightness};
 use crate::view::{distance_colour, sample};
 
@@ -111,7 +112,7 @@ impl ColourDepth {
     /// Detects the terminal's colours from the environment.
     pub fn detect() -> Self {
         let variable = |name: &str| std::env::var(name).unwrap_or_default();
-        if !variable("NO_COLOR").is_empty() || variable("TERM") == "dumb" {
+        if !variable("NO_COLOR").is_empty() || !terminal_obeys_escapes() {
             return Self::Mono;
         }
         match variable("COLORTERM").as_str() {

@@ -12,6 +12,7 @@ use ratatui::text::Line;
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Widget};
 
 use super::curves::Panel;
+use crate::text::terminal_obeys_escapes;
 use crate::view::Rgb;
 
 /// Columns and rows of a chart.
@@ -20,9 +21,10 @@ const SIZE: (u16, u16) = (100, 22);
 /// Columns of the names of methods.
 const LEGEND: u16 = 31;
 
-/// Draws charts one below the other, in colours if standard output is a terminal.
+/// Draws charts one below the other, in colours if standard output is a terminal that has some.
 pub fn charts(panels: &[Panel]) -> String {
-    let coloured = std::io::stdout().is_terminal() && std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+    let coloured = wanted && std::io::stdout().is_terminal() && terminal_obeys_escapes();
     panels.iter().map(|panel| chart(panel, coloured)).collect()
 }
 

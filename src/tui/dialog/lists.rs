@@ -12,7 +12,7 @@ use crate::env::WORLDS;
 use crate::files::has_extension;
 use crate::learn::LEARNERS;
 use crate::map::{BUILTIN, Grid, RandomMapKind};
-use crate::text::{grouped, truncated};
+use crate::text::{fitted, grouped, padded};
 use crate::train::{
     CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, list_settings,
 };
@@ -116,7 +116,7 @@ fn setting_item(setting: &Setting, now: &str, default: &str, preset: Preset) -> 
         format!("Now {now}{unit}; {default} by default{of}. Possible: {range}."),
         format!("A change {}.", effect.about()),
     ];
-    let detail = format!("{:<VALUE_WIDTH$}  {about}", truncated(now, VALUE_WIDTH));
+    let detail = format!("{}  {about}", padded(&fitted(now, VALUE_WIDTH), VALUE_WIDTH));
     let choice = Choice::Setting((*name).to_owned());
     Item { below, ..Item::new(*name, detail, choice).within(group.name()) }
 }

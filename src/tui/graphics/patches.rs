@@ -96,10 +96,11 @@ impl Patches {
         self.is_behind
     }
 
-    /// Has pictures stay as they are for a while: the latest ones took some time to draw, and the terminal to read.
-    pub fn rest(&mut self, took: Duration, is_training: bool) {
+    /// Has pictures stay as they are for a while: the latest ones took some time to draw, and the terminal to read until
+    /// `end`.
+    pub fn rest(&mut self, end: Instant, took: Duration, is_training: bool) {
         let factor = if is_training && !is_ahead(self.awake_until) { TRAINING_REST_FACTOR } else { REST_FACTOR };
-        self.resting_until = Some(Instant::now() + LONGEST_REST.min(factor * took));
+        self.resting_until = Some(end + LONGEST_REST.min(factor * took));
     }
 
     /// Returns how much of the pictures to draw again.
@@ -340,7 +341,7 @@ mod tests {
         let (mut picture, mut patches) = (picture(AREA, KITTY.character), Patches::new(Protocol::Kitty));
         let mut screen = screen(&[&picture]);
         sent(&mut patches, &[&picture], &screen);
-        patches.rest(Duration::from_mins(1), false);
+        patches.rest(Instant::now(), Duration::from_mins(1), false);
         picture.pixmap.data_mut()[0] = 255;
         assert_eq!(sent(&mut patches, &[&picture], &screen), "");
         assert!(patches.is_behind());
@@ -353,11 +354,11 @@ mod tests {
     fn training_comes_first_unless_the_user_does_something() {
         let mut patches = Patches::new(Protocol::Kitty);
         assert_eq!([true, false].map(|trains| patches.redraw(trains)), [Redraw::Moving, Redraw::All]);
-        patches.rest(LONGEST_REST, true);
+        patches.rest(Instant::now(), LONGEST_REST, true);
         assert_eq!([true, false].map(|trains| patches.redraw(trains)), [Redraw::Nothing; 2]);
         patches.wake();
         assert_eq!(patches.redraw(true), Redraw::All);
-        patches.rest(Duration::ZERO, true);
+        patches.rest(Instant::now(), Duration::ZERO, true);
         assert_eq!(patches.redraw(true), Redraw::All, "what comes of it is shown too");
         patches.awake_until = None;
         assert_eq!(patches.redraw(true), Redraw::Moving);

@@ -10,6 +10,7 @@ use ratatui::widgets::Paragraph;
 use super::text::short;
 use super::{BOLD, DIM, chart};
 use crate::env::DistanceUnit;
+use crate::text::display_width;
 use crate::train::{DistanceScore, Evaluation};
 use crate::tui::layout::{ChartArea, ScreenLayout};
 use crate::tui::scene::SceneKind;
@@ -225,7 +226,7 @@ fn mark_names(marks: &[(f64, String)], width: usize) -> String {
     let mut names = String::new();
     for (at, method) in marks.iter().rev() {
         let name = format!("  {MARK} {} {method}", short(*at));
-        if !names.is_empty() && (names.chars().count() + name.chars().count()) > width {
+        if !names.is_empty() && display_width(&names) + display_width(&name) > width {
             break;
         }
         names.insert_str(0, &name);

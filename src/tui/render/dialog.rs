@@ -5,9 +5,11 @@ use ratatui::layout::{Constraint, Layout, Position, Rect};
 use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 use ratatui::widgets::{Block, Borders, Clear, Paragraph};
+use unicode_truncate::UnicodeTruncateStr;
 
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED, middle, without_slivers};
+use crate::text::{display_width, fitted, padded};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Item, Picker, Prompt, Row};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -61,9 +63,9 @@ pub fn draw_picker(frame: &mut Frame, area: Rect, screen: &Screen, picker: &Pick
 
 /// Returns the columns that a list needs, its box included, up to `most`.
 fn list_width(picker: &Picker, most: u16) -> usize {
-    let detail = picker.items().map(|item| item.detail.chars().count()).max().unwrap_or(0);
-    let label = picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0);
-    let title = picker.title.chars().count() + 2;
+    let detail = picker.items().map(|item| display_width(&item.detail)).max().unwrap_or(0);
+    let label = picker.items().map(|item| display_width(&item.label)).max().unwrap_or(0);
+    let title = display_width(&picker.title) + 2;
     let least = if picker.is_question() { title } else { title.max(MIN_SEARCHED_WIDTH) };
     let key = if picker.is_question() { KEY_MARGIN } else { 0 };
     (label + LABEL_MARGIN + key + detail + 1).max(least).saturating_add(2).min(usize::from(most.min(MAX_LIST_SIZE.0)))
@@ -71,17 +73,17 @@ fn list_width(picker: &Picker, most: u16) -> usize {
 
 /// Returns the columns of the labels in a list of `columns`.
 fn label_width(picker: &Picker, columns: usize) -> usize {
-    picker.items().map(|item| item.label.chars().count()).max().unwrap_or(0).min(columns * 2 / 3)
+    picker.items().map(|item| display_width(&item.label)).max().unwrap_or(0).min(columns * 2 / 3)
 }
 
 fn room_beside(item: &Item, labels: usize, columns: usize) -> usize {
     let key = if item.key.is_some() { KEY_MARGIN } else { 0 };
-    columns.saturating_sub(item.label.chars().count().max(labels) + LABEL_MARGIN + key)
+    columns.saturating_sub(display_width(&item.label).max(labels) + LABEL_MARGIN + key)
 }
 
 /// Returns the rows for the full text of any item, and a line above it; none if all items fit on their rows.
 fn rows_below(picker: &Picker, columns: usize, labels: usize) -> u16 {
-    let fits = |item: &Item| item.below.is_empty() && item.detail.chars().count() <= room_beside(item, labels, columns);
+    let fits = |item: &Item| item.below.is_empty() && display_width(&item.detail) <= room_beside(item, labels, columns);
     if picker.items().all(fits) {
         return 0;
     }
@@ -110,14 +112,10 @@ fn row_line(row: &Row, labels: usize, columns: usize) -> Line<'static> {
         (None, false) => " ".to_owned(),
     };
     let rest = room_beside(item, labels, columns);
-    let mut detail: String = item.detail.chars().take(rest).collect();
-    if detail.chars().count() < item.detail.chars().count() && rest > 3 {
-        detail = detail.chars().take(rest - 3).chain("...".chars()).collect();
-    }
     let text = Line::from(vec![
         Span::styled(sign, BOLD),
-        Span::raw(format!("{:<labels$}  ", item.label)),
-        Span::styled(format!("{detail:<rest$}"), DIM),
+        Span::raw(format!("{}  ", padded(&item.label, labels))),
+        Span::styled(padded(&fitted(&item.detail, rest), rest), DIM),
     ]);
     text.style(if *selected { REVERSED } else { Style::new() })
 }
@@ -146,12 +144,12 @@ pub fn draw_prompt(frame: &mut Frame, area: Rect, screen: &Screen, prompt: &Prom
     let (typed, cursor) = prompt.typed();
     // A long answer is scrolled to keep the cursor visible.
     let room = usize::from(line.width).saturating_sub(3);
-    let hidden = cursor.saturating_sub(room);
-    let seen: String = typed.chars().skip(hidden).take(room).collect();
+    let hidden = if cursor > room { typed.unicode_truncate(cursor - room + 1).0 } else { "" };
+    let seen = typed[hidden.len()..].unicode_truncate(room).0.to_owned();
     let typed_style = if prompt.is_untouched() { REVERSED } else { Style::new() };
     let typed = Line::from(vec![Span::styled("> ", BOLD), Span::styled(seen, typed_style)]);
     frame.render_widget(Paragraph::new(typed), line);
-    set_cursor(frame, line, 2 + cursor - hidden);
+    set_cursor(frame, line, 2 + cursor - display_width(hidden));
     let text: Vec<Line> = text.into_iter().map(|line| Line::styled(line, style)).collect();
     frame.render_widget(Paragraph::new(text), below);
 }
@@ -177,14 +175,14 @@ fn draw_box(
 ) -> Rect {
     let room = usize::from(dialog_area.width.saturating_sub(2));
     // Without what is in brackets if there is no room for it.
-    let title = if title.chars().count() + 2 > room { title.split(" (").next().unwrap_or(title) } else { title };
+    let title = if display_width(&title) + 2 > room { title.split(" (").next().unwrap_or(title) } else { title };
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(dialog_area);
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
     // How to accept and how to close are the last to go.
-    while buttons.len() > 2 && buttons.iter().map(|(label, _)| label.chars().count() + 1).sum::<usize>() > room + 1 {
+    while buttons.len() > 2 && buttons.iter().map(|(label, _)| display_width(&label) + 1).sum::<usize>() > room + 1 {
         buttons.remove(1);
     }
     for (n, (label, click)) in buttons.into_iter().enumerate() {

@@ -8,6 +8,7 @@ use ratatui::widgets::{Clear, Paragraph};
 
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED};
+use crate::text::display_width;
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
@@ -108,7 +109,7 @@ fn tool_bar(screen: &Screen, width: u16) -> ClickableLine {
         bar
     };
     let width = usize::from(width);
-    let label_width = |action, label: &str| screen.keymap.key_of(action).chars().count() + label.len() + 3;
+    let label_width = |action, label: &str| display_width(&screen.keymap.key_of(action)) + label.len() + 3;
     let done = label_width(Action::ToggleEdit, "done");
     let all = tools(&Tool::ALL);
     let mut bar = if all.width() + done <= width { all } else { tools(&[screen.maze.editor.tool]) };

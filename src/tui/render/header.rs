@@ -5,10 +5,13 @@ use ratatui::layout::Rect;
 use ratatui::text::Span;
 
 use super::{BOLD, DIM, REVERSED};
-use crate::text::grouped;
+use crate::text::{fitted, grouped};
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
+
+/// Columns of a name that gives way before anything else does.
+const LONG_TITLE: usize = 24;
 
 /// Draws the line.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {
@@ -32,9 +35,9 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         (Span::styled(format!(" {}{speed}", screen.phase()), BOLD), Action::TogglePause),
         (Span::styled(saved, DIM), Action::Save),
     ];
-    let is_too_wide =
-        |parts: &[(Span, Action)]| parts.iter().map(|(span, _)| span.width()).sum::<usize>() > usize::from(area.width);
-    // Where room is short, what the run is gives way to what it does.
+    let is_too_wide = |parts: &[(Span, Action)]| width(parts) > usize::from(area.width);
+    // Where room is short, what the run is gives way to what it does, a long name first.
+    shorten_title(&mut parts, area, LONG_TITLE);
     for left_out in [Action::NewSeed, Action::Preset, Action::Method] {
         if is_too_wide(&parts) {
             parts.retain(|(_, action)| *action != left_out);
@@ -50,6 +53,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         parts.retain(|(_, action)| *action != Action::TogglePause);
         parts.push((Span::styled(format!(" {short}"), BOLD), Action::TogglePause));
     }
+    shorten_title(&mut parts, area, 0);
     let mut bar = ClickableLine::default();
     parts.into_iter().for_each(|(span, action)| bar.push(span, act(action)));
     let plural = if unsaved == 1 { "" } else { "s" };
@@ -58,4 +62,20 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
         bar.push(Span::styled(unsaved, DIM), act(Action::Save));
     }
     bar.draw(frame, area, layout);
+}
+
+/// Returns the columns of parts of the line.
+fn width(parts: &[(Span, Action)]) -> usize {
+    parts.iter().map(|(span, _)| span.width()).sum()
+}
+
+/// Shortens the name of the map so that the line fits, but to no fewer columns than `least`.
+fn shorten_title(parts: &mut [(Span, Action)], area: Rect, least: usize) {
+    let missing = width(parts).saturating_sub(usize::from(area.width));
+    if let Some((title, _)) = parts.iter_mut().find(|(_, action)| *action == Action::OpenMap) {
+        let name = title.content.trim().to_owned();
+        // The blanks around it remain.
+        let room = title.width().saturating_sub(2 + missing).max(least);
+        title.content = format!(" {} ", fitted(&name, room)).into();
+    }
 }

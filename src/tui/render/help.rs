@@ -7,6 +7,7 @@ use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED, middle, training, without_slivers};
+use crate::text::display_width;
 use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -132,7 +133,7 @@ fn entry(name: &str, meaning: &str, place: &str, width: usize) -> Vec<Line<'stat
     let names = if width >= WIDE { NAME_WIDTH } else { NARROW_NAME_WIDTH };
     let room = width.saturating_sub(names + 4).max(8);
     let mut rows = wrapped(meaning, room);
-    let tail = if rows.last().is_some_and(|row| row.chars().count() + place.len() <= room) { place } else { "" };
+    let tail = if rows.last().is_some_and(|row| display_width(row) + place.len() <= room) { place } else { "" };
     if tail.is_empty() && !place.is_empty() {
         rows = wrapped(&format!("{meaning}{place}"), room);
     }

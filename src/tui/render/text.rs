@@ -1,8 +1,10 @@
 //! Formatting of lines, numbers and times in panes.
 
 use ratatui::text::{Line, Span};
+use unicode_truncate::UnicodeTruncateStr;
 
 use super::{BOLD, DIM};
+use crate::text::display_width;
 
 /// Formats a name and a value.
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {
@@ -46,18 +48,21 @@ pub fn clock(seconds: f64) -> String {
 }
 
 /// Wraps text between words, or within words that are too long.
-pub fn wrapped(text: &str, width: usize) -> Vec<String> {
+pub fn wrapped(text: &str, columns: usize) -> Vec<String> {
     let mut lines = vec![String::new()];
     for word in text.split_whitespace() {
-        let mut rest: Vec<char> = word.chars().collect();
+        let mut rest = word;
         while !rest.is_empty() {
             let line = lines.last_mut().expect("there is always a line");
-            let used = line.chars().count();
-            let gap = usize::from(used > 0);
-            if used + gap + rest.len() <= width {
-                line.extend(std::iter::repeat_n(' ', gap).chain(rest.drain(..)));
-            } else if used == 0 {
-                line.extend(rest.drain(..width));
+            let gap = if line.is_empty() { "" } else { " " };
+            if display_width(line) + gap.len() + display_width(rest) <= columns {
+                line.extend([gap, std::mem::take(&mut rest)]);
+            } else if line.is_empty() {
+                // At least one character, however wide.
+                let first = rest.chars().next().map_or(0, char::len_utf8);
+                let (part, after) = rest.split_at(rest.unicode_truncate(columns).0.len().max(first));
+                line.push_str(part);
+                rest = after;
             } else {
                 lines.push(String::new());
             }
@@ -74,5 +79,7 @@ mod tests {
     fn text_wraps_between_words_and_within_long_ones() {
         assert_eq!(wrapped("saved a/b at update 12", 10), ["saved a/b", "at update", "12"]);
         assert_eq!(wrapped("abcdefghijkl m", 5), ["abcde", "fghij", "kl m"]);
+        assert_eq!(wrapped("\u{8ff7}\u{5bae}\u{8ff7} m", 5), ["\u{8ff7}\u{5bae}", "\u{8ff7} m"]);
+        assert_eq!(wrapped("\u{8ff7}\u{5bae}", 1), ["\u{8ff7}", "\u{5bae}"]);
     }
 }

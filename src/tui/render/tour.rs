@@ -8,6 +8,7 @@ use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 
 use super::text::wrapped;
 use super::{BOLD, REVERSED};
+use crate::text::display_width;
 use crate::tui::action::Action;
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -49,7 +50,7 @@ pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenL
     layout.tour = Some((tour.step(), place));
     let keys = draw_box(frame, place, screen, tour, layout);
     if let Some(target) = subject.first() {
-        let title = title(tour).chars().count() as u16;
+        let title = display_width(&title(tour)) as u16;
         point_at(frame, place, *target, (title, keys), border(screen));
     }
 }

@@ -25,6 +25,8 @@ pub struct Guard {
     process: Child,
     /// Whether it knows that there are pictures on the screen.
     expects_pictures: bool,
+    /// Whether it is to restore the terminal.
+    restores: bool,
 }
 
 impl Guard {
@@ -38,6 +40,9 @@ impl Guard {
         let program = if own.exists() { own.to_owned() } else { std::env::current_exe().ok()? };
         let mut command = Command::new(program);
         command.arg(GUARD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::inherit()).stderr(Stdio::piped());
+        // Where the program and its group are stopped, and killed, the guard is not.
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(&mut command, 0);
         let mut child = command.spawn().ok()?;
         // The terminal's modes may change only once the guard has read them.
         let mut word = [0; READY.len()];
@@ -47,7 +52,13 @@ impl Guard {
             let _ = child.wait();
             return None;
         }
-        Some(Self { process: child, expects_pictures: false })
+        Some(Self { process: child, expects_pictures: false, restores: false })
+    }
+
+    /// Has the guard restore the terminal after the program's end, as the terminal does not read what the program has sent it
+    /// for that.
+    pub fn take_over(&mut self) {
+        self.restores = true;
     }
 
     /// Has the guard delete pictures too.
@@ -62,6 +73,10 @@ impl Guard {
 
 impl Drop for Guard {
     fn drop(&mut self) {
+        if self.restores {
+            // It reads the end of the pipe.
+            return;
+        }
         if let Some(mut to) = self.process.stdin.take() {
             let _ = to.write_all(DISMISSED);
         }
@@ -85,10 +100,8 @@ pub fn run_guard() {
     if ready.is_err() || read.is_err() || word.ends_with(DISMISSED) {
         return;
     }
-    if word.first() == Some(&PICTURES) {
-        super::delete_pictures(&mut std::io::stdout());
-    }
-    super::leave_screen();
+    let _ = std::io::stdout().write_all(&super::leaving(word.first() == Some(&PICTURES)));
+    let _ = std::io::stdout().flush();
     if let Some(modes) = modes {
         let _ = tcsetattr(std::io::stdout(), SetArg::TCSANOW, &modes);
     }

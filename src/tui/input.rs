@@ -1,0 +1,123 @@
+//! What comes from the terminal, read on a thread of its own.
+//!
+//! The library crossterm takes replies of terminals for keys, and buffers an unfinished paste for ever: so the bytes are read
+//! and cut into sequences here, and the crate `terminput` tells which key a sequence is.
+
+mod scan;
+
+pub use scan::Input;
+
+/// Events that wait to be handled; while there are more, the rest stays with the terminal.
+#[cfg(unix)]
+const WAITING: usize = 256;
+
+/// What comes from the terminal.
+pub struct InputStream {
+    #[cfg(unix)]
+    inputs: tokio::sync::mpsc::Receiver<Input>,
+    /// Ends the thread when it is dropped.
+    #[cfg(unix)]
+    _stop: std::os::unix::net::UnixStream,
+    #[cfg(not(unix))]
+    events: crossterm::event::EventStream,
+}
+
+#[cfg(unix)]
+impl InputStream {
+    /// Begins to read from standard input, if that is a terminal, or from the controlling terminal.
+    ///
+    /// # Errors
+    /// There is no terminal to read from.
+    pub fn start() -> std::io::Result<Self> {
+        use std::io::{IsTerminal, stdin};
+        use std::os::fd::AsFd;
+
+        let input = stdin();
+        let terminal = if input.is_terminal() {
+            std::fs::File::from(input.as_fd().try_clone_to_owned()?)
+        } else {
+            std::fs::File::open("/dev/tty")?
+        };
+        let (stop, stopped) = std::os::unix::net::UnixStream::pair()?;
+        let (sender, inputs) = tokio::sync::mpsc::channel(WAITING);
+        let read = move || {
+            if let Err(error) = read_all(&terminal, &stopped, &sender) {
+                tracing::info!("reading from the terminal: {error}");
+            }
+        };
+        std::thread::Builder::new().name("terminal input".to_owned()).spawn(read)?;
+        Ok(Self { inputs, _stop: stop })
+    }
+
+    /// Waits for the next input. Nothing is lost if the future is dropped.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub async fn next(&mut self) -> std::io::Result<Input> {
+        self.inputs.recv().await.ok_or_else(|| std::io::Error::other("the terminal is gone"))
+    }
+}
+
+/// Reads until the terminal, or the interest in it, ends.
+#[cfg(unix)]
+fn read_all(
+    terminal: &std::fs::File,
+    stopped: &std::os::unix::net::UnixStream,
+    to: &tokio::sync::mpsc::Sender<Input>,
+) -> std::io::Result<()> {
+    use std::io::Read;
+    use std::os::fd::AsFd;
+
+    use nix::errno::Errno;
+    use nix::poll::{PollFd, PollFlags, PollTimeout, poll};
+
+    let mut scanner = scan::Scanner::default();
+    let mut bytes = [0; 4096];
+    loop {
+        let patience = scanner.patience().and_then(|patience| PollTimeout::try_from(patience).ok());
+        let mut ready = [terminal.as_fd(), stopped.as_fd()].map(|source| PollFd::new(source, PollFlags::POLLIN));
+        let found = match poll(&mut ready, patience.unwrap_or(PollTimeout::NONE)) {
+            Err(Errno::EINTR) => continue,
+            Err(error) => return Err(error.into()),
+            Ok(0) => scanner.give_up(),
+            Ok(_) if ready[1].any() == Some(true) => return Ok(()),
+            Ok(_) => match { terminal }.read(&mut bytes) {
+                Ok(0) => return Ok(()),
+                Ok(count) => scanner.read(&bytes[..count]),
+                Err(error)
+                    if matches!(error.kind(), std::io::ErrorKind::Interrupted | std::io::ErrorKind::WouldBlock) =>
+                {
+                    continue;
+                }
+                Err(error) => return Err(error),
+            },
+        };
+        for input in found {
+            if to.blocking_send(input).is_err() {
+                return Ok(());
+            }
+        }
+    }
+}
+
+#[cfg(not(unix))]
+impl InputStream {
+    /// Begins to read.
+    ///
+    /// # Errors
+    /// None.
+    pub fn start() -> std::io::Result<Self> {
+        Ok(Self { events: crossterm::event::EventStream::new() })
+    }
+
+    /// Waits for the next input.
+    ///
+    /// # Errors
+    /// The terminal is gone.
+    pub async fn next(&mut self) -> std::io::Result<Input> {
+        use futures_util::StreamExt;
+
+        let event = self.events.next().await;
+        event.unwrap_or_else(|| Err(std::io::Error::other("the terminal is gone"))).map(Input::Event)
+    }
+}
