@@ -127,40 +127,43 @@ fn a_run_has_one_file_however_impatiently_it_is_quit_and_is_saved_at_its_limit()
 #[test]
 fn suspending_restores_the_terminal_and_resuming_reopens_the_interface() {
     let folder = tempfile::tempdir().unwrap();
-    let mut session = Session::start(folder.path(), &["trap"]);
+    let mut session = Session::start_shell(folder.path());
+    session.press("sh -c 'echo $$ > id; exec \"$PROGRAM\" trap --set hidden=16'\r");
     session.wait_for("quit");
-    let id = session.child.process_id().unwrap().to_string();
-    let signal = |name: &str| assert!(std::process::Command::new("kill").args([name, &id]).status().unwrap().success());
-    let count = |session: &Session, sequence: &[u8]| {
-        session.raw.lock().unwrap().windows(sequence.len()).filter(|w| *w == sequence).count()
-    };
+    let id: u32 = std::fs::read_to_string(folder.path().join("id")).unwrap().trim().parse().unwrap();
+    let (opened, closed) = (b"\x1b[?1049h", b"\x1b[?1049l");
     for (round, by_key) in [(1, false), (2, true)] {
         if by_key {
             session.press("\x1a");
         } else {
-            signal("-TSTP");
+            kill(id, "TSTP");
         }
-        session.wait(|session| count(session, b"\x1b[?1049l") == round);
-        let opened = count(&session, b"\x1b[?1049h");
-        // More than once: the program may not have stopped yet.
-        session.wait(|session| {
-            signal("-CONT");
-            count(session, b"\x1b[?1049h") > opened
-        });
+        session.wait(|session| session.count(closed) == round);
+        // The shell reads it once the program has stopped.
+        session.press(&format!("echo round''-{round}\r"));
+        session.wait_for(&format!("round-{round}"));
+        let before = session.count(opened);
+        session.press("fg\r");
+        session.wait(|session| session.count(opened) > before);
         session.wait_for("training");
     }
     // Stopped so that it could not restore the terminal, and by key.
-    let opened = count(&session, b"\x1b[?1049h");
-    signal("-STOP");
-    signal("-CONT");
-    session.wait(|session| count(session, b"\x1b[?1049h") > opened);
-    let opened = count(&session, b"\x1b[?1049h");
+    let before = session.count(opened);
+    kill(id, "STOP");
+    let state =
+        || std::process::Command::new("ps").args(["-o", "stat=", "-p", &id.to_string()]).output().unwrap().stdout;
+    session.wait(|_| state().starts_with(b"T"));
+    // The terminal is still in raw mode.
+    session.press("fg\n");
+    session.wait(|session| session.count(opened) > before);
+    let before = session.count(opened);
     session.press("\x0c");
-    session.wait(|session| count(session, b"\x1b[?1049h") > opened);
+    session.wait(|session| session.count(opened) > before);
     session.press("q");
-    session.wait_for_end_or("quit without saving");
+    session.wait(|session| session.screen_text().contains("quit without saving") || session.count(closed) > 2);
     session.press("\x03");
-    assert_eq!(session.end(), 0);
+    session.wait(|session| session.count(closed) > 2);
+    session.assert_terminal_restored();
 }
 
 #[test]

@@ -164,6 +164,11 @@ impl Terminal {
     /// Waits for the terminal to answer what it can show, but not long; returns what the user did meanwhile.
     pub async fn answered(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
+        let asked = self.answer.as_ref().is_some_and(|answer| !answer.is_complete);
+        if asked && !writer::terminal().is_ok_and(|writer| writer.wait(LEAVING_TIMEOUT)) {
+            // It has not read the question.
+            return events;
+        }
         let end = tokio::time::Instant::now() + ANSWER_TIMEOUT;
         while self.answer.as_ref().is_some_and(|answer| !answer.is_complete) && events.len() < MAX_EVENTS_BEFORE {
             match tokio::time::timeout_at(end, self.input.next()).await {
@@ -331,9 +336,10 @@ fn give_back() -> bool {
     is_read
 }
 
-/// Prints a line after the interface is closed, unless the terminal does not read it.
+/// Prints a line after the interface is closed, unless the terminal does not even read what came before.
 pub fn print(line: &str) {
     if let Ok(writer) = writer::terminal()
+        && writer.is_idle()
         && writer.send(format!("{line}\n").as_bytes()).is_ok()
     {
         writer.wait(LEAVING_TIMEOUT);

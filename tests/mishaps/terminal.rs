@@ -1,1 +1,177 @@
-//! Terminals: what they send, what they cannot do, and job control.
+//! Terminals that send, or do not read, what no user would.
+
+use super::*;
+
+/// Starts the program and waits until it trains.
+fn training(folder: &Path, args: &[&str]) -> Session {
+    let session = Session::start(folder, args);
+    session.wait_for("training");
+    session
+}
+
+/// Quits without saving.
+fn quit(mut session: Session) {
+    session.press("\x03");
+    session.wait_for_end_or("quit without saving");
+    session.press("\x03");
+    assert_eq!(session.end(), 0);
+}
+
+#[test]
+fn replies_of_the_terminal_are_not_taken_for_keys() {
+    let folder = folder();
+    let mut session = training(folder.path(), &["trap"]);
+    let replies = ["\x1b]11;rgb:1e1e/1e1e/2e2e\x1b\\", "\x1bP>|tmux 3.4 :\x1b\\", "\x1b[>1;10;0c", "\x1b[?2026;1$y"];
+    for reply in replies {
+        session.press(reply);
+        // Cut anywhere, by pauses longer than a key takes.
+        for byte in reply.chars() {
+            session.press(byte.encode_utf8(&mut [0; 4]));
+            std::thread::sleep(Duration::from_millis(60));
+        }
+    }
+    // The first key that is one: before it, others would have paused, opened the palette, or said that they do nothing.
+    session.press(" ");
+    session.wait_for("paused");
+    assert_eq!(session.count(b"find an action") + session.count(b"does nothing"), 0);
+    quit(session);
+}
+
+#[test]
+fn an_answer_that_comes_while_the_program_ends_is_not_left_to_the_shell() {
+    let folder = folder();
+    let mut session = Session::start_shell(folder.path());
+    session.press("\"$PROGRAM\" trap --set hidden=16\r");
+    session.wait(|session| session.count(b"\x1b[c") == 1);
+    session.press("\x03");
+    // While the program waits for it.
+    std::thread::sleep(Duration::from_millis(100));
+    session.press("\x1b_Gi=31;OK\x1b\\\x1b[6;20;10t\x1b[?62;c");
+    session.wait_for("gdg-bridge on trap, seed 0");
+    session.press("echo an''swer is $((1+1))\r");
+    session.wait_for("answer is 2");
+    assert!(!session.screen_text().contains("31;OK"), "{}", session.screen_text());
+}
+
+#[test]
+fn a_paste_without_an_end_does_not_keep_the_keyboard() {
+    let folder = folder();
+    let mut session = training(folder.path(), &["trap"]);
+    session.press("\x1b[200~abc");
+    // Longer than a paste pauses.
+    std::thread::sleep(Duration::from_millis(1500));
+    session.press(" ");
+    session.wait_for("paused");
+    quit(session);
+}
+
+#[test]
+fn much_input_at_the_start_delays_neither_frames_nor_signals() {
+    let folder = folder();
+    let mut session = Session::start(folder.path(), &["trap"]);
+    session.wait(|session| session.count(b"\x1b[c") == 1);
+    let mut keys = std::mem::replace(&mut session.keys, Box::new(std::io::sink()));
+    // It ends when the program does.
+    std::thread::spawn(move || std::io::Write::write_all(&mut keys, &vec![b'z'; 6 << 20]));
+    session.wait_for("training");
+    session.signal("TERM");
+    assert_eq!(session.status(), 143);
+}
+
+#[test]
+fn a_terminal_that_does_not_read_delays_neither_saving_nor_the_end() {
+    for (signal, status) in [("TERM", 143), ("HUP", 129), ("INT", 130)] {
+        let folder = folder();
+        let mut session = training(folder.path(), &["trap", "--save", "kept.safetensors"]);
+        session.stall(true);
+        // Frames fill what the system buffers.
+        std::thread::sleep(Duration::from_secs(3));
+        session.signal(signal);
+        assert_eq!(session.status(), status, "{signal}");
+        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
+        session.stall(false);
+        session.wait(|session| session.count(b"\x1b[?1049l") > 0);
+        session.assert_terminal_restored();
+    }
+}
+
+#[test]
+fn the_program_does_not_stop_where_nobody_would_resume_it() {
+    let folder = folder();
+    let mut session = training(folder.path(), &["trap"]);
+    for by_key in [true, false] {
+        if by_key {
+            session.press("\x1a");
+        } else {
+            session.press("?\x1b");
+            session.signal("TSTP");
+        }
+        session.wait_for("not suspended: no shell");
+        session.press("n");
+        session.wait_until_gone("not suspended");
+    }
+    assert_eq!(session.count(b"\x1b[?1049l"), 0);
+    quit(session);
+}
+
+#[test]
+fn within_a_script_the_shell_is_back_at_once() {
+    let folder = folder();
+    std::fs::write(folder.path().join("train.sh"), "\"$PROGRAM\" trap --set hidden=16\necho af''ter\n").unwrap();
+    let mut session = Session::start_shell(folder.path());
+    session.press("sh train.sh\r");
+    session.wait_for("training");
+    session.press("\x1a");
+    session.wait_for("train.sh");
+    session.press("echo the pr''ompt\r");
+    session.wait_for("the prompt");
+    assert!(!session.screen_text().contains("after"), "the script waits too");
+    session.press("fg\r");
+    session.wait_for("training");
+    session.press("\x03");
+    session.wait_for_end_or("quit without saving");
+    session.press("\x03");
+    session.wait_for("after");
+    session.assert_terminal_restored();
+}
+
+#[test]
+fn a_terminal_that_cannot_draw_is_sent_no_escape_sequences() {
+    for term in ["dumb", ""] {
+        let folder = folder();
+        let args = ["trap", "--max-updates", "20", "--eval-tasks", "1"];
+        let mut session = Session::start_with(folder.path(), &args, &[("TERM", term)]);
+        assert_eq!(session.status(), 0);
+        session.wait(|session| session.count(b"\"event\":\"end\"") == 1);
+        assert_eq!(session.count(b"trains without the interface, as the terminal cannot draw it"), 1);
+        assert_eq!(session.count(b"\x1b"), 0, "{}", session.screen_text());
+        let mut session = Session::start_with(folder.path(), &["tour"], &[("TERM", term)]);
+        assert_eq!(session.status(), 2);
+        assert_eq!(session.count(b"\x1b"), 0, "{}", session.screen_text());
+    }
+}
+
+#[test]
+fn a_fifo_in_the_place_of_the_log_does_not_hold_up_the_start() {
+    let folder = folder();
+    let log = folder.path().join("gdg-tui/log");
+    std::fs::create_dir_all(&log).unwrap();
+    let now = jiff::Timestamp::now();
+    for hours in [-24, 0, 24] {
+        let date = (now + jiff::SignedDuration::from_hours(hours)).strftime("%F");
+        assert!(Command::new("mkfifo").arg(log.join(format!("gdg-tui.{date}.log"))).status().unwrap().success());
+    }
+    quit(training(folder.path(), &["trap"]));
+}
+
+#[test]
+fn a_long_name_does_not_hide_the_phase() {
+    let folder = folder();
+    let name = format!("{}.txt", "a-long-name-".repeat(8));
+    std::fs::write(folder.path().join(&name), "S....\n.....\n....G\n").unwrap();
+    let mut session = training(folder.path(), &[&name]);
+    session.press(" ");
+    session.wait_for(" paused");
+    assert!(session.screen_text().lines().next().unwrap().contains("paused"), "{}", session.screen_text());
+    quit(session);
+}

@@ -27,6 +27,7 @@ pub struct Session {
     pub raw: Arc<Mutex<Vec<u8>>>,
     reader: JoinHandle<()>,
     hangs_up: Arc<AtomicBool>,
+    stalls: Arc<AtomicBool>,
 }
 
 /// Returns a non-zero size.
@@ -50,6 +51,14 @@ impl Session {
         Self::start_program(program, folder, args, variables)
     }
 
+    /// Starts an interactive shell, in which `$PROGRAM` is the program.
+    pub fn start_shell(folder: &Path) -> Self {
+        let mut shell = CommandBuilder::new("sh");
+        shell.arg("-i");
+        let program = assert_cmd::cargo::cargo_bin!("gdg-tui");
+        Self::start_command(shell, folder, &[("PROGRAM", program.to_str().unwrap())])
+    }
+
     /// Like [`Self::start`], with a limit on the size of files, in blocks of 512 bytes.
     pub fn start_with_file_limit(folder: &Path, args: &[&str], blocks: u32) -> Self {
         Self::start_with_limit(folder, args, &format!("-f {blocks}"))
@@ -64,12 +73,16 @@ impl Session {
     }
 
     fn start_program(mut command: CommandBuilder, folder: &Path, args: &[&str], variables: &[(&str, &str)]) -> Self {
-        let pty = native_pty_system().openpty(size(80, 24)).unwrap();
         command.args(args);
         // A checkpoint carries its own settings, and the tour has always the same.
         if !args.contains(&"--resume") && args.first() != Some(&"tour") {
             command.args(["--set", "hidden=16", "--set", "candidates=50", "--set", "buffer_size=20000"]);
         }
+        Self::start_command(command, folder, variables)
+    }
+
+    fn start_command(mut command: CommandBuilder, folder: &Path, variables: &[(&str, &str)]) -> Self {
+        let pty = native_pty_system().openpty(size(80, 24)).unwrap();
         command.cwd(folder);
         command.env("TERM", "xterm-256color");
         // Isolate the tests from the user's own configuration and recent maps.
@@ -84,15 +97,30 @@ impl Session {
         let (parser, bytes) = (screen.clone(), raw.clone());
         let hangs_up = Arc::new(AtomicBool::new(false));
         let ends = hangs_up.clone();
+        let stalls = Arc::new(AtomicBool::new(false));
+        let waits = stalls.clone();
         let reader = std::thread::spawn(move || {
             let mut chunk = [0; 4096];
             while let (Ok(n @ 1..), false) = (reader.read(&mut chunk), ends.load(Ordering::Relaxed)) {
                 parser.lock().unwrap().process(&chunk[..n]);
                 bytes.lock().unwrap().extend(&chunk[..n]);
+                while waits.load(Ordering::Relaxed) {
+                    std::thread::sleep(Duration::from_millis(10));
+                }
             }
         });
         let keys = pty.master.take_writer().unwrap();
-        Self { child, master: pty.master, keys, screen, raw, reader, hangs_up }
+        Self { child, master: pty.master, keys, screen, raw, reader, hangs_up, stalls }
+    }
+
+    /// Has the terminal stop, or go on, to read what the program writes.
+    pub fn stall(&self, stalls: bool) {
+        self.stalls.store(stalls, Ordering::Relaxed);
+    }
+
+    /// Returns how often the program has written `bytes`.
+    pub fn count(&self, bytes: &[u8]) -> usize {
+        self.raw.lock().unwrap().windows(bytes.len()).filter(|w| *w == bytes).count()
     }
 
     /// Presses keys; does nothing if the program has exited.

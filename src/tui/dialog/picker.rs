@@ -5,6 +5,7 @@ use tui_input::Input;
 use tui_input::backend::crossterm::EventHandler;
 
 use super::Choice;
+use super::prompt::cursor_column;
 use super::ranking::Ranking;
 use crate::tui::action::Action;
 
@@ -109,7 +110,7 @@ impl Picker {
 
     /// Returns the search text and the cursor's column in it.
     pub fn typed(&self) -> (&str, usize) {
-        (self.typed.value(), self.typed.visual_cursor())
+        (self.typed.value(), cursor_column(&self.typed))
     }
 
     /// Returns the rows shown: the best matches first, or all items by group.

@@ -4,6 +4,8 @@ use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
+use crate::text::display_width;
+
 /// The longest answer accepted, in characters.
 const MAX_CHARACTERS: usize = 500;
 
@@ -62,7 +64,7 @@ impl Prompt {
 
     /// Returns the text typed so far and the cursor's column in it.
     pub fn typed(&self) -> (&str, usize) {
-        (self.typed.value(), self.typed.visual_cursor())
+        (self.typed.value(), cursor_column(&self.typed))
     }
 
     /// Returns whether typing replaces the current text.
@@ -91,6 +93,13 @@ impl Prompt {
         self.touch(true);
         insert_first_line(&mut self.typed, text);
     }
+}
+
+/// Returns the cursor's column in what has been typed.
+pub fn cursor_column(input: &Input) -> usize {
+    let text = input.value();
+    let end = text.char_indices().nth(input.cursor()).map_or(text.len(), |(at, _)| at);
+    display_width(&text[..end])
 }
 
 /// Inserts the first line of `text`, as much of it as fits.

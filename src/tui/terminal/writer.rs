@@ -7,6 +7,12 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex};
 
+/// Bytes that are written at once: so much is known of how far a slow terminal is.
+const PIECE: usize = 4096;
+
+/// How many times longer a terminal may take that reads, but slowly.
+const LIMITS: u32 = 4;
+
 /// Writes bytes in the order in which they are given.
 pub struct Writer(Arc<Shared>);
 
@@ -22,6 +28,8 @@ struct State {
     /// What is to be written next.
     waiting: Vec<u8>,
     is_writing: bool,
+    /// Pieces written so far.
+    pieces: u64,
     /// When the latest write ended, and how long it took.
     latest: Option<(Instant, Duration)>,
     error: Option<std::io::Error>,
@@ -58,11 +66,17 @@ impl Writer {
         Ok(())
     }
 
-    /// Waits until all is written; returns whether it has been within `limit`.
+    /// Waits until all is written, as long as something is written within each `limit`, [`LIMITS`] of them at most; returns
+    /// whether all has been.
     pub fn wait(&self, limit: Duration) -> bool {
-        let end = Instant::now() + limit;
+        let last = Instant::now() + LIMITS * limit;
         let mut state = self.0.state.lock();
-        while !state.is_idle() && !self.0.changed.wait_until(&mut state, end).timed_out() {}
+        let (mut pieces, mut end) = (state.pieces, Instant::now() + limit);
+        while !state.is_idle() && !self.0.changed.wait_until(&mut state, end).timed_out() {
+            if state.pieces > pieces {
+                (pieces, end) = (state.pieces, last.min(Instant::now() + limit));
+            }
+        }
         state.is_idle() && state.error.is_none()
     }
 
@@ -90,7 +104,12 @@ impl Shared {
             state.is_writing = true;
             drop(state);
             let began = Instant::now();
-            let written = write_patiently(&mut to, &bytes);
+            let written = bytes.chunks(PIECE).try_for_each(|piece| {
+                write_patiently(&mut to, piece)?;
+                self.state.lock().pieces += 1;
+                self.changed.notify_all();
+                Ok(())
+            });
             let mut state = self.state.lock();
             state.is_writing = false;
             state.latest = Some((Instant::now(), began.elapsed()));
