@@ -15,9 +15,7 @@ use gdg_tui::cli::{CompareArgs, ScreenArgs, TourArgs};
 use gdg_tui::env::Scene;
 use gdg_tui::experiment::{ablate, reproduce, suite};
 use gdg_tui::map::{print_ascii, random};
-#[cfg(feature = "tui")]
-use gdg_tui::text::terminal_obeys_escapes;
-use gdg_tui::text::{eprint_line, sanitized_lines};
+use gdg_tui::text::{eprint_line, sanitized_lines, terminal_obeys_escapes};
 use gdg_tui::train::{Registry, print_settings, reference_page};
 #[cfg(feature = "tui")]
 use gdg_tui::tui::PreparedInterface;
@@ -28,6 +26,7 @@ use miette::Report;
 
 fn main() -> ExitCode {
     faults::install_panic_hook();
+    report::set_up_colours();
     if let Err(error) = signals::survive_file_size_limit() {
         eprint_line(&format!("files that become too large will end the program: {error}"));
     }
@@ -193,16 +192,18 @@ fn train(cli: &Cli) -> u8 {
 /// Prints the error in the arguments, or the requested help.
 fn usage(error: &clap::Error) -> u8 {
     let text = error.to_string();
-    if sanitized_lines(&text) == text {
+    if sanitized_lines(&text) == text && terminal_obeys_escapes() {
         if let Err(problem) = error.print()
             && !error.use_stderr()
             && problem.kind() != std::io::ErrorKind::BrokenPipe
         {
             return fail(Report::msg(problem).wrap_err("standard output"), EXIT_FAILURE);
         }
-    } else {
-        // It quotes an argument that contains terminal control characters.
+    } else if error.use_stderr() {
+        // It quotes an argument that contains terminal control characters, or colours mean nothing here.
         eprint_line(sanitized_lines(&text).trim_end());
+    } else {
+        print(&text);
     }
     error.exit_code() as u8
 }

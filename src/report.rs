@@ -6,11 +6,22 @@ use std::fmt;
 use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents};
 
 use crate::map::MapError;
-use crate::text::{Excerpt, eprint_line, sanitized_lines, truncated};
+use crate::text::{Excerpt, eprint_line, sanitized_lines, terminal_obeys_escapes, truncated};
 use crate::train::{CheckpointError, ConfigError};
 
 /// Maximum number of characters of a message and of each of its causes.
 const MAX_MESSAGE_CHARS: usize = 2000;
+
+/// Has errors printed without colours where the terminal has none; otherwise, the library decides.
+pub fn set_up_colours() {
+    if !terminal_obeys_escapes() {
+        let plain = |_: &_| -> Box<dyn miette::ReportHandler> {
+            Box::new(miette::MietteHandlerOpts::new().color(false).terminal_links(false).build())
+        };
+        // It is the first hook.
+        let _ = miette::set_hook(Box::new(plain));
+    }
+}
 
 /// Prints an error to standard error; ignores write errors.
 pub fn print_error(error: Report) {
