@@ -156,12 +156,9 @@ async fn event_loop(
         if timer.is_due() {
             crate::faults::point("interface");
             // A terminal that is slow to read is sent fewer frames.
-            let is_ready = terminal.is_ready()?;
-            if is_ready {
-                terminal.draw(app)?;
-            }
+            let is_drawn = terminal.draw(app)?;
             // What has been left out follows.
-            timer.changed = !is_ready || terminal.is_behind();
+            timer.changed = !is_drawn || terminal.is_behind();
         }
     }
     Ok(())

@@ -180,14 +180,6 @@ impl Terminal {
         events
     }
 
-    /// Returns whether the terminal has read the previous frame.
-    ///
-    /// # Errors
-    /// Errors of the terminal.
-    pub fn is_ready(&self) -> std::io::Result<bool> {
-        Ok(writer::terminal()?.is_idle())
-    }
-
     /// Has the next frame show the pictures as they are, and be recorded: the user has done something.
     pub fn expect_answer(&mut self) {
         self.patches.iter_mut().for_each(Patches::wake);
@@ -199,11 +191,16 @@ impl Terminal {
         self.patches.as_ref().is_some_and(Patches::is_behind)
     }
 
-    /// Draws one frame, shown all at once if the terminal supports it.
+    /// Draws one frame, shown all at once if the terminal supports it, unless the terminal has not read the previous one;
+    /// returns whether it has.
     ///
     /// # Errors
     /// Errors of the terminal.
-    pub fn draw(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {
+    pub fn draw(&mut self, interface: &mut impl Interface) -> std::io::Result<bool> {
+        let writer = writer::terminal()?;
+        if !writer.is_idle() {
+            return Ok(false);
+        }
         let (columns, rows) = crossterm::terminal::size()?;
         // On a larger terminal the rest stays empty.
         let size = (columns.min(LARGEST_SCREEN.0), rows.min(LARGEST_SCREEN.1));
@@ -216,7 +213,6 @@ impl Terminal {
             graphics.character = character_size().unwrap_or(graphics.character);
         }
         let is_training = interface.is_training();
-        let writer = writer::terminal()?;
         if let (Some(patches), Some((took, training)), Some((end, sending))) =
             (&mut self.patches, self.pictures_sent.take(), writer.latest())
         {
@@ -227,7 +223,8 @@ impl Terminal {
         queue!(self.output, BeginSynchronizedUpdate)?;
         self.draw_within_update(interface)?;
         queue!(self.output, EndSynchronizedUpdate)?;
-        writer.send(&self.output.bytes.take())
+        writer.send(&self.output.bytes.take())?;
+        Ok(true)
     }
 
     fn draw_within_update(&mut self, interface: &mut impl Interface) -> std::io::Result<()> {

@@ -104,9 +104,8 @@ impl Scanner {
     pub fn patience(&self) -> Option<Duration> {
         match self.state {
             State::Ground => None,
-            State::Escape => Some(AFTER_ESCAPE),
             State::Introducer if self.escape == Escape::Together => Some(AFTER_INTRODUCER),
-            State::Introducer => Some(AFTER_ESCAPE),
+            State::Escape | State::Introducer => Some(AFTER_ESCAPE),
             State::EscapeReported | State::IntroducerReported => Some(REGRET),
             _ => Some(WITHIN),
         }

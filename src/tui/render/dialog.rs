@@ -175,14 +175,14 @@ fn draw_box(
 ) -> Rect {
     let room = usize::from(dialog_area.width.saturating_sub(2));
     // Without what is in brackets if there is no room for it.
-    let title = if display_width(&title) + 2 > room { title.split(" (").next().unwrap_or(title) } else { title };
+    let title = if display_width(title) + 2 > room { title.split(" (").next().unwrap_or(title) } else { title };
     let block = Block::bordered().title(format!(" {title} "));
     let inner = block.inner(dialog_area);
     frame.render_widget(Clear, dialog_area);
     frame.render_widget(block, dialog_area);
     let mut bar = ClickableLine::default();
     // How to accept and how to close are the last to go.
-    while buttons.len() > 2 && buttons.iter().map(|(label, _)| display_width(&label) + 1).sum::<usize>() > room + 1 {
+    while buttons.len() > 2 && buttons.iter().map(|(label, _)| display_width(label) + 1).sum::<usize>() > room + 1 {
         buttons.remove(1);
     }
     for (n, (label, click)) in buttons.into_iter().enumerate() {

@@ -146,13 +146,11 @@ fn write_patiently(to: &mut impl Write, mut bytes: &[u8]) -> std::io::Result<()>
 /// The system starts no more threads, or opens no more files.
 pub fn terminal() -> std::io::Result<&'static Writer> {
     static WRITER: OnceLock<Writer> = OnceLock::new();
-    match WRITER.get() {
-        Some(writer) => Ok(writer),
-        None => {
-            let writer = Writer::start(output()?)?;
-            Ok(WRITER.get_or_init(|| writer))
-        }
+    if let Some(writer) = WRITER.get() {
+        return Ok(writer);
     }
+    let writer = Writer::start(output()?)?;
+    Ok(WRITER.get_or_init(|| writer))
 }
 
 /// Returns standard output, without the library's buffer, and its lock, which a write that blocks would keep.
