@@ -63,6 +63,8 @@ struct Queue {
     error: Option<io::Error>,
     /// Whether the thread runs; `None` before the first byte.
     has_thread: Option<bool>,
+    /// When the thread was last done, and how long it took.
+    latest: Option<(Instant, Duration)>,
 }
 
 impl Queue {
@@ -79,7 +81,7 @@ impl Queue {
 
 impl Stream {
     const fn new(name: &'static str, write: fn(&[u8]) -> io::Result<usize>) -> Self {
-        let queue = Queue { bytes: Vec::new(), is_writing: false, error: None, has_thread: None };
+        let queue = Queue { bytes: Vec::new(), is_writing: false, error: None, has_thread: None, latest: None };
         Self { name, write, queue: Mutex::new(queue), changed: Condvar::new(), written: AtomicU64::new(0) }
     }
 
@@ -107,6 +109,30 @@ impl Stream {
         queue.outcome()
     }
 
+    /// Prints `bytes` without waiting for the reader.
+    ///
+    /// # Errors
+    /// Returns the error of writing earlier bytes.
+    pub fn send(&'static self, bytes: &[u8]) -> io::Result<()> {
+        let mut queue = self.queue.lock();
+        if !self.start(&mut queue) {
+            return self.write_all(bytes);
+        }
+        queue.bytes.extend_from_slice(bytes);
+        self.changed.notify_all();
+        queue.outcome()
+    }
+
+    /// Whether the reader has not read everything yet.
+    pub fn is_behind(&self) -> bool {
+        self.queue.lock().is_behind()
+    }
+
+    /// Returns when the latest bytes were written, and how long that took.
+    pub fn latest(&self) -> Option<(Instant, Duration)> {
+        self.queue.lock().latest
+    }
+
     /// Prints a frame of a progress bar without waiting; leaves it out if the reader is far behind.
     fn print_frame(&'static self, bytes: &[u8]) {
         let mut queue = self.queue.lock();
@@ -125,6 +151,17 @@ impl Stream {
     /// # Errors
     /// Returns the error of writing earlier bytes.
     pub fn flush(&'static self) -> io::Result<()> {
+        self.wait(|idle, all| hurries() && (idle > IDLE_AT_END || all > LONGEST_AT_END)).outcome()
+    }
+
+    /// Waits until everything is written, but only briefly for a reader that does not read; returns whether it is.
+    pub fn flush_briefly(&'static self) -> bool {
+        let queue = self.wait(|idle, all| idle > IDLE_AT_END || all > LONGEST_AT_END);
+        !queue.is_behind() && queue.error.is_none()
+    }
+
+    /// Waits until everything is written, or `gives_up` after the time since anything was and the time in all.
+    fn wait(&'static self, gives_up: impl Fn(Duration, Duration) -> bool) -> MutexGuard<'static, Queue> {
         let (mut queue, began) = (self.queue.lock(), Instant::now());
         let (mut written, mut moved) = (self.written.load(Ordering::Relaxed), began);
         while queue.is_behind() {
@@ -132,12 +169,12 @@ impl Stream {
             if now != written {
                 (written, moved) = (now, Instant::now());
             }
-            if hurries() && (moved.elapsed() > IDLE_AT_END || began.elapsed() > LONGEST_AT_END) {
+            if gives_up(moved.elapsed(), began.elapsed()) {
                 break;
             }
             self.changed.wait_for(&mut queue, POLL_INTERVAL);
         }
-        queue.outcome()
+        queue
     }
 
     /// Starts the thread unless it runs; returns whether it does.
@@ -157,9 +194,11 @@ impl Stream {
             }
             std::mem::swap(&mut taken, &mut queue.bytes);
             queue.is_writing = true;
+            let began = Instant::now();
             let outcome = MutexGuard::unlocked(&mut queue, || self.write_all(&taken));
             taken.clear();
             queue.is_writing = false;
+            queue.latest = Some((Instant::now(), began.elapsed()));
             queue.error = outcome.err().or(queue.error.take());
             self.changed.notify_all();
         }

@@ -11,7 +11,8 @@ use super::app::ClosedRun;
 use super::graphics::{Graphics, Picture, Redraw};
 use super::raster::Marker;
 use super::record::Recorder;
-use super::terminal::{self, Terminal};
+use super::terminal::Terminal;
+use crate::printing;
 use crate::signals::TerminationSignal;
 use crate::text::sanitized_lines;
 
@@ -104,7 +105,7 @@ pub fn show(
     // What is typed meanwhile is gone with the interface.
     let _ = runtime.block_on(terminal.answered());
     drop(terminal);
-    terminal::print(&sanitized_lines(&closed.summary));
+    let _ = printing::stdout().print(format!("{}\n", sanitized_lines(&closed.summary)).as_bytes());
     closed.saved?;
     if let Some(status) = termination.status() {
         return Ok(status);

@@ -2,7 +2,6 @@
 
 mod guard;
 mod suspend;
-mod writer;
 
 use std::cell::{Cell, RefCell};
 use std::io::Write;
@@ -28,6 +27,7 @@ use super::graphics::{self, Graphics, Protocol, Redraw, encode};
 use super::input::{Input, InputStream};
 use super::raster::Marker;
 use super::record::{LARGEST_SCREEN, Recorder};
+use crate::printing;
 use guard::Guard;
 pub use guard::{GUARD_COMMAND, run_guard};
 
@@ -37,9 +37,6 @@ const ANSWER_TIMEOUT: Duration = Duration::from_millis(250);
 
 /// Events before the first frame; the rest follows after it.
 const MAX_EVENTS_BEFORE: usize = 1000;
-
-/// How long the terminal may take to read the end of the output. After that, it is left to the guard.
-const LEAVING_TIMEOUT: Duration = Duration::from_millis(300);
 
 /// A terminal in raw mode on its alternate screen; dropping it restores the previous state.
 pub struct Terminal {
@@ -117,7 +114,7 @@ impl Terminal {
         let enter = || {
             set_up_modes()?;
             if asks {
-                writer::terminal()?.send(query::QUESTIONS)?;
+                printing::stdout().send(query::QUESTIONS)?;
             }
             Ok((screen(&output)?, InputStream::start()?))
         };
@@ -164,11 +161,6 @@ impl Terminal {
     /// Waits for the terminal to answer what it can show, but not long; returns what the user did meanwhile.
     pub async fn answered(&mut self) -> Vec<Event> {
         let mut events = Vec::new();
-        let asked = self.answer.as_ref().is_some_and(|answer| !answer.is_complete);
-        if asked && !writer::terminal().is_ok_and(|writer| writer.wait(LEAVING_TIMEOUT)) {
-            // It has not read the question.
-            return events;
-        }
         let end = tokio::time::Instant::now() + ANSWER_TIMEOUT;
         while self.answer.as_ref().is_some_and(|answer| !answer.is_complete) && events.len() < MAX_EVENTS_BEFORE {
             match tokio::time::timeout_at(end, self.input.next()).await {
@@ -197,8 +189,8 @@ impl Terminal {
     /// # Errors
     /// Errors of the terminal.
     pub fn draw(&mut self, interface: &mut impl Interface) -> std::io::Result<bool> {
-        let writer = writer::terminal()?;
-        if !writer.is_idle() {
+        let writer = printing::stdout();
+        if writer.is_behind() {
             return Ok(false);
         }
         let (columns, rows) = crossterm::terminal::size()?;
@@ -298,6 +290,8 @@ impl Drop for Terminal {
     fn drop(&mut self) {
         if !give_back() {
             self.guard.iter_mut().for_each(Guard::take_over);
+            // Nothing waits for it any more.
+            printing::hurry();
         }
         crate::faults::show_in_interface(false);
         // Everything is restored: discard what the library would still write.
@@ -317,7 +311,7 @@ fn set_up_modes() -> std::io::Result<()> {
     enable_raw_mode()?;
     let mut bytes = Vec::new();
     queue!(bytes, EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)?;
-    writer::terminal()?.send(&bytes)
+    printing::stdout().send(&bytes)
 }
 
 /// Restores the terminal. Ignores errors, which cannot be reported any more.
@@ -328,19 +322,9 @@ pub fn restore() {
 /// Restores the terminal; returns whether it has read all of the output.
 fn give_back() -> bool {
     let bytes = leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed));
-    let is_read = writer::terminal().is_ok_and(|writer| writer.send(&bytes).is_ok() && writer.wait(LEAVING_TIMEOUT));
+    let is_read = printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly();
     let _ = disable_raw_mode();
     is_read
-}
-
-/// Prints a line after the interface is closed, unless the terminal does not even read what came before.
-pub fn print(line: &str) {
-    if let Ok(writer) = writer::terminal()
-        && writer.is_idle()
-        && writer.send(format!("{line}\n").as_bytes()).is_ok()
-    {
-        writer.wait(LEAVING_TIMEOUT);
-    }
 }
 
 /// Whether pictures have been sent to the terminal that it keeps elsewhere than its characters.
