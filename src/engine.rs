@@ -4,6 +4,7 @@
 mod command;
 mod snapshot;
 
+use std::fs::File;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::PathBuf;
 use std::sync::Arc;
@@ -161,7 +162,7 @@ struct Worker {
     /// Path requested by the latest fresh save, and the file it was written to.
     new_file: Option<(PathBuf, PathBuf)>,
     /// Autosaved files, oldest first.
-    autosaved: Vec<PathBuf>,
+    autosaved: Vec<(PathBuf, Option<File>)>,
     pulse: Pulse,
     scratch: Scratch,
 }

@@ -1,6 +1,6 @@
 //! `gdg-tui export-policy`: a checkpoint's actor for other programs.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, miette};
 
@@ -27,5 +27,6 @@ pub fn run(args: &ExportPolicyArgs) -> Result<String, Report> {
 
 /// Returns `NAME.policy.safetensors` beside the checkpoint `NAME.safetensors`.
 fn default_path(args: &ExportPolicyArgs) -> PathBuf {
-    args.checkpoint.with_extension("policy.safetensors")
+    let folder = args.checkpoint.parent().unwrap_or(Path::new(""));
+    files::named(folder, args.checkpoint.file_stem().unwrap_or_default(), ".policy.safetensors")
 }

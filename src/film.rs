@@ -1,6 +1,6 @@
 //! `gdg-tui film`: how a checkpoint's run learned distance, as an animation.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use miette::{IntoDiagnostic, Report, miette};
 
@@ -37,5 +37,6 @@ pub fn run(args: &FilmArgs) -> Result<String, Report> {
 
 /// Returns `NAME.film.png` beside the checkpoint `NAME.safetensors`.
 fn default_path(args: &FilmArgs) -> PathBuf {
-    args.checkpoint.with_extension("film.png")
+    let folder = args.checkpoint.parent().unwrap_or(Path::new(""));
+    files::named(folder, args.checkpoint.file_stem().unwrap_or_default(), ".film.png")
 }

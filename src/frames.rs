@@ -229,9 +229,7 @@ fn non_zero(size: u16) -> NonZero<u16> {
 
 /// Returns the path of a moment's picture.
 fn picture_path(args: &FramesArgs, at: f64) -> PathBuf {
-    let mut name = args.cast.file_stem().unwrap_or(OsStr::new("cast")).to_owned();
-    name.push(format!("-{at}.png"));
-    args.out.join(name)
+    files::named(&args.out, args.cast.file_stem().unwrap_or("cast".as_ref()), &format!("-{at}.png"))
 }
 
 fn write(screen: &vt100::Screen, args: &FramesArgs, at: f64) -> Result<PathBuf, Report> {

@@ -393,10 +393,17 @@ fn already_exists(path: &Path) -> Report {
     miette!(help = "give another name, or --overwrite", "{}: the file already exists", path.display())
 }
 
-/// Saves a run that cannot be saved to `path` elsewhere: to `saves/`, or to the user's state folder.
-pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
+/// Returns where a file that cannot be saved to `path` goes instead: in `saves/`, or in the user's state folder.
+pub fn elsewhere(path: &Path) -> Vec<PathBuf> {
     let state = ProjectDirs::from("", "", "gdg-tui");
     let state = state.map(|dirs| dirs.state_dir().unwrap_or(dirs.data_local_dir()).join("recovered"));
-    let mut folders = [Some(PathBuf::from(SAVES)), state].into_iter().flatten();
-    folders.find_map(|folder| train::save(trainer, &SaveTo::CreateNew(folder.join(path.file_name()?))).ok())
+    let name = path.file_name().unwrap_or_default();
+    [Some(PathBuf::from(SAVES)), state].into_iter().flatten().map(|folder| folder.join(name)).collect()
+}
+
+/// Saves a run that cannot be saved to `path` [`elsewhere`], if need be under a name that every file system takes.
+pub fn save_elsewhere(trainer: &Trainer, path: &Path) -> Option<PathBuf> {
+    let places = elsewhere(path).into_iter().chain(elsewhere(Path::new("recovered.safetensors")));
+    let to = |place: PathBuf| if train::is_own(&place) { SaveTo::Replace(place) } else { SaveTo::CreateNew(place) };
+    places.map(to).find_map(|to| train::save(trainer, &to).ok())
 }

@@ -99,16 +99,21 @@ pub fn escape_json_line(json: &str) -> String {
     out
 }
 
+/// Returns the beginning of `text` in at most `max_bytes` bytes; no character is cut apart.
+pub fn beginning(text: &str, max_bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(max_bytes)]
+}
+
 /// Turns `name` into a file name for a folder of our choice: its last component, without characters that act on a
-/// terminal, never empty. An external name cannot escape from that folder.
+/// terminal, never empty, and short enough for all that is added to it. An external name cannot escape from that folder.
 pub fn safe_file_name(name: &str) -> String {
-    const MAX_CHARS: usize = 80;
+    const MAX_BYTES: usize = 80;
     let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
     let kept: String =
         last.chars().filter(|c| !is_active(*c) && !matches!(c, ':' | '*' | '?' | '"' | '<' | '>' | '|')).collect();
-    let kept = kept.trim_start_matches(|c: char| c == '.' || c.is_whitespace()).trim_end();
-    let kept: String = kept.chars().take(MAX_CHARS).collect();
-    if kept.is_empty() { "unnamed".to_owned() } else { kept }
+    let kept = kept.trim_start_matches(|c: char| c == '.' || c.is_whitespace());
+    let kept = beginning(kept, MAX_BYTES).trim_end();
+    if kept.is_empty() { "unnamed".to_owned() } else { kept.to_owned() }
 }
 
 #[cfg(test)]
@@ -181,6 +186,7 @@ mod tests {
             prop_assert!(!shown.chars().any(is_active) && shown.len() == text.len());
             let name = safe_file_name(&text);
             prop_assert!(!name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\']));
+            prop_assert!(name.len() <= 80 && safe_file_name(&name) == name);
             prop_assert_eq!(std::path::Path::new(&name).components().count(), 1);
         }
     }

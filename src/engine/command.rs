@@ -7,6 +7,7 @@ use std::sync::Arc;
 use super::Worker;
 use super::snapshot::{Phase, Snapshot, Step};
 use crate::env::Environment;
+use crate::files;
 use crate::text::{counted, grouped, sanitized};
 use crate::train::{
     self, CheckpointError, Limits, Loaded, Notes, Run, SaveTo, TrainError, Trainer, list_settings, memory,
@@ -180,15 +181,18 @@ impl Worker {
         let stem = named_after.file_stem().unwrap_or_default().to_string_lossy();
         let stem = without_autosave_suffix(&stem);
         let updates = self.trainer.counters().updates;
-        let requested = named_after.with_file_name(format!("{stem}-auto-{updates}.safetensors"));
+        let folder = named_after.parent().unwrap_or(Path::new(""));
+        let requested = files::named(folder, stem, &format!("-auto-{updates}.safetensors"));
         let path = self.write(&SaveTo::CreateNew(requested), notes)?;
         let text = format!("autosaved {} at update {}", path.display(), grouped(self.trainer.learned_updates()));
-        self.autosaved.push(path);
+        let mark = files::mark_in_use(&path);
+        self.autosaved.push((path, mark));
         while self.autosaved.len() > MAX_AUTOSAVES {
-            // Ignored: the file may already have been removed by someone else.
-            let _ = std::fs::remove_file(self.autosaved.remove(0));
+            let (oldest, mark) = self.autosaved.remove(0);
+            drop(mark);
+            train::remove_own(&oldest);
         }
-        self.current.autosaves = Arc::new(self.autosaved.clone());
+        self.current.autosaves = Arc::new(self.autosaved.iter().map(|(path, _)| path.clone()).collect());
         Ok(text)
     }
 

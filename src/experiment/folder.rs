@@ -7,7 +7,6 @@
 //! pictures/NAME.png
 //! ```
 
-use std::fs::{File, TryLockError};
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
@@ -15,9 +14,10 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 
 use super::job::{Job, JobResult};
-use crate::files::{self, backup_path, write_atomically};
+use crate::files::{self, LockFile, backup_path};
+use crate::setup::elsewhere;
 use crate::text::sanitized;
-use crate::train::describe;
+use crate::train::{describe, is_checkpoint, remove_own};
 
 /// Maximum size of a result file.
 const MAX_RESULT_BYTES: u64 = 64 << 20;
@@ -88,7 +88,7 @@ impl Folder {
             return Err(miette!(help = help, "{}: was not written by gdg-tui and is not replaced", other.display()));
         }
         let check = |path: PathBuf| {
-            files::check_writable(&path).map_err(|error| {
+            files::check_replaceable(&path).and_then(|()| files::check_writable(&path)).map_err(|error| {
                 let help = "give --out a writable folder";
                 miette!(help = help, "{}: results cannot be saved here: {error}", path.display())
             })
@@ -119,7 +119,7 @@ impl Folder {
     /// The file cannot be written.
     pub fn write(&self, name: &str, bytes: &[u8]) -> Result<(), Report> {
         let path = self.path(name);
-        write_atomically(&path, bytes).into_diagnostic().wrap_err_with(|| path.display().to_string())
+        files::write_unlinked(&path, bytes).into_diagnostic().wrap_err_with(|| path.display().to_string())
     }
 
     /// Returns the path of a job's checkpoint.
@@ -164,19 +164,24 @@ impl Folder {
         Ok(Some(result))
     }
 
-    /// Checks that the job's result can be written.
+    /// Checks that nothing is in the way of the job's result, checkpoint and picture.
     ///
     /// # Errors
-    /// Something that is not a file is in its place, or a file that cannot be replaced.
+    /// In the place of one is what is no file, a symbolic link, or a file that is not replaced.
     pub fn check_result_writable(&self, job: &Job) -> Result<(), Report> {
+        let help = "move it away, or give --out another folder";
         let check = |path: PathBuf, what: &str| {
-            files::check_writable(&path).map_err(|error| {
-                let help = "move it away, or give --out another folder";
-                miette!(help = help, "{}: the {what} cannot be saved: {error}", path.display())
-            })
+            files::check_replaceable(&path)
+                .map_err(|error| miette!(help = help, "{}: the {what} cannot be saved: {error}", path.display()))
         };
         check(self.result(job), "result")?;
-        check(self.checkpoint(job), "checkpoint")
+        check(self.path(&picture_name(job)), "picture")?;
+        let path = self.checkpoint(job);
+        if path.is_file() && !is_checkpoint(&path) && !backup_path(&path).is_file() {
+            let problem = "is not a checkpoint of gdg-tui and is not replaced";
+            return Err(miette!(help = help, "{}: {problem}", path.display()));
+        }
+        check(path, "checkpoint")
     }
 
     /// Returns the job's result, if it is done.
@@ -192,54 +197,36 @@ impl Folder {
     ///
     /// # Errors
     /// The lock file cannot be created, or something else is in its place.
-    pub fn lock(&self, job: &Job) -> Result<Option<Lock>, Report> {
+    pub fn lock(&self, job: &Job) -> Result<Option<LockFile>, Report> {
         let path = self.0.join(format!("jobs/{}.lock", job.name));
-        let opened = std::fs::create_dir_all(self.0.join("jobs")).and_then(|()| files::open_or_create(&path));
-        let file = opened.map_err(|error| {
+        let locked = std::fs::create_dir_all(self.0.join("jobs")).and_then(|()| LockFile::try_at(&path));
+        locked.map_err(|error| {
             let help = "move it away, or give --out another folder";
             miette!(help = help, "{}: the job cannot be locked: {error}", path.display())
-        })?;
-        match file.try_lock() {
-            Err(TryLockError::WouldBlock) => Ok(None),
-            Ok(()) | Err(TryLockError::Error(_)) => Ok(Some(Lock { path, _file: file })),
-        }
+        })
     }
 
     /// Writes the job's result and, if there is one, its picture, and removes its checkpoint unless it is to be kept.
     ///
     /// # Errors
-    /// A file cannot be written.
+    /// A file cannot be written. The result is kept if only the picture cannot.
     pub fn finish(&self, job: &Job, result: &JobResult, picture: Option<&[u8]>, keep: bool) -> Result<(), Report> {
         let stored = StoredResult { checksum: Some(checksum_of(result)), result: result.clone() };
         let json = serde_json::to_string_pretty(&stored).into_diagnostic()? + "\n";
-        if let Some(picture) = picture {
-            self.write(&picture_name(job), picture)?;
-        }
+        let drawn = picture.map_or(Ok(()), |picture| self.write(&picture_name(job), picture));
         // The result last: it marks the job as done.
         self.write(&format!("jobs/{}.json", job.name), json.as_bytes())?;
         if !keep {
             let checkpoint = self.checkpoint(job);
             // What cannot be removed does no harm: the result counts.
-            let _ = (std::fs::remove_file(backup_path(&checkpoint)), std::fs::remove_file(checkpoint));
+            let _ = (std::fs::remove_file(backup_path(&checkpoint)), std::fs::remove_file(&checkpoint));
+            elsewhere(&checkpoint).iter().for_each(|path| remove_own(path));
         }
-        Ok(())
+        drawn.wrap_err("the result is kept, but its picture cannot be written")
     }
 }
 
 /// Returns the path of a job's picture within the folder.
 pub fn picture_name(job: &Job) -> String {
     format!("pictures/{}.png", job.name)
-}
-
-/// A job locked for this process.
-#[derive(Debug)]
-pub struct Lock {
-    path: PathBuf,
-    _file: File,
-}
-
-impl Drop for Lock {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.path);
-    }
 }

@@ -7,18 +7,19 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use miette::{IntoDiagnostic, Report, miette};
 use parking_lot::Mutex;
 
-use super::folder::{Folder, Lock};
+use super::folder::Folder;
 use super::job::Job;
 use super::measure::measure;
 use super::picture;
 use super::plan::Length;
 use super::progress::Progress;
+use crate::files::{LockFile, check_writable};
 use crate::headless::{Saver, evaluate};
 use crate::report::print_error;
-use crate::setup::begin;
+use crate::setup::{begin, elsewhere, save_elsewhere};
 use crate::signals::TerminationSignal;
 use crate::text::{counted, eprint_line};
-use crate::train::{self, Registry, SaveTo, Tick, Trainer};
+use crate::train::{self, Registry, SaveTo, Tick, Trainer, describe};
 
 /// How a job ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,6 +73,11 @@ impl Runner {
             if let Some(problem) = folder.problem(job) {
                 eprint_line(&format!("{problem}; it runs again"));
             }
+        }
+        if let Some(longest) = open.iter().map(|job| folder.checkpoint(job)).max_by_key(|path| path.as_os_str().len()) {
+            check_writable(&longest).map_err(|error| {
+                miette!(help = "give --out another folder", "{}: cannot be saved: {error}", longest.display())
+            })?;
         }
         eprint_line(&format!("{} done, {} to run", counted(done.len() as u64, "job"), open.len()));
         let termination = TerminationSignal::listen()?;
@@ -130,7 +136,7 @@ impl Runner {
     }
 
     /// Runs a job, unless another process has finished it in the meantime.
-    fn run_locked(&self, job: &Job, at: &At, _: &Lock) -> Result<End, Report> {
+    fn run_locked(&self, job: &Job, at: &At, _: &LockFile) -> Result<End, Report> {
         if self.folder.result_of(job).is_some() {
             return Ok(End::Done);
         }
@@ -138,25 +144,47 @@ impl Runner {
         trainer.set_pulse(self.termination.pulse().clone());
         let mut saver = Saver::new(SaveTo::Replace(self.folder.checkpoint(job)), None);
         at.progress.begin(at.job, job.plan.length.done(&trainer.counters()));
-        if !self.train(job, &mut trainer, &mut saver, at)? {
-            saver.save(&mut trainer)?;
+        let ended = self.train_and_finish(job, &mut trainer, &mut saver, at);
+        if ended.is_err() && self.folder.result_of(job).is_none() {
+            self.rescue(job, &mut trainer, &mut saver, at);
+        }
+        ended
+    }
+
+    /// Trains to the end and keeps the result, or the checkpoint if a signal arrives.
+    fn train_and_finish(&self, job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) -> Result<End, Report> {
+        if !self.train(job, trainer, saver, at)? {
+            saver.save(trainer)?;
             return Ok(End::Interrupted);
         }
         if self.keep {
-            saver.save(&mut trainer)?;
+            saver.save(trainer)?;
         }
         let map = job.world.map().filter(|_| job.plan.picture);
-        let picture = map.map(|map| picture::draw(&trainer, map)).transpose()?;
-        let measured = measure(&job.plan, &trainer, job.world.map())?;
-        self.folder.finish(job, &job.result(&trainer, measured), picture.as_deref(), self.keep)?;
+        let picture = map.map(|map| picture::draw(trainer, map)).transpose()?;
+        let measured = measure(&job.plan, trainer, job.world.map())?;
+        self.folder.finish(job, &job.result(trainer, measured), picture.as_deref(), self.keep)?;
         Ok(End::Done)
+    }
+
+    /// Saves what a job has learned whose result or checkpoint could not be written: the next run goes on from there.
+    fn rescue(&self, job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) {
+        if saver.save(trainer).is_err() {
+            let kept = save_elsewhere(trainer, saver.path());
+            let line = kept.map_or("what it has learned cannot be saved".to_owned(), |path| {
+                format!("saved to {} instead, where the next run finds it", path.display())
+            });
+            at.progress.line(&format!("{}: {line}", job.name));
+        }
     }
 
     /// Resumes the job from its checkpoint; begins it if there is none that can be loaded.
     fn resume_or_begin(&self, job: &Job, at: &At) -> Result<Trainer, Report> {
-        let (name, checkpoint, length) = (&job.name, self.folder.checkpoint(job), job.plan.length);
+        let (name, own, length) = (&job.name, self.folder.checkpoint(job), job.plan.length);
         let (amount, unit) = (length.amount(), length.unit());
-        if checkpoint.exists() {
+        // Where it was saved if its own could not be written; the last of those that are as far is its own.
+        let found = elsewhere(&own).into_iter().chain([own]).filter(|path| path.exists());
+        if let Some(checkpoint) = found.max_by_key(|path| describe(path).map_or(0, |found| found.updates)) {
             match train::load(&checkpoint, &self.registry, 1) {
                 Ok(loaded) if job.is_run_of(&loaded.trainer) => {
                     loaded.warning.iter().for_each(|warning| at.progress.line(warning));

@@ -3,18 +3,17 @@
 use std::io::{Error, ErrorKind, Result};
 use std::path::{Path, PathBuf};
 
+use super::derived::beside;
 use super::read::read;
-use super::write::{Target, sync_folder};
+use super::write::{Target, replace, sync_folder};
 
 /// Returns where the previous version of `path` is kept until the new one has been read back: at a name that nobody else
 /// gives to a copy, as it is removed in the end.
 pub fn backup_path(path: &Path) -> PathBuf {
-    let mut name = path.file_name().unwrap_or_default().to_owned();
-    name.push(".gdg-previous");
-    path.with_file_name(name)
+    beside(path, "", ".gdg-previous")
 }
 
-/// Writes a file like [`super::write_atomically`], reads it back and checks the bytes with `is_valid`. Until then the
+/// Writes a file like [`super::write_atomically`] and reads it back: it must be equal, and `is_valid`. Until then the
 /// previous version is kept at its [`backup_path`]; it is restored if the check fails.
 ///
 /// # Errors
@@ -22,13 +21,12 @@ pub fn backup_path(path: &Path) -> PathBuf {
 pub fn write_verified(path: &Path, bytes: &[u8], is_valid: impl Fn(&[u8]) -> bool) -> Result<()> {
     let target = Target::resolve(path)?;
     let backup = backup_path(&target.path);
-    let good = |path: &Path| read(path, u64::MAX - 1).is_ok_and(|bytes| is_valid(&bytes));
     // Make the backup only after the new file has been written next to the target, so that a full disk changes nothing.
     target.write(bytes, |file, path| {
-        keep_backup(path, &backup, target.exists(), good)?;
-        file.persist(path).map_err(|e| e.error)
+        keep_backup(&target, &backup, &is_valid)?;
+        replace(file, path)
     })?;
-    if good(&target.path) {
+    if read_all(&target.path).is_ok_and(|found| found == bytes && is_valid(&found)) {
         // The new file is in place, whether or not the old one can be removed.
         let _ = std::fs::remove_file(&backup);
         return Ok(());
@@ -40,21 +38,25 @@ pub fn write_verified(path: &Path, bytes: &[u8], is_valid: impl Fn(&[u8]) -> boo
     Err(Error::new(ErrorKind::InvalidData, "the new file could not be read back; the previous one is kept"))
 }
 
-/// Keeps the file at `path` as `backup`.
-fn keep_backup(path: &Path, backup: &Path, exists: bool, good: impl Fn(&Path) -> bool) -> Result<()> {
+/// Keeps the existing file of `target` as `backup`.
+fn keep_backup(target: &Target, backup: &Path, is_valid: impl Fn(&[u8]) -> bool) -> Result<()> {
     // A program that was killed left an existing backup: replace it only if the file itself is good.
     let left_behind = backup.symlink_metadata().is_ok();
-    if !exists || left_behind && !good(path) {
+    if !target.exists() || left_behind && !read_all(&target.path).is_ok_and(|found| is_valid(&found)) {
         return Ok(());
     }
     if left_behind {
         std::fs::remove_file(backup)?;
     }
     // A hard link, so that the file exists under some name at every moment; a copy where links are not possible.
-    if std::fs::hard_link(path, backup).is_err() {
-        std::fs::copy(path, backup)?;
+    if std::fs::hard_link(&target.path, backup).is_err() {
+        target.called(backup.to_owned()).write(&read_all(&target.path)?, replace)?;
     }
     Ok(())
+}
+
+fn read_all(path: &Path) -> Result<Vec<u8>> {
+    read(path, u64::MAX - 1)
 }
 
 #[cfg(test)]

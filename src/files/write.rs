@@ -1,16 +1,25 @@
 //! Writes files atomically, and replaces nothing but regular files that are not write-protected.
+//!
+//! What a file system lacks (hard links, permissions, syncing, locks) is done without; what it refuses is an error.
 
+use std::ffi::OsString;
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Result, Write};
-use std::path::{Path, PathBuf};
+use std::path::{Component, Path, PathBuf};
 use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
+use super::lock::is_at;
+use super::derived::{MAX_NAME_BYTES, fitting, numbered};
 use super::read::ensure_regular_file;
 
 /// Prefix and suffix of temporary files.
-const TEMP_AFFIXES: (&str, &str) = (".gdg-", ".tmp");
+pub(super) const TEMP_AFFIXES: (&str, &str) = (".gdg-", ".tmp");
+
+/// Part of a name that a temporary file takes over, in bytes: with its affixes and random characters, it is as long as names
+/// may be.
+const MAX_TEMP_STEM_BYTES: usize = 240;
 
 /// An unlocked temporary file older than this was left by a killed program.
 const STALE_AFTER: Duration = Duration::from_secs(5);
@@ -24,7 +33,15 @@ const MAX_LINKS: usize = 40;
 /// # Errors
 /// Returns the system's error, or an error if the target is write-protected or not a regular file.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    Target::resolve(path)?.write(bytes, |file, path| file.persist(path).map_err(|e| e.error))
+    Target::resolve(path)?.write(bytes, replace)
+}
+
+/// Like [`write_atomically`], but writes to nothing that a symbolic link leads to.
+///
+/// # Errors
+/// See [`write_atomically`]; or there is a symbolic link.
+pub fn write_unlinked(path: &Path, bytes: &[u8]) -> Result<()> {
+    Target::unlinked(path)?.write(bytes, replace)
 }
 
 /// Writes a file at `path`, or at the first unused of `path-2`, `path-3` ..., and returns the path it took.
@@ -34,9 +51,7 @@ pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
 pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
     loop {
         let free = unused_path(path);
-        let written =
-            Target::resolve(&free)?.write(bytes, |file, path| file.persist_noclobber(path).map_err(|e| e.error));
-        match written {
+        match Target::resolve(&free)?.write(bytes, place) {
             // Another program took this name first.
             Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
             written => return written.map(|()| free),
@@ -46,27 +61,66 @@ pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
 
 /// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is neither a file nor a backup.
 pub fn unused_path(path: &Path) -> PathBuf {
-    let taken = |path: &Path| path.symlink_metadata().is_ok() || super::backup_path(path).symlink_metadata().is_ok();
-    if !taken(path) {
-        return path.to_owned();
-    }
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    let extension = path.extension().map_or(String::new(), |e| format!(".{}", e.to_string_lossy()));
-    let numbered = (2..).map(|i: u64| path.with_file_name(format!("{stem}-{i}{extension}")));
-    numbered.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
+    let taken = |path: &PathBuf| path.symlink_metadata().is_ok() || super::backup_path(path).symlink_metadata().is_ok();
+    let paths = std::iter::once(path.to_owned()).chain((2..).map(|number| numbered(path, number)));
+    paths.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
 }
 
-/// Checks that a file can be written at `path` right now, in a folder that may have to be created; changes nothing.
+/// Checks that a file can be written at `path` right now, in a folder that may have to be created. Tries all that writing
+/// does, under a name with the same characters that is as long as any which is made from this one; changes nothing.
 ///
 /// # Errors
 /// Returns the reason why it cannot.
 pub fn check_writable(path: &Path) -> Result<()> {
     let mut target = Target::resolve(path)?;
-    // The run may be refused yet, and leaves no folders behind: those that are missing can be made where this one can be
-    // written to.
-    let existing = target.folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new("."));
-    target.folder = existing.to_owned();
-    target.create_temporary().map(|_| ())
+    let existing = target.folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new(""));
+    let missing = target.folder.strip_prefix(existing).unwrap_or(&target.folder);
+    if missing.as_os_str().is_empty() {
+        return target.rehearse();
+    }
+    // The run may be refused yet, and leaves no folders behind: those that are missing are made elsewhere.
+    let existing = if existing.as_os_str().is_empty() { Path::new(".") } else { existing };
+    let scratch = tempfile::Builder::new().prefix(TEMP_AFFIXES.0).suffix(TEMP_AFFIXES.1).tempdir_in(existing)?;
+    let inside = missing.components().filter(|part| matches!(part, Component::Normal(_)));
+    target.folder = scratch.path().join(inside.collect::<PathBuf>());
+    target.rehearse()
+}
+
+/// Checks without trying that a file may be written at `path`: its name, and what is there.
+///
+/// # Errors
+/// Returns the reason why it may not.
+pub fn check_name(path: &Path) -> Result<()> {
+    Target::resolve(path).map(drop)
+}
+
+/// Like [`check_name`], for [`write_unlinked`].
+///
+/// # Errors
+/// Returns the reason why it may not.
+pub fn check_replaceable(path: &Path) -> Result<()> {
+    Target::unlinked(path).map(drop)
+}
+
+/// Moves a temporary file to `path`; replaces the file there.
+pub(super) fn replace(file: NamedTempFile, path: &Path) -> Result<()> {
+    file.persist(path).map(drop).map_err(|e| e.error)
+}
+
+/// Moves a temporary file to `path` unless something is there.
+fn place(file: NamedTempFile, path: &Path) -> Result<()> {
+    let file = match file.persist_noclobber(path) {
+        Ok(_) => return Ok(()),
+        Err(e) if e.error.kind() == ErrorKind::AlreadyExists => return Err(e.error),
+        Err(e) => e.file,
+    };
+    // The file system can neither link nor rename without replacing: an empty file keeps others from the name.
+    drop(File::create_new(path)?);
+    replace(file, path).inspect_err(|_| {
+        if path.metadata().is_ok_and(|found| found.len() == 0) {
+            let _ = std::fs::remove_file(path);
+        }
+    })
 }
 
 /// A file to be written: its path with links resolved, and the metadata of the existing file.
@@ -77,10 +131,26 @@ pub(super) struct Target {
 }
 
 impl Target {
+    /// Returns the file that `path` leads to.
     pub fn resolve(path: &Path) -> Result<Self> {
-        let path = resolve_links(path)?;
-        if path.file_name().is_none() {
+        Self::at(resolve_links(path)?)
+    }
+
+    /// Returns the file at `path`, where no symbolic link is.
+    fn unlinked(path: &Path) -> Result<Self> {
+        if path.is_symlink() {
+            return Err(Error::new(ErrorKind::InvalidInput, "is a symbolic link, which is not followed here"));
+        }
+        Self::at(path.to_owned())
+    }
+
+    fn at(path: PathBuf) -> Result<Self> {
+        let Some(name) = path.file_name() else {
             return Err(Error::new(ErrorKind::InvalidFilename, "is not a file name"));
+        };
+        if name.len() > MAX_NAME_BYTES {
+            let problem = format!("its name has {} bytes, more than the {MAX_NAME_BYTES} of file systems", name.len());
+            return Err(Error::new(ErrorKind::InvalidFilename, problem));
         }
         let existing = match std::fs::metadata(&path) {
             Ok(existing) => Some(existing),
@@ -97,47 +167,76 @@ impl Target {
         Ok(Self { path, folder, existing })
     }
 
+    /// Returns a file in the same folder that is written with the same permissions.
+    pub fn called(&self, path: PathBuf) -> Self {
+        Self { path, folder: self.folder.clone(), existing: self.existing.clone() }
+    }
+
     /// Returns whether the file already exists.
     pub fn exists(&self) -> bool {
         self.existing.is_some()
     }
 
     /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into place.
-    pub fn write<T>(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<T>) -> Result<()> {
-        let mut file = self.create_temporary()?;
+    pub fn write(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>) -> Result<()> {
+        let mut file = self.create_temporary(TEMP_AFFIXES.0.into())?;
         file.write_all(bytes)?;
-        file.as_file().sync_all()?;
+        sync(file.as_file())?;
         persist(file, &self.path)?;
         sync_folder(&self.folder)
     }
 
+    /// Does all that [`Self::write`] does, and removes the result.
+    fn rehearse(&self) -> Result<()> {
+        let mut prefix = OsString::from(TEMP_AFFIXES.0);
+        prefix.push(fitting(self.path.file_name().unwrap_or_default(), MAX_TEMP_STEM_BYTES));
+        // Removed when dropped, and with it what replaces it.
+        let place = self.create_temporary(prefix)?.into_temp_path();
+        self.called(place.to_path_buf()).write(b"gdg-tui", replace)
+    }
+
     /// Creates a temporary file in the target's folder, with the permissions intended for the target.
-    fn create_temporary(&self) -> Result<NamedTempFile> {
+    fn create_temporary(&self, prefix: OsString) -> Result<NamedTempFile> {
         std::fs::create_dir_all(&self.folder)?;
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(TEMP_AFFIXES.0).suffix(TEMP_AFFIXES.1);
-        // Temporary files are private by default; give a new file the user's usual permissions.
+        builder.prefix(&prefix).suffix(TEMP_AFFIXES.1);
+        // Temporary files are private by default; give a new file the user's usual permissions, and none that the existing
+        // one lacks, as they might not be taken back.
         #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
+        {
+            use std::os::unix::fs::{MetadataExt, PermissionsExt};
+            let mode = self.existing.as_ref().map_or(0o666, |existing| existing.mode() & 0o777);
+            builder.permissions(PermissionsExt::from_mode(mode));
+        }
         let file = builder.tempfile_in(&self.folder)?;
         // The lock marks the file as being written; without lock support, other processes judge by its age.
         let _ = file.as_file().try_lock();
         if let Some(existing) = &self.existing {
-            file.as_file().set_permissions(existing.permissions())?;
-            // Keep the owner; only root can write a file for another user, so failure is ignored.
-            #[cfg(unix)]
-            {
-                use std::os::unix::fs::MetadataExt;
-                let _ = std::os::unix::fs::fchown(file.as_file(), Some(existing.uid()), Some(existing.gid()));
-            }
+            keep_permissions(existing, file.as_file());
         }
         Ok(file)
     }
 }
 
+/// Gives a new file the permissions and the owner of the one that it replaces, as far as the file system allows: some have
+/// the same for all files, and only root can write a file for another user.
+fn keep_permissions(existing: &Metadata, file: &File) {
+    let Ok(new) = file.metadata() else { return };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        if (new.uid(), new.gid()) != (existing.uid(), existing.gid()) {
+            let _ = std::os::unix::fs::fchown(file, Some(existing.uid()), Some(existing.gid()));
+        }
+    }
+    if new.permissions() != existing.permissions() {
+        let _ = file.set_permissions(existing.permissions());
+    }
+}
+
 /// Resolves the symbolic links at `path`; their target need not exist.
-fn resolve_links(path: &Path) -> Result<PathBuf> {
+pub(super) fn resolve_links(path: &Path) -> Result<PathBuf> {
     let mut path = path.to_owned();
     for _ in 0..MAX_LINKS {
         match path.symlink_metadata() {
@@ -151,13 +250,21 @@ fn resolve_links(path: &Path) -> Result<PathBuf> {
     Err(Error::new(ErrorKind::InvalidInput, "has too many levels of symbolic links"))
 }
 
+/// Syncs a file, so that its contents survive a power failure. Some file systems (mostly network ones) do not support this.
+fn sync(file: &File) -> Result<()> {
+    match file.sync_all() {
+        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
+        synced => synced,
+    }
+}
+
 /// Syncs a folder, so that its entries survive a power failure.
 pub(super) fn sync_folder(folder: &Path) -> Result<()> {
     #[cfg(unix)]
-    match File::open(folder).and_then(|folder| folder.sync_all()) {
-        // Some file systems (mostly network ones) do not support this.
-        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => {}
-        synced => return synced,
+    match File::open(folder) {
+        // Files can be written to a folder whose entries nobody may list.
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => {}
+        folder => return sync(&folder?),
     }
     let _ = folder;
     Ok(())
@@ -168,12 +275,14 @@ fn remove_stale(folder: &Path) {
     let ours = |name: &str| name.starts_with(TEMP_AFFIXES.0) && name.ends_with(TEMP_AFFIXES.1);
     let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
     for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(ours)) {
+        let path = entry.path();
         let old = |file: &File| {
             let modified = file.metadata().and_then(|metadata| metadata.modified()).ok();
             modified.and_then(|at| at.elapsed().ok()).is_some_and(|age| age > STALE_AFTER)
         };
-        if super::open(&entry.path()).is_ok_and(|file| old(&file) && file.try_lock().is_ok()) {
-            let _ = std::fs::remove_file(entry.path());
+        let abandoned = |file: File| old(&file) && file.try_lock().is_ok() && is_at(&file, &path);
+        if super::open(&path).is_ok_and(abandoned) {
+            let _ = std::fs::remove_file(&path);
         }
     }
 }

@@ -168,20 +168,28 @@ impl SaveTo {
     }
 }
 
-/// Files that this program has read or written, with their identity at that time: any change since then was made by
-/// another program.
+/// Checkpoints that this program has read or written, as they were then: any change since was made by another program.
 static KNOWN_FILES: Mutex<BTreeMap<PathBuf, FileIdentity>> = Mutex::new(BTreeMap::new());
 
 /// Distinguishes a file from another one at the same path.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy)]
 struct FileIdentity {
+    facts: FileFacts,
+    /// Checksum of its contents.
+    contents: u32,
+}
+
+/// Facts about a file. Those of another file differ; those of the same may, where a file system has no lasting inodes or
+/// rounds times later.
+#[derive(Clone, Copy, PartialEq, Eq)]
+struct FileFacts {
     bytes: u64,
     modified: Option<SystemTime>,
     inode: u64,
 }
 
-impl FileIdentity {
-    fn read(path: &Path) -> Option<Self> {
+impl FileFacts {
+    fn of(path: &Path) -> Option<Self> {
         let facts = std::fs::metadata(path).ok()?;
         #[cfg(unix)]
         let inode = std::os::unix::fs::MetadataExt::ino(&facts);
@@ -189,23 +197,52 @@ impl FileIdentity {
         let inode = 0;
         Some(Self { bytes: facts.len(), modified: facts.modified().ok(), inode })
     }
+}
 
-    /// Records the current identity of the file at `path`.
-    fn record(path: &Path) {
-        if let (Ok(path), Some(identity)) = (path.canonicalize(), Self::read(path)) {
-            KNOWN_FILES.lock().insert(path, identity);
+impl FileIdentity {
+    /// Records the file at `path`, which has these facts and contents.
+    fn record(path: &Path, facts: Option<FileFacts>, contents: u32) {
+        if let (Ok(path), Some(facts)) = (path.canonicalize(), facts) {
+            KNOWN_FILES.lock().insert(path, Self { facts, contents });
         }
     }
 
-    /// Whether the file at `path` must not be replaced: another program has written it since this one last read or
-    /// wrote it, or it is not a checkpoint.
-    fn is_foreign(path: &Path) -> bool {
-        let known = path.canonicalize().ok().and_then(|path| KNOWN_FILES.lock().get(&path).copied());
-        match known {
-            Some(known) => Self::read(path) != Some(known),
-            None => path.exists() && !is_checkpoint(path),
-        }
+    /// Returns what this program has read or written at `path`.
+    fn known(path: &Path) -> Option<Self> {
+        path.canonicalize().ok().and_then(|path| KNOWN_FILES.lock().get(&path).copied())
     }
+
+    /// Whether the file at `path` is still this one.
+    fn is_at(&self, path: &Path) -> bool {
+        let found = FileFacts::of(path);
+        found == Some(self.facts)
+            || found.is_some_and(|found| found.bytes == self.facts.bytes)
+                && files::read(path, self.facts.bytes).is_ok_and(|bytes| crc32fast::hash(&bytes) == self.contents)
+    }
+}
+
+/// Whether the file at `path` must not be replaced: another program has written it since this one last read or wrote it, or
+/// may come back to it, or it is not a checkpoint.
+fn is_foreign(path: &Path) -> bool {
+    let changed = match FileIdentity::known(path) {
+        Some(known) => !known.is_at(path),
+        None => path.exists() && !is_checkpoint(path),
+    };
+    changed || files::is_in_use(path)
+}
+
+/// Whether this program has read or written the checkpoint at `path`, and no other has written it since.
+pub fn is_own(path: &Path) -> bool {
+    FileIdentity::known(path).is_some_and(|known| known.is_at(path))
+}
+
+/// Removes a checkpoint and its backup if it [`is_own`]. What cannot be removed does no harm.
+pub fn remove_own(path: &Path) {
+    files::while_locked(path, || {
+        if is_own(path) {
+            let _ = (std::fs::remove_file(files::backup_path(path)), std::fs::remove_file(path));
+        }
+    });
 }
 
 /// Writes a checkpoint and returns its path. A crash leaves either the old or the new file; the old one is kept until
@@ -225,18 +262,33 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
     trainer.pulse().begin("the checkpoint to be written");
     let store = trainer.save().map_err(|e| failed(e.to_string()))?;
     let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
-    let written = match to {
-        SaveTo::Replace(path) if FileIdentity::is_foreign(path) => files::write_to_unused(path, &bytes),
-        SaveTo::Replace(path) => {
-            let whole = |found: &[u8]| found == bytes && content::from_bytes(found).is_ok();
-            files::write_verified(path, &bytes, whole).map(|()| path.clone())
-        }
-        SaveTo::CreateNew(path) => files::write_to_unused(path, &bytes),
-    };
-    let path = written.map_err(|e| failed(e.to_string()))?;
+    let path = write(to, &bytes).map_err(|e| failed(e.to_string()))?;
     trainer.pulse().beat();
-    FileIdentity::record(&path);
     tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
+    Ok(path)
+}
+
+/// Writes a checkpoint's bytes and returns its path.
+fn write(to: &SaveTo, bytes: &[u8]) -> std::io::Result<PathBuf> {
+    let contents = crc32fast::hash(bytes);
+    let replace = |path: &PathBuf| {
+        if is_foreign(path) {
+            return Ok::<_, std::io::Error>(None);
+        }
+        files::write_verified(path, bytes, |found| content::from_bytes(found).is_ok())?;
+        FileIdentity::record(path, FileFacts::of(path), contents);
+        Ok(Some(path.clone()))
+    };
+    let replaced = match to {
+        // Another program that has resumed the same file may be about to replace it too.
+        SaveTo::Replace(path) => files::while_locked(path, || replace(path)).transpose()?.flatten(),
+        SaveTo::CreateNew(_) => None,
+    };
+    if let Some(path) = replaced {
+        return Ok(path);
+    }
+    let path = files::write_to_unused(to.path(), bytes)?;
+    FileIdentity::record(&path, FileFacts::of(&path), contents);
     Ok(path)
 }
 
@@ -253,22 +305,27 @@ pub struct Loaded {
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
 pub fn load(path: &Path, registry: &Arc<Registry>, threads: usize) -> Result<Loaded, CheckpointError> {
-    let load = |file: &Path| from_bytes(&read(file)?, registry, threads).map_err(|e| e.to_string());
+    let facts = FileFacts::of(path);
+    let parse = |bytes: Vec<u8>| from_bytes(&bytes, registry, threads).map_err(|e| e.to_string());
+    let bytes = read(path);
+    let contents = bytes.as_ref().map_or(0, |bytes| crc32fast::hash(bytes));
+    let problem = match bytes.and_then(parse) {
+        Ok(trainer) => {
+            FileIdentity::record(path, facts, contents);
+            return Ok(Loaded { trainer, warning: None });
+        }
+        Err(problem) => problem,
+    };
     let backup = files::backup_path(path);
-    FileIdentity::record(path);
-    match load(path) {
-        Ok(trainer) => Ok(Loaded { trainer, warning: None }),
-        Err(problem) => match backup.is_file().then(|| load(&backup)) {
-            Some(Ok(trainer)) => {
-                let problem = truncated(&problem, MAX_REASON_CHARS);
-                let [name, previous] = [path, &backup].map(|path| sanitized(&path.to_string_lossy()));
-                let warning = format!("{name} {problem}; loaded the previous save, {previous}");
-                tracing::warn!("{warning}");
-                Ok(Loaded { trainer, warning: Some(warning) })
-            }
-            _ => Err(unreadable(path, &problem)),
-        },
-    }
+    let Some(Ok(trainer)) = backup.is_file().then(|| read(&backup).and_then(parse)) else {
+        return Err(unreadable(path, &problem));
+    };
+    FileIdentity::record(path, facts, contents);
+    let problem = truncated(&problem, MAX_REASON_CHARS);
+    let [name, previous] = [path, &backup].map(|path| sanitized(&path.to_string_lossy()));
+    let warning = format!("{name} {problem}; loaded the previous save, {previous}");
+    tracing::warn!("{warning}");
+    Ok(Loaded { trainer, warning: Some(warning) })
 }
 
 /// Why bytes cannot be loaded as a checkpoint.

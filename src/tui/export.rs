@@ -66,8 +66,9 @@ pub fn write_film(screen: &Screen) -> std::io::Result<JoinHandle<Result<String, 
 
 fn export_path(kind: ExportKind, screen: &Screen) -> PathBuf {
     let (world, updates) = (screen.title(), screen.snapshot.counters.updates);
-    let name = format!("{world}-{updates}-{}", kind.stem(screen.scene()));
-    unused_export_path(Path::new(EXPORT_FOLDER), &name, kind.file_type())
+    let end = format!("-{updates}-{}.{}", kind.stem(screen.scene()), kind.file_type());
+    // A paused run may be exported several times.
+    files::unused_path(&files::named(Path::new(EXPORT_FOLDER), world, &end))
 }
 
 fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result<String, String> {
@@ -76,11 +77,6 @@ fn write_contents(path: &Path, contents: Result<Vec<u8>, ExportError>) -> Result
         Ok(()) => Ok(format!("wrote {}", path.display())),
         Err(error) => Err(format!("{} cannot be written: {error}", path.display())),
     }
-}
-
-/// Returns a file that does not exist yet: a paused run may be exported several times.
-fn unused_export_path(folder: &Path, name: &str, file_type: &str) -> PathBuf {
-    files::unused_path(&folder.join(format!("{name}.{file_type}")))
 }
 
 /// Returns the file's contents.
@@ -140,22 +136,5 @@ impl PageColours {
 impl Default for PageColours {
     fn default() -> Self {
         Self { ink: (222, 222, 226), ground: (16, 16, 20) }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn exports_never_replace_each_other() {
-        let folder = tempfile::tempdir().expect("a folder");
-        let mut names = Vec::new();
-        for _ in 0..3 {
-            let path = unused_export_path(folder.path(), "rooms-5-map", "png");
-            std::fs::write(&path, b"").expect("written");
-            names.push(path.file_name().expect("a name").to_owned());
-        }
-        assert_eq!(names, ["rooms-5-map.png", "rooms-5-map-2.png", "rooms-5-map-3.png"]);
     }
 }

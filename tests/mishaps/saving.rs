@@ -1,1 +1,431 @@
 //! File systems, names and other programs: what was saved is never lost.
+
+use std::path::PathBuf;
+
+use gdg_tui::files;
+use gdg_tui::setup::elsewhere;
+
+use super::*;
+
+/// Arguments of a short run that is saved several times.
+const SHORT: [&str; 6] = ["--eval-tasks", "1", "--save-every", "0.0005", "--max-updates", "200"];
+
+/// Returns text without line breaks and what is drawn beside it.
+fn flat(text: &str) -> String {
+    text.replace('│', " ").split_whitespace().collect::<Vec<_>>().join(" ")
+}
+
+/// Returns the names of the files in a folder, sorted; the user's own folder is not among them.
+fn names(folder: &Path) -> Vec<String> {
+    let entries = std::fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().file_name());
+    let names = entries.map(|name| name.to_string_lossy().into_owned());
+    let mut names: Vec<String> = names.filter(|name| name != "home").collect();
+    names.sort();
+    names
+}
+
+/// File systems that refuse system calls.
+#[cfg(all(target_os = "linux", target_arch = "x86_64"))]
+mod lacking {
+    use std::collections::BTreeMap;
+
+    use nix::libc;
+    use seccompiler::{
+        BpfProgram, SeccompAction, SeccompCmpArgLen, SeccompCmpOp, SeccompCondition, SeccompFilter, SeccompRule,
+        TargetArch, apply_filter,
+    };
+
+    use super::*;
+
+    /// System calls, and how they fail.
+    type Refused<'a> = (&'a [i64], i32);
+
+    const LINKS: &[i64] = &[libc::SYS_link, libc::SYS_linkat];
+    const MODES: &[i64] = &[libc::SYS_chmod, libc::SYS_fchmod, libc::SYS_fchmodat, libc::SYS_fchown];
+    const SYNC: &[i64] = &[libc::SYS_fsync, libc::SYS_fdatasync];
+    const LOCKS: &[i64] = &[libc::SYS_flock];
+    const RENAMES: &[i64] = &[libc::SYS_rename, libc::SYS_renameat];
+    /// Renames that do not replace are a kind of [`libc::SYS_renameat2`].
+    const NO_REPLACE: &[i64] = &[libc::SYS_renameat2];
+
+    /// Runs `work` where system calls fail, for it and for the programs that it starts.
+    fn without<T: Send>(refused: &[Refused], work: impl FnOnce() -> T + Send) -> T {
+        let refuse = |(calls, error): &Refused| {
+            let has_flags = SeccompCondition::new(4, SeccompCmpArgLen::Dword, SeccompCmpOp::Ne, 0).unwrap();
+            let rules = |call: i64| match call {
+                libc::SYS_renameat2 => vec![SeccompRule::new(vec![has_flags.clone()]).unwrap()],
+                _ => Vec::new(),
+            };
+            let rules: BTreeMap<i64, Vec<SeccompRule>> = calls.iter().map(|call| (*call, rules(*call))).collect();
+            let fails = SeccompAction::Errno(*error as u32);
+            let filter = SeccompFilter::new(rules, SeccompAction::Allow, fails, TargetArch::x86_64).unwrap();
+            let program: BpfProgram = filter.try_into().unwrap();
+            apply_filter(&program).unwrap();
+        };
+        let within = || {
+            refused.iter().for_each(refuse);
+            work()
+        };
+        std::thread::scope(|scope| scope.spawn(within).join().unwrap())
+    }
+
+    #[test]
+    fn what_a_file_system_lacks_is_done_without() {
+        let cases: [&[Refused]; 9] = [
+            &[(LINKS, libc::EPERM), (NO_REPLACE, libc::EINVAL)],
+            &[(LINKS, libc::EIO), (NO_REPLACE, libc::EIO)],
+            &[(LINKS, libc::ENOSYS), (NO_REPLACE, libc::ENOSYS)],
+            &[(LINKS, libc::EOPNOTSUPP), (NO_REPLACE, libc::EPERM)],
+            &[(MODES, libc::EPERM)],
+            &[(SYNC, libc::EINVAL)],
+            &[(SYNC, libc::ENOSYS)],
+            &[(LOCKS, libc::ENOLCK)],
+            &[
+                (LINKS, libc::EPERM),
+                (NO_REPLACE, libc::EINVAL),
+                (MODES, libc::EPERM),
+                (SYNC, libc::ENOSYS),
+                (LOCKS, libc::ENOSYS),
+            ],
+        ];
+        for (case, refused) in cases.into_iter().enumerate() {
+            let folder = folder();
+            let path = folder.path().join("x.safetensors");
+            let first: &[&str] = &["trap", "--save", "x.safetensors"];
+            let second: &[&str] = &["--resume", "x.safetensors", "--save", "x.safetensors"];
+            for (args, updates) in [(first, "200"), (second, "400")] {
+                if path.exists() {
+                    // Not what a new file has.
+                    std::fs::set_permissions(&path, PermissionsExt::from_mode(0o666)).unwrap();
+                }
+                let mut command = headless(folder.path(), &[args, &SHORT[..5], &[updates]].concat());
+                let (status, output, errors) = without(refused, || outcome(&mut command));
+                assert_eq!((status, errors.as_str()), (0, ""), "{case}");
+                let saved = events(&output).iter().filter(|event| event["event"] == "saved").count();
+                assert!(saved > 1, "{case}: {output}");
+                assert_eq!(assert_loads(&path), updates.parse::<u64>().unwrap(), "{case}");
+                assert_eq!(names(folder.path()), ["x.safetensors"], "{case}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_file_system_that_loses_what_is_written_is_refused_before_training() {
+        for error in [libc::EIO, libc::EDQUOT] {
+            let folder = folder();
+            let mut command = headless(folder.path(), &[&["trap", "--save", "x.safetensors"][..], &SHORT].concat());
+            let (status, output, errors) = without(&[(SYNC, error)], || outcome(&mut command));
+            assert_eq!((status, output.as_str()), (2, ""), "{errors}");
+            assert!(flat(&errors).contains("a checkpoint cannot be saved here"), "{errors}");
+            assert!(names(folder.path()).is_empty());
+        }
+    }
+
+    #[test]
+    fn a_file_system_that_cannot_rename_is_refused_before_training() {
+        let folder = folder();
+        let mut command = headless(folder.path(), &[&["trap", "--save", "new/x.safetensors"][..], &SHORT].concat());
+        let refused = [(RENAMES, libc::EPERM), (NO_REPLACE, libc::EPERM)];
+        let (status, output, errors) = without(&refused, || outcome(&mut command));
+        assert_eq!((status, output.as_str()), (2, ""), "{errors}");
+        assert!(names(folder.path()).is_empty());
+    }
+
+    #[test]
+    fn experiments_need_neither_links_nor_permissions() {
+        let folder = folder();
+        let refused = [(LINKS, libc::EPERM), (NO_REPLACE, libc::EINVAL), (MODES, libc::EPERM), (LOCKS, libc::ENOSYS)];
+        let (status, _, errors) = without(&refused, || outcome(&mut suite(folder.path(), "30")));
+        assert_eq!(status, 0, "{errors}");
+        assert_eq!(names(&folder.path().join("out/jobs")).len(), 1);
+        assert!(folder.path().join("out/report.md").is_file());
+    }
+
+    #[test]
+    fn a_backup_that_a_killed_program_left_is_replaced_by_the_file_if_that_is_good() {
+        let folder = folder();
+        let path = checkpoint(folder.path());
+        let before = std::fs::read(&path).unwrap();
+        let save = |path: &Path| {
+            let trainer = train::load(path, &Registry::builtin(), 1).unwrap().trainer;
+            train::save(&trainer, &SaveTo::Replace(path.to_owned()))
+        };
+        let backup = files::backup_path(&path);
+        std::fs::write(&backup, "older").unwrap();
+        // Fails between keeping the previous file and replacing it.
+        let refused = [(RENAMES, libc::EPERM)];
+        without(&refused, || save(&path).unwrap_err());
+        assert_eq!(std::fs::read(&backup).unwrap(), before);
+        assert_eq!(save(&path).unwrap(), path);
+        assert_eq!(names(folder.path()), ["small.safetensors"]);
+    }
+
+    #[test]
+    fn without_locks_an_autosave_that_another_program_has_saved_to_is_kept() {
+        let (folder, mut session, autosave) = autosaving();
+        let written = without(&[(LOCKS, libc::ENOSYS)], || {
+            let other = train::load(&autosave, &Registry::builtin(), 1).unwrap().trainer;
+            train::save(&other, &SaveTo::Replace(autosave.clone())).unwrap()
+        });
+        assert_eq!(written, autosave);
+        outlives_the_run_that_made_it(&autosave, folder.path(), &mut session);
+    }
+}
+
+/// Returns a command for a suite of one small job.
+fn suite(folder: &Path, budget: &str) -> Command {
+    std::fs::create_dir_all(folder.join("maps")).unwrap();
+    std::fs::write(folder.join("maps/open.map"), "type octile\nheight 2\nwidth 6\nmap\n......\n......\n").unwrap();
+    let mut command = isolated_command(folder);
+    command.args(["suite", "maps", "--out", "out", "--budget", budget, "--eval-tasks", "1"]);
+    command.args(["--set", "hidden=16", "--set", "buffer_size=20000", "--set", "candidates=50"]);
+    command
+}
+
+/// Starts a run in the interface that autosaves all the time; returns its folder and its first autosave.
+fn autosaving() -> (tempfile::TempDir, Session, PathBuf) {
+    let folder = folder();
+    std::fs::create_dir(folder.path().join("gdg-tui")).unwrap();
+    std::fs::write(folder.path().join("gdg-tui/config.toml"), "autosave_minutes = 0.01\n").unwrap();
+    let session = Session::start(folder.path(), &["trap"]);
+    session.wait(|_| checkpoints(folder.path()).iter().any(|path| train::describe(path).is_ok()));
+    let autosave = checkpoints(folder.path()).remove(0);
+    assert!(autosave.to_string_lossy().contains("-auto-"), "{}", autosave.display());
+    (folder, session, autosave)
+}
+
+/// Checks that a file stays as it is when the run's autosaves beside it are removed: in turn, and when it is saved.
+fn outlives_the_run_that_made_it(file: &Path, folder: &Path, session: &mut Session) {
+    let before = std::fs::read(file).unwrap();
+    let updates = |path: &PathBuf| train::describe(path).map_or(0, |found| found.updates);
+    let later = || checkpoints(folder).iter().map(updates).max().unwrap_or(0);
+    for _ in 0..5 {
+        let latest = later();
+        session.wait(|_| later() > latest);
+    }
+    session.press(" ");
+    session.wait_for("paused");
+    session.press("s");
+    session.wait_for("saved saves/trap");
+    session.press("q");
+    assert_eq!(session.status(), 0);
+    assert_eq!(std::fs::read(file).unwrap(), before);
+    let left = checkpoints(folder);
+    assert!(left.len() == 2 && left.contains(&file.to_owned()), "its own and the other's: {left:?}");
+}
+
+#[test]
+fn an_autosave_of_a_living_run_is_resumed_under_another_name() {
+    let (folder, mut session, autosave) = autosaving();
+    let name = autosave.strip_prefix(folder.path()).unwrap().to_str().unwrap();
+    let updates = (train::describe(&autosave).unwrap().updates + 20).to_string();
+    let args = ["--resume", name, "--save", name, "--eval-tasks", "1", "--max-updates", &updates];
+    let (status, output, errors) = outcome(&mut headless(folder.path(), &args));
+    assert_eq!(status, 0, "{errors}");
+    let saved = events(&output).into_iter().find(|event| event["event"] == "saved").unwrap();
+    let other = folder.path().join(saved["path"].as_str().unwrap());
+    assert_ne!(other, autosave);
+    outlives_the_run_that_made_it(&other, folder.path(), &mut session);
+}
+
+#[test]
+fn a_file_that_another_program_is_replacing_is_left_to_it() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    let args = ["--resume", "small.safetensors", "--save", "small.safetensors", "--eval-tasks", "1"];
+    let mut command = headless(folder.path(), &[&args[..], &["--max-updates", "360"]].concat());
+    let (status, output, errors) = files::while_locked(&path, || outcome(&mut command)).unwrap();
+    assert_eq!(status, 0, "{errors}");
+    assert!(output.contains("small-2.safetensors"), "{output}");
+    assert_eq!(assert_loads(&path), 350);
+    assert_eq!(names(folder.path()), ["small-2.safetensors", "small.safetensors"]);
+}
+
+#[test]
+fn programs_that_resume_one_file_lose_nothing() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    for round in 0..6 {
+        let updates = (400 + round).to_string();
+        let args = ["--resume", "small.safetensors", "--save", "small.safetensors", "--eval-tasks", "1"];
+        let args = [&args[..], &["--save-every", "0.00001", "--threads", "1", "--max-updates", &updates]].concat();
+        let start = |_| headless(folder.path(), &args).stdout(Stdio::piped()).stderr(Stdio::null()).spawn().unwrap();
+        let both = [0, 1].map(start).map(|child| child.wait_with_output().unwrap());
+        let saved = both.map(|output| {
+            assert!(output.status.success());
+            let events = events(&String::from_utf8(output.stdout).unwrap());
+            events.into_iter().rfind(|event| event["event"] == "saved").unwrap()["path"].as_str().unwrap().to_owned()
+        });
+        assert_ne!(saved[0], saved[1], "the last save of each stays");
+        assert!(saved.iter().all(|name| assert_loads(&folder.path().join(name)) == 400 + round), "{saved:?}");
+        assert!(saved.contains(&"small.safetensors".to_owned()), "{saved:?}");
+        assert!(path.is_file() && !names(folder.path()).iter().any(|name| name.starts_with(".gdg-")));
+    }
+}
+
+#[test]
+fn a_file_whose_inode_or_time_changes_is_still_the_runs_own() {
+    let folder = folder();
+    let path = checkpoint(folder.path());
+    let trainer = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
+    // As file systems do that have no lasting inodes, or round times later.
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(&path).unwrap();
+    std::fs::write(&path, &bytes).unwrap();
+    assert_eq!(train::save(&trainer, &SaveTo::Replace(path.clone())).unwrap(), path);
+}
+
+#[test]
+fn names_of_any_length_work_for_every_save_or_are_refused_before_training() {
+    let folder = folder();
+    for bytes in [231, 243, 255] {
+        let name = "x".repeat(bytes - 12) + ".safetensors";
+        let (status, output, errors) =
+            outcome(&mut headless(folder.path(), &[&["trap", "--save", &name], &SHORT[..]].concat()));
+        assert_eq!((status, errors.as_str()), (0, ""), "{bytes}");
+        assert!(events(&output).iter().filter(|event| event["event"] == "saved").count() > 1, "{output}");
+        assert_eq!(names(folder.path()), [name.as_str()], "{bytes}");
+        // Another run's, and what is made from it.
+        let (status, _, errors) =
+            outcome(&mut headless(folder.path(), &[&["trap", "--save", &name], &SHORT[..]].concat()));
+        assert!(status == 0 && flat(&errors).contains("belongs to another run"), "{errors}");
+        for command in ["export-policy", "film"] {
+            let (status, output, errors) = outcome(isolated_command(folder.path()).args([command, &name]));
+            assert_eq!(status, 0, "{errors}");
+            assert!(folder.path().join(output.trim_end()).is_file());
+        }
+        let made = names(folder.path());
+        assert!(made.len() == 4 && made.iter().all(|name| name.len() <= 255), "{made:?}");
+        made.iter().for_each(|name| std::fs::remove_file(folder.path().join(name)).unwrap());
+    }
+    let name = "x".repeat(256);
+    let (status, output, errors) = outcome(&mut headless(folder.path(), &["trap", "--save", &name]));
+    assert_eq!((status, output.as_str()), (2, ""));
+    assert!(flat(&errors).contains("its name has 256 bytes"), "{errors}");
+}
+
+#[test]
+fn a_map_with_a_long_name_is_saved_by_interface_autosave_and_hangup() {
+    let folder = folder();
+    let map = "迷".repeat(80) + ".txt";
+    std::fs::write(folder.path().join(&map), "S.......\n........\n.......G\n").unwrap();
+    std::fs::create_dir(folder.path().join("gdg-tui")).unwrap();
+    std::fs::write(folder.path().join("gdg-tui/config.toml"), "autosave_minutes = 0.01\n").unwrap();
+    let mut session = Session::start(folder.path(), &[&map]);
+    let found = |folder: &Path| checkpoints(folder);
+    session.wait(|_| found(folder.path()).iter().any(|path| train::describe(path).is_ok()));
+    session.press("s");
+    session.wait(|_| found(folder.path()).iter().any(|path| !path.to_string_lossy().contains("-auto-")));
+    session.press("q");
+    session.wait_for_end_or("quit");
+    session.press("\r");
+    assert_eq!(session.status(), 0);
+    let saved = found(folder.path());
+    let name = saved[0].file_name().unwrap().to_str().unwrap();
+    assert!(saved.len() == 1 && name.starts_with('迷') && name.ends_with("-gdg-bridge-seed0.safetensors"), "{saved:?}");
+    assert!(assert_loads(&saved[0]) > 0);
+    std::fs::remove_dir_all(folder.path().join("saves")).unwrap();
+    std::fs::remove_dir_all(folder.path().join("gdg-tui")).unwrap();
+    let session = Session::start(folder.path(), &[&map]);
+    session.wait_for("elapsed   0:00:12");
+    let mut child = session.close_terminal();
+    assert_eq!(child.wait().unwrap().exit_code(), 129);
+    assert_eq!(found(folder.path()), saved);
+}
+
+#[test]
+fn a_run_whose_name_no_file_system_takes_is_saved_elsewhere_under_another() {
+    let folder = folder();
+    let trainer = train::load(&checkpoint(folder.path()), &Registry::builtin(), 1).unwrap().trainer;
+    let long = "x".repeat(300);
+    assert!(train::save(&trainer, &SaveTo::CreateNew(folder.path().join(&long))).is_err());
+    assert!(elsewhere(Path::new(&long)).iter().all(|path| path.file_name().is_some_and(|name| *name == *long)));
+    let mut session = Session::start(folder.path(), &["--resume", "small.safetensors"]);
+    session.wait_for("training");
+    session.press(":");
+    session.press("save-as\r");
+    session.wait_for("save the checkpoint as");
+    session.press(&format!("{long}\r"));
+    session.wait_for("its name has 317 bytes");
+    session.press("\x1b");
+    session.press("q");
+    session.wait_for_end_or("quit");
+    session.press("\r");
+    assert_eq!(session.status(), 0);
+}
+
+#[test]
+fn what_is_in_the_way_of_an_experiments_files_is_refused() {
+    let folder = folder();
+    let (status, _, errors) = outcome(suite(folder.path(), "30").arg("--keep"));
+    assert_eq!(status, 0, "{errors}");
+    let jobs = folder.path().join("out/jobs");
+    let job = names(&jobs).into_iter().find_map(|name| name.strip_suffix(".json").map(str::to_owned)).unwrap();
+    std::fs::remove_file(jobs.join(format!("{job}.json"))).unwrap();
+    let mine = folder.path().join("mine");
+    let refused = |path: PathBuf, why: &str| {
+        let before = std::fs::read(&path).ok();
+        let _ = std::fs::remove_file(&path);
+        std::fs::write(&mine, "mine").unwrap();
+        symlink(&mine, &path).unwrap();
+        let (status, _, errors) = outcome(&mut suite(folder.path(), "30"));
+        assert!(
+            status != 0 && flat(&errors).contains(why) && !errors.contains("begins"),
+            "{}: {errors}",
+            path.display()
+        );
+        assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
+        std::fs::remove_file(&path).unwrap();
+        before.map(|bytes| std::fs::write(&path, bytes).unwrap());
+    };
+    for path in ["report.md".into(), format!("jobs/{job}.json"), format!("pictures/{job}.png")] {
+        refused(folder.path().join("out").join(path), "is a symbolic link");
+    }
+    let checkpoint = jobs.join(format!("{job}.safetensors"));
+    refused(checkpoint.clone(), "is not a checkpoint of gdg-tui and is not replaced");
+    std::fs::write(&checkpoint, "mine").unwrap();
+    let (status, _, errors) = outcome(&mut suite(folder.path(), "30"));
+    assert!(status == 1 && flat(&errors).contains("is not a checkpoint of gdg-tui and is not replaced"), "{errors}");
+    assert_eq!(std::fs::read_to_string(&checkpoint).unwrap(), "mine");
+}
+
+/// Starts a suite and waits until its job has begun; returns it with the job's name.
+fn begun(command: &mut Command) -> (Child, String) {
+    let mut child = command.stdout(Stdio::null()).stderr(Stdio::piped()).spawn().unwrap();
+    let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+    let begins = lines.find_map(|line| line.unwrap().split_once(": begins").map(|(name, _)| name.to_owned()));
+    // Read to the end: a program whose standard error is closed could not write to it.
+    std::thread::spawn(move || lines.count());
+    (child, begins.unwrap())
+}
+
+#[test]
+fn a_picture_that_cannot_be_written_does_not_cost_the_result() {
+    let folder = folder();
+    let (mut child, job) = begun(&mut suite(folder.path(), "1500"));
+    std::fs::write(folder.path().join("out/pictures"), "mine").unwrap();
+    assert_eq!(child.wait().unwrap().code(), Some(1), "it says so");
+    assert!(folder.path().join(format!("out/jobs/{job}.json")).is_file());
+    assert_eq!(names(&folder.path().join("out/jobs")), [format!("{job}.json")]);
+}
+
+#[test]
+fn a_job_that_cannot_be_saved_to_its_folder_is_saved_elsewhere_and_found_again() {
+    let folder = folder();
+    let (mut child, job) = begun(&mut suite(folder.path(), "200000"));
+    let (jobs, moved) = (folder.path().join("out/jobs"), folder.path().join("moved"));
+    std::fs::rename(&jobs, &moved).unwrap();
+    std::fs::write(&jobs, "in the way").unwrap();
+    kill(child.id(), "TERM");
+    assert_eq!(child.wait().unwrap().code(), Some(143));
+    let kept = folder.path().join(format!("saves/{job}.safetensors"));
+    let updates = assert_loads(&kept);
+    std::fs::remove_file(&jobs).unwrap();
+    std::fs::rename(&moved, &jobs).unwrap();
+    let mut again = suite(folder.path(), "200000").stderr(Stdio::piped()).stdout(Stdio::null()).spawn().unwrap();
+    let mut lines = BufReader::new(again.stderr.take().unwrap()).lines();
+    let resumes = lines.find_map(|line| line.ok().filter(|line| line.contains(": resumes after"))).unwrap();
+    assert!(resumes.contains(&format!("resumes after {updates} of")), "{resumes}");
+    kill(again.id(), "TERM");
+    again.wait().unwrap();
+}

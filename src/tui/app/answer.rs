@@ -9,6 +9,7 @@ use super::files::{checkpoint_file, remember_map};
 use super::{App, maze_on};
 use crate::engine::{Command, MakeWorld};
 use crate::env::{WORLDS, WorldKind, maze};
+use crate::files::check_name;
 use crate::map::{Grid, is_size, size_limits};
 use crate::text::{CountError, parse_count, parse_real};
 use crate::train::{ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting};
@@ -260,7 +261,9 @@ impl App {
                 if typed.is_empty() {
                     return Err(AnswerError::NoName);
                 }
-                self.save_under(checkpoint_file(typed));
+                let path = checkpoint_file(typed);
+                check_name(&path).map_err(|error| AnswerError::Unwritable("the file".to_owned(), error))?;
+                self.save_under(path);
             }
             Question::SaveMap => self.save_map(typed)?,
             Question::NewMap => {

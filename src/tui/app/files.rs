@@ -8,7 +8,7 @@ use jiff::tz::TimeZone;
 use super::App;
 use super::answer::AnswerError;
 use crate::facts::warnings;
-use crate::files::{has_extension, is_hidden, read_text, write_atomically};
+use crate::files::{has_extension, is_hidden, named, read_text, write_atomically};
 use crate::map::{load_map, print_ascii, print_movingai};
 use crate::runs::{self, SAVES};
 use crate::train::describe;
@@ -48,7 +48,8 @@ impl App {
     }
 
     pub(in crate::tui) fn ask_map_file(&mut self) {
-        let name = format!("{}-edited.txt", self.screen.maze.map.name().trim_end_matches("-edited"));
+        let stem = self.screen.maze.map.name().trim_end_matches("-edited");
+        let name = named(Path::new(""), stem, "-edited.txt").to_string_lossy().into_owned();
         let hint = "NAME.map: Moving AI format; any other: plain ASCII";
         self.open_prompt(Prompt::new(Question::SaveMap, "save the map as", hint, name));
     }

@@ -6,7 +6,7 @@ use miette::Report;
 
 use super::{App, Autosaved};
 use crate::engine::{Command, Phase, Snapshot};
-use crate::files::unused_path;
+use crate::files::{named, unused_path};
 use crate::logging;
 use crate::report::from_checkpoint_error;
 use crate::runs::{self, SAVES};
@@ -68,12 +68,12 @@ impl Saving {
     pub fn start_run(&mut self, snapshot: &Snapshot) {
         let Snapshot { title, run, saved, .. } = snapshot;
         self.then = None;
-        let name = format!("{title}-{}-seed{}.safetensors", run.method.name(), run.seed);
+        let end = format!("-{}-seed{}.safetensors", run.method.name(), run.seed);
         self.to = match (self.files.save.take(), saved, &self.named) {
             (Some(to), ..) => to,
             (None, Some((_, path)), _) => SaveTo::Replace(path.to_path_buf()),
             (None, None, Some(path)) => SaveTo::CreateNew(path.clone()),
-            (None, None, None) => SaveTo::CreateNew(Path::new(SAVES).join(name)),
+            (None, None, None) => SaveTo::CreateNew(named(Path::new(SAVES), &**title, &end)),
         };
     }
 
@@ -324,7 +324,7 @@ impl App {
         for path in snapshot.autosaves.iter() {
             if kept_by_user {
                 // What the user saved is newer.
-                let _ = std::fs::remove_file(path);
+                train::remove_own(path);
             } else {
                 summary += &format!("\nautosaved {}", path.display());
             }
