@@ -2,7 +2,6 @@
 
 mod animation;
 
-use std::ffi::OsStr;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::num::NonZero;

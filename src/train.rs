@@ -18,8 +18,8 @@ mod settings;
 mod trainer;
 
 pub use checkpoint::{
-    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes, is_checkpoint, is_own, load,
-    remove_own, save, with_updated_checksum,
+    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes, is_checkpoint, is_own,
+    load, remove_own, save, with_updated_checksum,
 };
 pub use config::{
     ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from, settings_from_text,

@@ -10,8 +10,8 @@ use std::time::Duration;
 
 use tempfile::NamedTempFile;
 
-use super::lock::is_at;
 use super::derived::{MAX_NAME_BYTES, fitting, numbered};
+use super::lock::is_at;
 use super::read::ensure_regular_file;
 
 /// Prefix and suffix of temporary files.
