@@ -146,7 +146,7 @@ impl Runner {
         at.progress.begin(at.job, job.plan.length.done(&trainer.counters()));
         let ended = self.train_and_finish(job, &mut trainer, &mut saver, at);
         if ended.is_err() && self.folder.result_of(job).is_none() {
-            self.rescue(job, &mut trainer, &mut saver, at);
+            rescue(job, &mut trainer, &mut saver, at);
         }
         ended
     }
@@ -165,17 +165,6 @@ impl Runner {
         let measured = measure(&job.plan, trainer, job.world.map())?;
         self.folder.finish(job, &job.result(trainer, measured), picture.as_deref(), self.keep)?;
         Ok(End::Done)
-    }
-
-    /// Saves what a job has learned whose result or checkpoint could not be written: the next run goes on from there.
-    fn rescue(&self, job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) {
-        if saver.save(trainer).is_err() {
-            let kept = save_elsewhere(trainer, saver.path());
-            let line = kept.map_or("what it has learned cannot be saved".to_owned(), |path| {
-                format!("saved to {} instead, where the next run finds it", path.display())
-            });
-            at.progress.line(&format!("{}: {line}", job.name));
-        }
     }
 
     /// Resumes the job from its checkpoint; begins it if there is none that can be loaded.
@@ -265,6 +254,17 @@ struct At<'a> {
     progress: &'a Progress,
     /// The job's index.
     job: usize,
+}
+
+/// Saves what a job has learned whose result or checkpoint could not be written: the next run goes on from there.
+fn rescue(job: &Job, trainer: &mut Trainer, saver: &mut Saver, at: &At) {
+    if saver.save(trainer).is_err() {
+        let kept = save_elsewhere(trainer, saver.path());
+        let line = kept.map_or("what it has learned cannot be saved".to_owned(), |path| {
+            format!("saved to {} instead, where the next run finds it", path.display())
+        });
+        at.progress.line(&format!("{}: {line}", job.name));
+    }
 }
 
 /// Prints why a job failed.

@@ -2,7 +2,7 @@
 //!
 //! What a file system lacks (hard links, permissions, syncing, locks) is done without; what it refuses is an error.
 
-use std::ffi::OsString;
+use std::ffi::{OsStr, OsString};
 use std::fs::{File, Metadata};
 use std::io::{Error, ErrorKind, Result, Write};
 use std::path::{Component, Path, PathBuf};
@@ -179,7 +179,7 @@ impl Target {
 
     /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into place.
     pub fn write(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>) -> Result<()> {
-        let mut file = self.create_temporary(TEMP_AFFIXES.0.into())?;
+        let mut file = self.create_temporary(TEMP_AFFIXES.0.as_ref())?;
         file.write_all(bytes)?;
         sync(file.as_file())?;
         persist(file, &self.path)?;
@@ -191,16 +191,16 @@ impl Target {
         let mut prefix = OsString::from(TEMP_AFFIXES.0);
         prefix.push(fitting(self.path.file_name().unwrap_or_default(), MAX_TEMP_STEM_BYTES));
         // Removed when dropped, and with it what replaces it.
-        let place = self.create_temporary(prefix)?.into_temp_path();
+        let place = self.create_temporary(&prefix)?.into_temp_path();
         self.called(place.to_path_buf()).write(b"gdg-tui", replace)
     }
 
     /// Creates a temporary file in the target's folder, with the permissions intended for the target.
-    fn create_temporary(&self, prefix: OsString) -> Result<NamedTempFile> {
+    fn create_temporary(&self, prefix: &OsStr) -> Result<NamedTempFile> {
         std::fs::create_dir_all(&self.folder)?;
         remove_stale(&self.folder);
         let mut builder = tempfile::Builder::new();
-        builder.prefix(&prefix).suffix(TEMP_AFFIXES.1);
+        builder.prefix(prefix).suffix(TEMP_AFFIXES.1);
         // Temporary files are private by default; give a new file the user's usual permissions, and none that the existing
         // one lacks, as they might not be taken back.
         #[cfg(unix)]

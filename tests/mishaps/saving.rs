@@ -368,7 +368,9 @@ fn what_is_in_the_way_of_an_experiments_files_is_refused() {
         );
         assert_eq!(std::fs::read_to_string(&mine).unwrap(), "mine");
         std::fs::remove_file(&path).unwrap();
-        before.map(|bytes| std::fs::write(&path, bytes).unwrap());
+        if let Some(bytes) = before {
+            std::fs::write(&path, bytes).unwrap();
+        }
     };
     for path in ["report.md".into(), format!("jobs/{job}.json"), format!("pictures/{job}.png")] {
         refused(folder.path().join("out").join(path), "is a symbolic link");
