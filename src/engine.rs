@@ -523,28 +523,28 @@ mod tests {
 
     #[test]
     fn stopping_waits_for_what_moves_and_gives_up_what_does_not() {
-        let limit = Duration::from_millis(100);
-        for moves in [true, false] {
+        for (moves, limit) in [(true, Duration::from_secs(2)), (false, Duration::from_millis(100))] {
             let run =
                 Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
             let world = PointMaze::new(Arc::new(crate::map::builtin("trap").expect("a built-in map")), 0);
             let trainer = Trainer::new(run, &world, &Registry::builtin(), 1).expect("a trainer");
             let engine = Engine::start(trainer, Limits::default()).expect("a thread");
-            let (begun, begins) = channel();
+            let ((begun, begins), (release, wait)) = (channel(), channel::<()>());
             let pulse = engine.pulse().clone();
+            // An edit that moves for longer than the limit, or hangs.
             let make = move |world: &dyn Environment| {
                 begun.send(()).expect("the test waits");
-                for _ in 0..100 {
-                    std::thread::sleep(limit / 10);
-                    if moves {
-                        pulse.beat();
-                    }
+                for _ in (0..60).filter(|_| moves) {
+                    std::thread::sleep(limit / 40);
+                    pulse.beat();
                 }
+                let _ = wait.recv_timeout(if moves { Duration::ZERO } else { Duration::from_mins(1) });
                 world.fork(world.agents())
             };
             assert!(engine.send(Command::ChangeWorld(Box::new(make), "edited")));
             begins.recv().expect("the edit begins");
             assert_eq!(engine.stop_unless_hung(limit).is_some(), moves);
+            drop(release);
         }
     }
 
