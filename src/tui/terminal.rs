@@ -311,8 +311,13 @@ fn set_up_modes() -> std::io::Result<()> {
     enable_raw_mode()?;
     let mut bytes = Vec::new();
     queue!(bytes, EnterAlternateScreen, EnableMouseCapture, EnableBracketedPaste, cursor::Hide)?;
+    ON_SCREEN.store(true, Ordering::Relaxed);
     printing::stdout().send(&bytes)
 }
+
+/// Whether the program is on its own screen. It is left once: leaving it again would put the cursor back to where it was,
+/// over what has been printed since.
+static ON_SCREEN: AtomicBool = AtomicBool::new(false);
 
 /// Restores the terminal. Ignores errors, which cannot be reported any more.
 pub fn restore() {
@@ -321,7 +326,8 @@ pub fn restore() {
 
 /// Restores the terminal; returns whether it has read all of the output.
 fn give_back() -> bool {
-    let bytes = leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed));
+    let leaves = ON_SCREEN.swap(false, Ordering::Relaxed);
+    let bytes = if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
     let is_read = printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly();
     let _ = disable_raw_mode();
     is_read
