@@ -133,8 +133,7 @@ fn a_signal_that_comes_during_slow_saving_ends_it_only_if_it_is_the_same_again()
     let start = || {
         let folder = folder();
         let args = ["trap", "--save", "kept.safetensors"];
-        // Training hangs for a while before it is saved.
-        let mut run = RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "trainer=delay:9000@1"));
+        let mut run = RunningProgram::start(headless(folder.path(), &args).env(FAULTS, "save=delay:9000@1"));
         run.wait_for("start");
         kill(run.child.id(), "TERM");
         std::thread::sleep(Duration::from_millis(400));
@@ -225,14 +224,14 @@ fn a_reader_that_comes_late_gets_all_records_in_order() {
 
 #[test]
 fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
-    let (folder, faults) = (folder(), [(FAULTS, "trainer=delay:60000@1")]);
+    let (folder, faults) = (folder(), [(FAULTS, "save=delay:60000@1")]);
     let args = ["trap", "--save", "kept.safetensors"];
     let mut run = RunningProgram::start(headless(folder.path(), &args).envs(faults));
     run.wait_for("start");
     kill(run.child.id(), "TERM");
     let (mut line, mut errors) = (String::new(), BufReader::new(run.child.stderr.take().unwrap()));
     errors.read_line(&mut line).unwrap();
-    assert!(line.contains("waiting for") && line.contains("twice"), "{line}");
+    assert!(line.contains("waiting for the checkpoint") && line.contains("twice"), "{line}");
     assert_eq!(run.end_with_signal("TERM").0, 143);
 
     // The interface leaves its screen for it.
