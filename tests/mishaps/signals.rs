@@ -235,7 +235,7 @@ fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
     assert_eq!(run.end_with_signal("TERM").0, 143);
 
     // The interface leaves its screen for it.
-    let mut session = Session::start_with(folder.path(), &args, &faults);
+    let session = Session::start_with(folder.path(), &args, &faults);
     session.wait_for("training");
     session.signal("TERM");
     session.wait_for("waiting for");
