@@ -6,9 +6,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use gdg_tui::env::fetch_reach::WALL;
-use gdg_tui::env::{Environment, FetchReach};
-use gdg_tui::learn::product::{Lhs, Panels};
+use gdg::env::fetch_reach::WALL;
+use gdg::env::{Environment, FetchReach};
+use gdg::learn::product::{Lhs, Panels};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 

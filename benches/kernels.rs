@@ -1,8 +1,8 @@
 //! Single kernels at the shapes of an update: `cargo bench`.
 
 use divan::{Bencher, black_box};
-use gdg_tui::learn::kernel::{self, AdamRate};
-use gdg_tui::learn::product::{Lhs, Panels};
+use gdg::learn::kernel::{self, AdamRate};
+use gdg::learn::product::{Lhs, Panels};
 
 /// Rows and width.
 const SHAPES: [(usize, usize); 4] = [(32, 64), (32, 128), (64, 256), (256, 256)];

@@ -3,8 +3,8 @@
 use std::sync::Arc;
 
 use divan::Bencher;
-use gdg_tui::env::{Environment, PointMaze};
-use gdg_tui::map::{Diameter, Grid, RandomMapKind, random};
+use gdg::env::{Environment, PointMaze};
+use gdg::map::{Diameter, Grid, RandomMapKind, random};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;
 

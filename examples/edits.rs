@@ -12,10 +12,10 @@ use std::path::Path;
 use std::sync::Arc;
 
 use clap::Parser;
-use gdg_tui::env::{Environment, PointMaze, TruePairs};
-use gdg_tui::learn::Scratch;
-use gdg_tui::map::{Cell, Grid, builtin, load_map};
-use gdg_tui::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
+use gdg::env::{Environment, PointMaze, TruePairs};
+use gdg::learn::Scratch;
+use gdg::map::{Cell, Grid, builtin, load_map};
+use gdg::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 use miette::{IntoDiagnostic, Result, miette};
 use rand::SeedableRng;
 use rand_chacha::ChaCha8Rng;

@@ -1,22 +1,19 @@
 //! A custom world and learner: a bead on a wire, and a Q-table.
 //!
-//! Neither is part of the library. The bead has a speed that is hidden from the learner; the table learns D by Q-learning on
-//! intervals of the wire. The library does everything else: exploration, bridges, evaluation, checkpoints, records.
+//! Neither is part of the library. The bead has a speed that is hidden from the learner; the table learns D by Q-learning
+//! on intervals of the wire. The library `gdg` does everything else: exploration, bridges, evaluation, checkpoints.
 //!
 //! ```sh
-//! cargo run --release --example own_world -- bead --no-ui --method table+bridges --max-updates 5000
+//! cargo run --release --example own_world
 //! ```
 
-use std::process::ExitCode;
+use std::error::Error;
 use std::sync::Arc;
 
-use clap::Parser;
-use gdg_tui::cli::Cli;
-use gdg_tui::env::{Environment, Spec, WorldKind};
-use gdg_tui::learn::{LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData};
-use gdg_tui::store::{Store, StoreError};
-use gdg_tui::train::Registry;
-use gdg_tui::{headless, setup};
+use gdg::env::{Environment, Spec, WorldKind};
+use gdg::learn::{LearnError, Learner, LearnerKind, Losses, Moment, Policy, Profile, Scratch, TrainingData};
+use gdg::store::{Store, StoreError};
+use gdg::train::{Overrides, Preset, Registry, Run, Tick, Trainer, settings_from};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -224,14 +221,21 @@ impl Learner for Table {
     }
 }
 
-fn main() -> ExitCode {
-    let args = Cli::parse().train;
-    let status = setup::prepare(&args, &registry()).and_then(|setup| headless::run(setup, &args));
-    status.map_or_else(
-        |error| {
-            eprintln!("{error:?}");
-            ExitCode::FAILURE
-        },
-        ExitCode::from,
-    )
+/// Trains for a few thousand updates and prints how many test walks reach their goals on the way.
+fn main() -> Result<(), Box<dyn Error>> {
+    const UPDATES: u64 = 5_000;
+    let registry = registry();
+    let kind = registry.world("bead").ok_or("registered above")?;
+    let overrides = Overrides { defaults: kind.defaults, ..Overrides::default() };
+    let settings = settings_from(Preset::Default, &overrides)?;
+    let run = Run { method: "table+bridges".parse()?, preset: Preset::Default, seed: 1, settings };
+    let mut trainer = Trainer::new(run, &Bead::new(0), &registry, 1)?;
+    while trainer.counters().updates < UPDATES {
+        if trainer.tick()? == Tick::Update && trainer.counters().updates.is_multiple_of(1_000) {
+            let found = trainer.evaluate(&trainer.tasks(20))?;
+            let planned = found.planned.and_then(|planned| planned.success);
+            println!("{} updates: {:.2} reach their goals", trainer.counters().updates, planned.unwrap_or_default());
+        }
+    }
+    Ok(())
 }

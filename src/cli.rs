@@ -2,6 +2,8 @@
 
 #[cfg(feature = "tui")]
 mod compare;
+#[cfg(feature = "tui")]
+mod marker;
 mod reproduce;
 mod suite;
 #[cfg(feature = "tui")]
@@ -15,16 +17,17 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
 
-use crate::bridge::Planner;
-use crate::learn::LEARNERS;
-use crate::map::{RANDOM_SIZES, RandomMapKind};
+use crate::logging::LogLevel;
 use crate::runs::SAVES;
-use crate::train::{Limits, METHODS, Method, Preset};
-#[cfg(feature = "tui")]
-use crate::tui::Marker;
 #[cfg(feature = "tui")]
 pub use compare::CompareArgs;
-pub use reproduce::{BudgetArg, ReproduceArgs};
+use gdg::bridge::Planner;
+use gdg::learn::LEARNERS;
+use gdg::map::{RANDOM_SIZES, RandomMapKind};
+use gdg::train::{Limits, METHODS, Method, Preset};
+#[cfg(feature = "tui")]
+pub use marker::Marker;
+pub use reproduce::{BudgetArg, FIGURES, ReproduceArgs};
 pub use suite::SuiteArgs;
 #[cfg(feature = "tui")]
 pub use tour::TourArgs;
@@ -436,21 +439,6 @@ impl From<MapKindArg> for RandomMapKind {
             MapKindArg::Perfect => Self::Perfect,
         }
     }
-}
-
-/// Severity of messages for the log file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum LogLevel {
-    /// No log file
-    Off,
-    /// Errors
-    Error,
-    /// Also recovered problems
-    Warn,
-    /// Also runs started, saved, loaded and changed
-    Info,
-    /// Everything
-    Debug,
 }
 
 /// Parses a method and lists the named ones.

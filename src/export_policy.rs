@@ -5,10 +5,10 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::ExportPolicyArgs;
-use crate::files;
 use crate::report::from_checkpoint_error;
 use crate::setup::refuse_existing;
-use crate::train::{self, Registry, policy_file};
+use gdg::files;
+use gdg::train::{self, Registry, policy_file};
 
 /// Writes the actor of a checkpoint and returns a line that says where.
 ///

@@ -5,16 +5,17 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
+use clap::CommandFactory;
 use indicatif::{ProgressBar, ProgressStyle};
 use miette::{Report, miette};
 
-use crate::files::has_extension;
-use crate::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
-use crate::printing::progress_target;
+use crate::cli::Cli;
+use crate::progress_bar;
 use crate::report::from_map_error;
-use crate::setup::find_map;
-use crate::text::{counted, sanitized};
-use crate::train::Registry;
+use gdg::files::has_extension;
+use gdg::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
+use gdg::text::{counted, sanitized};
+use gdg::train::Registry;
 
 /// A map with fewer free cells is a mistake.
 const FEWEST_CELLS: usize = 4;
@@ -156,7 +157,7 @@ struct Spinner(ProgressBar);
 
 impl Spinner {
     fn start(message: &'static str) -> Self {
-        let bar = ProgressBar::with_draw_target(None, progress_target());
+        let bar = ProgressBar::with_draw_target(None, progress_bar::target());
         let bar = bar.with_style(ProgressStyle::default_spinner()).with_message(message);
         bar.enable_steady_tick(Duration::from_millis(100));
         Self(bar)
@@ -167,4 +168,48 @@ impl Drop for Spinner {
     fn drop(&mut self) {
         self.0.finish_and_clear();
     }
+}
+
+/// Returns a path as the name of a built-in map or world, which it may be; those are UTF-8.
+pub fn known_name(path: &Path) -> &str {
+    path.to_str().unwrap_or_default()
+}
+
+/// Loads the built-in map or the file at `path`; errors also list the worlds of `registry` that need no file.
+///
+/// # Errors
+/// The file is invalid, or `path` is neither a built-in map nor a file.
+pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
+    let name = known_name(path);
+    if let Some(grid) = map::builtin(name) {
+        return Ok(grid);
+    }
+    if registry.world(name).is_some_and(|kind| kind.create.is_some()) && !path.exists() {
+        let help = "give a map: a built-in name or a file";
+        return Err(miette!(help = help, "{name}: is a world without a map, which this command needs"));
+    }
+    let looks_like_a_name =
+        name != "-" && !path.exists() && path.extension().is_none() && path.components().count() == 1;
+    if looks_like_a_name {
+        let maps = map::BUILTIN.map(|(known, _)| known);
+        let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| kind.name);
+        let worlds: Vec<&str> = worlds.collect();
+        let commands: Vec<String> = Cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
+        let mut names = maps.iter().chain(&worlds).copied().chain(commands.iter().map(String::as_str));
+        let nearest = names.find(|known| strsim::jaro_winkler(known, name) > 0.8);
+        let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+        let worlds = if worlds.is_empty() { String::new() } else { format!("; worlds: {}", worlds.join(", ")) };
+        let help = format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", "));
+        return Err(from_map_error(MapError::whole_file(
+            &path.to_string_lossy(),
+            "is neither a built-in map nor a file",
+            help,
+        )));
+    }
+    map::load_map(path).map_err(|mut error| {
+        if !path.exists() {
+            error.help.push_str(", or a name from 'gdg-tui maps'");
+        }
+        from_map_error(error)
+    })
 }

@@ -5,12 +5,12 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::FilmArgs;
-use crate::engine::Snapshot;
-use crate::files;
 use crate::report::from_checkpoint_error;
 use crate::setup::refuse_existing;
-use crate::train::{self, Registry};
-use crate::view::{FilmError, animate};
+use gdg::engine::Snapshot;
+use gdg::files;
+use gdg::train::{self, Registry};
+use gdg::viewer::{FilmError, animate};
 
 /// Writes the film in a checkpoint and returns a line that says where.
 ///

@@ -14,9 +14,9 @@ use ratatui::style::{Color, Modifier, Style};
 use serde::Deserialize;
 
 use crate::cli::FramesArgs;
-use crate::files::{self, Format, Wanted, write_atomically};
 use crate::setup::refuse_existing;
 use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
+use gdg::files::{self, Format, Wanted, write_atomically};
 
 /// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two distinct colours in every
 /// cell takes half of that.

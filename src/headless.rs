@@ -13,11 +13,12 @@ use miette::{IntoDiagnostic, Report, miette};
 use serde_json::{Map, Value};
 
 use crate::cli::{EXIT_BAD_INPUT, EXIT_NOT_REACHED, TrainArgs};
-use crate::printing;
 use crate::setup::{Setup, save_elsewhere};
 use crate::signals::TerminationSignal;
-use crate::text::{eprint_line, escape_json_line, grouped};
-use crate::train::{EndReason, Evaluation, Limits, Tick, Trainer};
+use gdg::printing;
+use gdg::printing::eprint_line;
+use gdg::text::{escape_json_line, grouped};
+use gdg::train::{EndReason, Evaluation, Limits, Tick, Trainer};
 use interruptible::run_interruptibly;
 use progress::Progress;
 use records::Record;
@@ -53,7 +54,7 @@ pub fn run(mut setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
     let saved = session.save_at_end();
     let (reason, evaluation) = ended?;
     saved?;
-    if let Some(failure) = crate::faults::take_failures().first() {
+    if let Some(failure) = gdg::faults::take_failures().first() {
         let problem = format!("internal error in thread {}: {}", failure.thread, failure.message);
         return Err(miette::miette!(help = crate::logging::hint(), "{problem}"));
     }
@@ -148,7 +149,7 @@ impl Session<'_> {
             if let Some(reason) = self.limit_reached() {
                 return Ok(reason);
             }
-            crate::faults::point("trainer");
+            gdg::faults::point("trainer");
             let tick = self.setup.trainer.tick().into_diagnostic()?;
             self.report_recovery()?;
             if tick != Tick::Update {

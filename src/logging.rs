@@ -3,11 +3,10 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
+use clap::ValueEnum;
 use directories::ProjectDirs;
 use tracing::level_filters::LevelFilter;
 use tracing_appender::rolling::{RollingFileAppender, Rotation};
-
-use crate::cli::LogLevel;
 
 /// Number of days to keep.
 const KEPT_DAYS: usize = 5;
@@ -17,6 +16,21 @@ const PREFIX: &str = "gdg-tui";
 const SUFFIX: &str = "log";
 
 static FOLDER: OnceLock<PathBuf> = OnceLock::new();
+
+/// Severity of messages for the log file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum LogLevel {
+    /// No log file
+    Off,
+    /// Errors
+    Error,
+    /// Also recovered problems
+    Warn,
+    /// Also runs started, saved, loaded and changed
+    Info,
+    /// Everything
+    Debug,
+}
 
 /// Opens today's log file. If that fails, the program continues without a log.
 pub fn start(level: LogLevel) {

@@ -8,18 +8,21 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::{CommandFactory, Parser};
-use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, LogLevel, ReproduceArgs, SuiteArgs};
+#[cfg(feature = "tui")]
+use gdg::env::Scene;
+use gdg::map::{print_ascii, random};
+use gdg::printing::eprint_line;
+use gdg::text::{sanitized_lines, terminal_obeys_escapes};
+use gdg::train::{Registry, print_settings, reference_page};
+use gdg::{faults, printing};
+use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, ReproduceArgs, SuiteArgs};
 #[cfg(feature = "tui")]
 use gdg_tui::cli::{CompareArgs, ScreenArgs, TourArgs};
-#[cfg(feature = "tui")]
-use gdg_tui::env::Scene;
 use gdg_tui::experiment::{ablate, reproduce, suite};
-use gdg_tui::map::{print_ascii, random};
-use gdg_tui::text::{eprint_line, sanitized_lines, terminal_obeys_escapes};
-use gdg_tui::train::{Registry, print_settings, reference_page};
+use gdg_tui::logging::LogLevel;
 #[cfg(feature = "tui")]
 use gdg_tui::tui::PreparedInterface;
-use gdg_tui::{export_policy, facts, faults, film, headless, logging, printing, report, runs, setup, signals};
+use gdg_tui::{export_policy, facts, film, headless, logging, report, runs, setup, signals};
 #[cfg(feature = "tui")]
 use gdg_tui::{frames, tui};
 use miette::Report;

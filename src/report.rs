@@ -5,9 +5,10 @@ use std::fmt;
 
 use miette::{Diagnostic, LabeledSpan, MietteError, MietteSpanContents, Report, SourceCode, SourceSpan, SpanContents};
 
-use crate::map::MapError;
-use crate::text::{Excerpt, eprint_line, sanitized_lines, terminal_obeys_escapes, truncated};
-use crate::train::{CheckpointError, ConfigError};
+use gdg::map::MapError;
+use gdg::printing::eprint_line;
+use gdg::text::{Excerpt, sanitized_lines, terminal_obeys_escapes, truncated};
+use gdg::train::{CheckpointError, ConfigError};
 
 /// Maximum number of characters of a message and of each of its causes.
 const MAX_MESSAGE_CHARS: usize = 2000;
@@ -182,5 +183,16 @@ mod tests {
         let help = SanitizedError::from(miette::miette!(help = "do\x07 that", "what"));
         assert_eq!(help.help.as_deref(), Some("do? that"));
         assert!(SanitizedError::from(Report::msg("x".repeat(50_000_000))).message.len() <= MAX_MESSAGE_CHARS);
+    }
+
+    #[test]
+    fn an_error_far_to_the_right_shows_only_its_surroundings() {
+        let mut row = ".".repeat(2000);
+        row.replace_range(1900..1901, "x");
+        let error = gdg::map::parse_map("wide", row.as_bytes()).expect_err("an unknown character");
+        assert_eq!(error.at, Some((1, 1901)));
+        let shown = format!("{:?}", from_map_error(error));
+        assert!(shown.lines().all(|l| l.chars().count() < 120), "{shown}");
+        assert!(shown.contains("wide:1:1901"), "{shown}");
     }
 }

@@ -7,9 +7,9 @@ use jiff::tz::TimeZone;
 use jiff::{Timestamp, Zoned};
 use miette::{Report, miette};
 
-use crate::files::is_hidden;
-use crate::text::{aligned, grouped, safe_file_name, sanitized};
-use crate::train::{CheckpointError, Description, Registry, describe, examine};
+use gdg::files::is_hidden;
+use gdg::text::{aligned, grouped, safe_file_name, sanitized};
+use gdg::train::{CheckpointError, Description, Registry, describe, examine};
 
 /// Default folder for checkpoints.
 pub const SAVES: &str = "saves";

@@ -5,19 +5,18 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use clap::CommandFactory;
 use directories::ProjectDirs;
 use miette::{IntoDiagnostic, Report, miette};
 
-use crate::cli::{Cli, EditAt, RunArgs, TrainArgs};
-use crate::env::{Environment, PointMaze, Restart};
-use crate::facts;
-use crate::files;
-use crate::map::{self, Grid, MapError};
+use crate::cli::{EditAt, RunArgs, TrainArgs};
+use crate::facts::{self, find_map, known_name};
 use crate::report::{from_checkpoint_error, from_config_error, from_map_error};
 use crate::runs::{self, SAVES};
-use crate::text::{safe_file_name, sanitized};
-use crate::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
+use gdg::env::{Environment, PointMaze, Restart};
+use gdg::files;
+use gdg::map::{self, Grid, MapError};
+use gdg::text::{safe_file_name, sanitized};
+use gdg::train::{self, Loaded, Overrides, Registry, Run, SaveTo, Settings, TrainError, Trainer};
 
 /// A scheduled change of the world.
 pub struct Edit {
@@ -273,50 +272,6 @@ fn is_same_file(a: &Path, b: &Path) -> bool {
 /// Returns the requested number of threads, else the number of cores.
 pub fn threads(requested: Option<u16>) -> usize {
     requested.map_or_else(|| std::thread::available_parallelism().map_or(1, usize::from), usize::from)
-}
-
-/// Returns a path as the name of a built-in map or world, which it may be; those are UTF-8.
-fn known_name(path: &Path) -> &str {
-    path.to_str().unwrap_or_default()
-}
-
-/// Loads the built-in map or the file at `path`; errors also list the worlds of `registry` that need no file.
-///
-/// # Errors
-/// The file is invalid, or `path` is neither a built-in map nor a file.
-pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
-    let name = known_name(path);
-    if let Some(grid) = map::builtin(name) {
-        return Ok(grid);
-    }
-    if registry.world(name).is_some_and(|kind| kind.create.is_some()) && !path.exists() {
-        let help = "give a map: a built-in name or a file";
-        return Err(miette!(help = help, "{name}: is a world without a map, which this command needs"));
-    }
-    let looks_like_a_name =
-        name != "-" && !path.exists() && path.extension().is_none() && path.components().count() == 1;
-    if looks_like_a_name {
-        let maps = map::BUILTIN.map(|(known, _)| known);
-        let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| kind.name);
-        let worlds: Vec<&str> = worlds.collect();
-        let commands: Vec<String> = Cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
-        let mut names = maps.iter().chain(&worlds).copied().chain(commands.iter().map(String::as_str));
-        let nearest = names.find(|known| strsim::jaro_winkler(known, name) > 0.8);
-        let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
-        let worlds = if worlds.is_empty() { String::new() } else { format!("; worlds: {}", worlds.join(", ")) };
-        let help = format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", "));
-        return Err(from_map_error(MapError::whole_file(
-            &path.to_string_lossy(),
-            "is neither a built-in map nor a file",
-            help,
-        )));
-    }
-    map::load_map(path).map_err(|mut error| {
-        if !path.exists() {
-            error.help.push_str(", or a name from 'gdg-tui maps'");
-        }
-        from_map_error(error)
-    })
 }
 
 /// Loads the maps of `--edit-at`. All are read before the run starts, and the run must reach their updates. Leaves out

@@ -10,9 +10,9 @@ use miette::{IntoDiagnostic, Report};
 use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
-use crate::printing;
-use crate::pulse::Pulse;
 use crate::waiting::Waiting;
+use gdg::printing;
+use gdg::pulse::Pulse;
 
 /// Makes writing beyond the limit on the size of files (`ulimit -f`) an error like a full disk, which would otherwise end
 /// the program.

@@ -1,6 +1,6 @@
 //! The terminal trainer: draws what the engine publishes and forwards user input.
 //!
-//! Three threads: the engine trains, the viewer ([`crate::view`]) computes distance fields and walks the test agent,
+//! Three threads: the engine trains, the viewer ([`gdg::viewer`]) computes distance fields and walks the test agent,
 //! and this one draws.
 //! No thread waits for another: each reads the latest state that the others have published.
 //!
@@ -55,20 +55,19 @@ use std::thread::JoinHandle;
 use miette::{IntoDiagnostic, Report, miette};
 
 use crate::cli::{InterfaceArgs, TourArgs, TrainArgs};
-use crate::engine::Engine;
-use crate::map;
 use crate::report::ExplainedError;
 use crate::setup::{self, Setup};
 use crate::signals::TerminationSignal;
-use crate::train::{Limits, Registry, Trainer};
-use crate::view::Viewer;
 use app::{App, Files};
 pub use compare::{prepare as prepare_comparison, run as compare};
 pub use config::{UiConfig, load as load_config, parse as parse_config, template as config_template};
 pub use export::{PageColours, picture_of, png_of};
+use gdg::engine::Engine;
+use gdg::map;
+use gdg::train::{Limits, Registry, Trainer};
+use gdg::viewer::Viewer;
 pub use keymap::Keymap;
 pub use measure::{MeasuredInterface, MeasuredScreen};
-pub use raster::Marker;
 pub use record::LARGEST_SCREEN;
 use record::Recorder;
 pub use terminal::{GUARD_COMMAND, run_guard as guard_terminal};

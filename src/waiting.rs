@@ -3,8 +3,8 @@
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::time::{Duration, Instant};
 
-use crate::pulse::Pulse;
-use crate::text::eprint_line;
+use gdg::printing::eprint_line;
+use gdg::pulse::Pulse;
 
 /// Time after which something is said.
 const PATIENCE: Duration = Duration::from_secs(2);

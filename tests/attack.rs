@@ -12,8 +12,8 @@ use std::process::Stdio;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use gdg_tui::train::Registry;
-use gdg_tui::{map, train};
+use gdg::train::Registry;
+use gdg::{map, train};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use support::{Session, checkpoints, headless, isolated_command, non_zero, outcome, size, with_updated_checksum};

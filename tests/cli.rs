@@ -32,7 +32,7 @@ fn run(args: &[&str]) -> Vec<Value> {
 }
 
 fn file(name: &str) -> String {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/maps").join(name).to_string_lossy().into_owned()
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("crates/gdg/tests/maps").join(name).to_string_lossy().into_owned()
 }
 
 #[test]

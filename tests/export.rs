@@ -10,9 +10,9 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::Arc;
 
-use gdg_tui::env::{Environment, FetchReach, PointMaze};
-use gdg_tui::learn::Scratch;
-use gdg_tui::train::{Preset, Registry, Run, SaveTo, Trainer, policy_file, save};
+use gdg::env::{Environment, FetchReach, PointMaze};
+use gdg::learn::Scratch;
+use gdg::train::{Preset, Registry, Run, SaveTo, Trainer, policy_file, save};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use serde_json::{Value, json};
@@ -55,7 +55,7 @@ fn trained(world: &dyn Environment, updates: u64) -> Trainer {
 fn numpy_computes_the_same_actions() {
     let Some(python) = python("import numpy") else { return };
     let folder = tempfile::tempdir().unwrap();
-    let rooms = gdg_tui::map::builtin("fourrooms").unwrap();
+    let rooms = gdg::map::builtin("fourrooms").unwrap();
     // The maze's actor reads grids.
     let worlds: [Box<dyn Environment>; 2] =
         [Box::new(FetchReach::new(None, 0)), Box::new(PointMaze::new(Arc::new(rooms), 0))];

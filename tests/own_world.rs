@@ -5,12 +5,12 @@
 #[allow(dead_code, reason = "its main function is the example's")]
 #[path = "../examples/own_world.rs"]
 mod own_world;
-#[path = "support/runs.rs"]
+#[path = "../crates/gdg/tests/support/runs.rs"]
 mod runs;
 
 use clap::Parser;
+use gdg::train::{self, Preset, Run, SaveTo, Trainer};
 use gdg_tui::cli::Cli;
-use gdg_tui::train::{self, Preset, Run, SaveTo, Trainer};
 use gdg_tui::{headless, setup};
 
 use own_world::registry;

@@ -3,7 +3,7 @@
 use candle_core::{D, DType, Device, Result, Tensor, Var};
 use candle_nn::{AdamW, Linear, Module, Optimizer, ParamsAdamW, VarBuilder, VarMap, linear};
 
-use gdg_tui::learn::{Batch, LearnSettings};
+use gdg::learn::{Batch, LearnSettings};
 
 /// A perceptron of candle-nn layers and its optimiser.
 struct Network {

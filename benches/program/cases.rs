@@ -7,11 +7,11 @@ use rand_chacha::ChaCha8Rng;
 
 use super::baseline::Baseline;
 use super::{DefaultTimes, DefaultUpdateTimes, PhaseTimes, TimedOperation, UpdateTimes, median, time_us};
-use gdg_tui::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
-use gdg_tui::env::{Environment, PointMaze};
-use gdg_tui::learn::{Backend, Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
-use gdg_tui::map::{Grid, builtin};
-use gdg_tui::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
+use gdg::bridge::{BridgeGraph, BridgeSettings, Candidates, Walker};
+use gdg::env::{Environment, PointMaze};
+use gdg::learn::{Backend, Batch, Gdg, LearnSettings, Learner, Profile, Scratch, Stage};
+use gdg::map::{Grid, builtin};
+use gdg::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 
 /// Updates per turn.
 const UPDATES_PER_TURN: usize = 20;
@@ -192,7 +192,7 @@ pub fn other() -> Result<Vec<TimedOperation>, TrainError> {
     let mut actions = vec![0.0; 64];
     let mut all = Vec::new();
     all.push(timed("actions of 32 agents", 200, &mut || policy.actions(&states, &goals, &mut actions, &mut scratch)));
-    let cells: Vec<f32> = map.free_cells().flat_map(gdg_tui::map::Cell::centre).collect();
+    let cells: Vec<f32> = map.free_cells().flat_map(gdg::map::Cell::centre).collect();
     let one_goal = [40.5, 200.5].repeat(cells.len() / 2);
     let mut field = vec![0.0; cells.len() / 2];
     all.push(timed("distance field of a 256 x 256 map (both critics)", 7, &mut || {

@@ -5,10 +5,10 @@ use std::time::{Duration, Instant};
 
 use super::cases::OPEN_MAP_SIDE;
 use super::{InterfaceTimes, median, quantile};
-use gdg_tui::engine::{Command, Engine, Phase};
-use gdg_tui::env::PointMaze;
-use gdg_tui::map::Grid;
-use gdg_tui::train::{Limits, Method, Preset, Registry, Run, Settings, TrainError, Trainer};
+use gdg::engine::{Command, Engine, Phase};
+use gdg::env::PointMaze;
+use gdg::map::Grid;
+use gdg::train::{Limits, Method, Preset, Registry, Run, Settings, TrainError, Trainer};
 use gdg_tui::tui::{MeasuredInterface, MeasuredScreen};
 
 /// Columns and rows of the screen for the interface.

@@ -17,9 +17,9 @@ use clap::{Parser, ValueEnum};
 use miette::{IntoDiagnostic, Report};
 use serde::Serialize;
 
+use gdg::text::counted;
+use gdg::train::TrainError;
 use gdg_tui::setup;
-use gdg_tui::text::counted;
-use gdg_tui::train::TrainError;
 
 /// Shapes at which updates are measured: batch and width.
 const SHAPES: [(usize, usize); 4] = [(64, 64), (64, 128), (64, 256), (256, 256)];
@@ -183,7 +183,7 @@ fn main() -> Result<(), Report> {
 
 /// Runs the measurements of some parts, of all if none are given.
 fn measure(only: &[Part], threads: usize, runs: usize) -> Result<Measurements, Report> {
-    let peak_gflops = median((0..9).map(|_| gdg_tui::learn::kernel::multiply_add_gflops()).collect());
+    let peak_gflops = median((0..9).map(|_| gdg::learn::kernel::multiply_add_gflops()).collect());
     let wanted = |part| only.is_empty() || only.contains(&part);
     let shapes = SHAPES.iter().filter(|_| wanted(Part::Updates));
     let updates = shapes.map(|(batch, width)| cases::updates(*batch, *width, (threads, runs), peak_gflops));

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::{TimeToSuccess, median};
-use gdg_tui::env::PointMaze;
-use gdg_tui::map::builtin;
-use gdg_tui::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
+use gdg::env::PointMaze;
+use gdg::map::builtin;
+use gdg::train::{Method, Preset, Registry, Run, Settings, Tick, TrainError, Trainer};
 
 /// Success rate with planning to reach.
 const SUCCESS: f64 = 0.95;

@@ -2,7 +2,7 @@
 //! loads.
 #![no_main]
 
-use gdg_tui::train::{Registry, from_bytes, with_updated_checksum};
+use gdg::train::{Registry, from_bytes, with_updated_checksum};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| {

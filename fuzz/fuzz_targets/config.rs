@@ -1,7 +1,7 @@
 //! Parses arbitrary text as a settings file and as the interface's configuration.
 #![no_main]
 
-use gdg_tui::train::{Preset, settings_from_text};
+use gdg::train::{Preset, settings_from_text};
 use gdg_tui::tui::parse_config;
 use libfuzzer_sys::fuzz_target;
 

@@ -1,7 +1,7 @@
 //! Parses arbitrary bytes as a map: a grid that survives printing and parsing, or an error.
 #![no_main]
 
-use gdg_tui::map::{parse_map, print_ascii};
+use gdg::map::{parse_map, print_ascii};
 use libfuzzer_sys::fuzz_target;
 
 fuzz_target!(|bytes: &[u8]| match parse_map("fuzzed", bytes) {

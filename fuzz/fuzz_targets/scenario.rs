@@ -3,7 +3,7 @@
 
 use std::sync::LazyLock;
 
-use gdg_tui::map::{Grid, Scenario, builtin};
+use gdg::map::{Grid, Scenario, builtin};
 use libfuzzer_sys::fuzz_target;
 
 static TRAP: LazyLock<Grid> = LazyLock::new(|| builtin("trap").expect("built in"));

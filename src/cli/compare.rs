@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use clap::Args;
 
 use super::{MethodParser, ScreenArgs, counts};
-use crate::train::Method;
+use gdg::train::Method;
 
 const EXAMPLES: &str = "\
 Examples:

@@ -6,7 +6,6 @@ use clap::builder::{PossibleValue, PossibleValuesParser};
 use clap::{Args, ValueEnum};
 
 use super::{counts, output};
-use crate::experiment::reproduce::FIGURES;
 
 const EXAMPLES: &str = "\
 Examples:
@@ -18,6 +17,17 @@ Examples:
 
 Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad usage or input;
 129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (all jobs are saved; the same signal again exits without saving).";
+
+/// The figures, and what each shows.
+pub const FIGURES: [(&str, &str); 7] = [
+    ("fig1", "Arm: success over training"),
+    ("fig1-wall", "Arm with a wall: success over training, and paths of the grip"),
+    ("fig2", "A bridge point in the four rooms"),
+    ("fig3", "City: success over training"),
+    ("fig4", "City: success by distance"),
+    ("fig5", "City: paths"),
+    ("fig6", "Local optimum: distance left to the goal"),
+];
 
 /// How much is trained for the figures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -100,6 +110,6 @@ pub struct ReproduceArgs {
 }
 
 fn figures() -> PossibleValuesParser {
-    let figures = FIGURES.iter().map(|figure| PossibleValue::new(figure.name).help(figure.title));
+    let figures = FIGURES.iter().map(|(name, title)| PossibleValue::new(*name).help(*title));
     figures.chain([PossibleValue::new("all").help("All of them")]).collect::<Vec<_>>().into()
 }

@@ -8,7 +8,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap_lex::OsStrExt as _;
 
 use super::EditAt;
-use crate::text::{parse_count, parse_real};
+use gdg::text::{parse_count, parse_real};
 
 /// Returns the parser of a count within `range`, as people write them: 60000, 60_000, 60,000, 6e4.
 pub fn counts<T: TryFrom<u64> + Clone + Send + Sync + 'static>(

@@ -13,13 +13,15 @@ use super::runner::Runner;
 use super::suite::{any_failed, print};
 use super::world::JobWorld;
 use crate::cli::{AblateArgs, EXIT_FAILURE};
+use crate::facts::find_map;
 use crate::facts::warnings;
-use crate::files::{check_writable, write_atomically};
-use crate::map::Grid;
 use crate::report::from_config_error;
-use crate::setup::{find_map, refuse_existing, refuse_input, threads};
-use crate::text::{counted, eprint_line, markdown};
-use crate::train::{Evaluation, Method, Overrides, Preset, Registry, Run, Settings, settings_from};
+use crate::setup::{refuse_existing, refuse_input, threads};
+use gdg::files::{check_writable, write_atomically};
+use gdg::map::Grid;
+use gdg::printing::eprint_line;
+use gdg::text::{counted, markdown};
+use gdg::train::{Evaluation, Method, Overrides, Preset, Registry, Run, Settings, settings_from};
 
 /// What is trained and evaluated.
 struct Case {
@@ -236,7 +238,7 @@ fn table(map: &Grid, outcomes: &[Outcome], args: &AblateArgs) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::train::TrainSettings;
+    use gdg::train::TrainSettings;
 
     #[test]
     fn the_ladder_climbs_from_the_preset_paper_to_the_default() {

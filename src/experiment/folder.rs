@@ -14,10 +14,10 @@ use miette::{IntoDiagnostic, Report, WrapErr, miette};
 use serde::{Deserialize, Serialize};
 
 use super::job::{Job, JobResult};
-use crate::files::{self, LockFile, backup_path};
 use crate::setup::elsewhere;
-use crate::text::sanitized;
-use crate::train::{describe, is_checkpoint, remove_own};
+use gdg::files::{self, LockFile, backup_path};
+use gdg::text::sanitized;
+use gdg::train::{describe, is_checkpoint, remove_own};
 
 /// Maximum size of a result file.
 const MAX_RESULT_BYTES: u64 = 64 << 20;

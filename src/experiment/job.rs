@@ -7,8 +7,8 @@ use serde_json::Value;
 use super::measure::Measured;
 use super::plan::{Length, Plan};
 use super::world::JobWorld;
-use crate::text::safe_file_name;
-use crate::train::{Evaluation, Method, Preset, Run, Trainer};
+use gdg::text::safe_file_name;
+use gdg::train::{Evaluation, Method, Preset, Run, Trainer};
 
 /// Hexadecimal digits of the key in the job's name.
 const NAME_DIGITS: usize = 6;
@@ -162,7 +162,7 @@ fn file_stem(name: &str) -> String {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::parse_map;
+    use gdg::map::parse_map;
 
     fn run(seed: u64) -> Run {
         Run { method: Method::default(), preset: Preset::Default, seed, settings: Preset::Default.settings() }

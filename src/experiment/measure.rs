@@ -9,11 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use super::picture::far_task;
 use super::plan::Plan;
-use crate::bridge::{self, Candidates};
-use crate::env::{PointMaze, Task};
-use crate::learn::{Policy, Scratch};
-use crate::map::{Cell, Grid};
-use crate::train::{EvaluationJob, Trainer};
+use gdg::bridge::{self, Candidates};
+use gdg::env::{PointMaze, Task};
+use gdg::learn::{Policy, Scratch};
+use gdg::map::{Cell, Grid};
+use gdg::train::{EvaluationJob, Trainer};
 
 /// Seed of the tasks that are walked: the same for every run on a map.
 const TASK_SEED: u64 = 0;

@@ -4,12 +4,12 @@ use std::sync::Arc;
 
 use miette::{IntoDiagnostic, Report};
 
-use crate::env::maze::full_state_at;
-use crate::env::{Environment, PointMaze, Task};
-use crate::learn::{Policy, Scratch};
-use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use crate::train::{EvaluationJob, TaskWalk, Trainer};
-use crate::view::{Picture, Raster, Rgb, contour, contour_interval, contour_lines, distance_colour};
+use gdg::draw::{Picture, Raster, Rgb, contour, contour_interval, contour_lines, distance_colour};
+use gdg::env::maze::full_state_at;
+use gdg::env::{Environment, PointMaze, Task};
+use gdg::learn::{Policy, Scratch};
+use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use gdg::train::{EvaluationJob, TaskWalk, Trainer};
 
 /// Pixels along the longer side, at most.
 const MAX_PIXELS: usize = 340;
@@ -120,7 +120,7 @@ fn paths(picture: &mut Picture, raster: Raster, task: &Task, job: &EvaluationJob
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::parse_map;
+    use gdg::map::parse_map;
 
     #[test]
     fn pictures_are_small_and_have_whole_pixels_per_cell_where_possible() {

@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use crate::train::{Counters, Tick};
+use gdg::train::{Counters, Tick};
 
 /// Evaluations per job of a suite, equally spaced; the last one at the end.
 const SUITE_EVALUATIONS: u64 = 10;

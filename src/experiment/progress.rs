@@ -8,8 +8,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 use parking_lot::Mutex;
 
 use super::job::Job;
-use crate::printing::progress_target;
-use crate::text::eprint_line;
+use crate::progress_bar;
+use gdg::printing::eprint_line;
 
 /// Parts that the bar is divided into.
 const BAR_PARTS: u64 = 1000;
@@ -67,7 +67,7 @@ impl Progress {
             let group = format!("{} {} {:?}", job.world.name(), run.method, run.preset);
             Item { group, total: job.plan.length.amount(), done: 0, first: 0, began: None, spent: None }
         };
-        let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), progress_target());
+        let bar = ProgressBar::with_draw_target(Some(BAR_PARTS), progress_bar::target());
         if let Ok(style) = ProgressStyle::with_template("{bar:32} {percent:>3} %  {msg}  {elapsed_precise} so far") {
             bar.set_style(style);
         }

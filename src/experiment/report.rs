@@ -3,9 +3,9 @@
 use super::folder::{Folder, picture_name};
 use super::job::{Job, JobResult};
 use super::table::{self, Row};
-use crate::env::Restart;
-use crate::text::{counted, markdown};
-use crate::train::Evaluation;
+use gdg::env::Restart;
+use gdg::text::{counted, markdown};
+use gdg::train::Evaluation;
 
 /// Heights of a sparkline, from 0 to 1.
 const LEVELS: [char; 8] = ['▁', '▂', '▃', '▄', '▅', '▆', '▇', '█'];

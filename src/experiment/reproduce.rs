@@ -7,6 +7,7 @@ mod grip;
 mod maps;
 mod methods;
 mod output;
+mod panel;
 mod report;
 #[cfg(feature = "tui")]
 mod terminal;
@@ -26,9 +27,10 @@ use super::world::JobWorld;
 use crate::cli::{EXIT_FAILURE, ReproduceArgs};
 use crate::report::from_config_error;
 use crate::setup::{settings_of, split_prefix, threads};
-use crate::text::{counted, eprint_line};
-use crate::train::{Overrides, Preset, Registry, Run, settings_from};
 pub use figures::{FIGURES, Figure};
+use gdg::printing::eprint_line;
+use gdg::text::counted;
+use gdg::train::{Overrides, Preset, Registry, Run, settings_from};
 use methods::Entry;
 
 /// Figures, ready to be reproduced.

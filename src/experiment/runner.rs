@@ -13,13 +13,14 @@ use super::measure::measure;
 use super::picture;
 use super::plan::Length;
 use super::progress::Progress;
-use crate::files::{LockFile, check_writable};
 use crate::headless::{Saver, evaluate};
 use crate::report::print_error;
 use crate::setup::{begin, elsewhere, save_elsewhere};
 use crate::signals::TerminationSignal;
-use crate::text::{counted, eprint_line};
-use crate::train::{self, Registry, SaveTo, Tick, Trainer, describe};
+use gdg::files::{LockFile, check_writable};
+use gdg::printing::eprint_line;
+use gdg::text::counted;
+use gdg::train::{self, Registry, SaveTo, Tick, Trainer, describe};
 
 /// How a job ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -214,7 +215,7 @@ impl Runner {
                     return Ok(true);
                 }
             }
-            crate::faults::point("trainer");
+            gdg::faults::point("trainer");
             tick = trainer.tick().into_diagnostic()?;
             at.progress.advance(at.job, length.done(&trainer.counters()));
             if let Some(recovery) = trainer.take_recovery() {

@@ -14,15 +14,17 @@ use super::runner::{End, Outcome, Runner};
 use super::table::{Row, table};
 use super::world::JobWorld;
 use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
-use crate::env::maze;
+use crate::facts::find_map;
 use crate::facts::warnings;
-use crate::files::{has_extension, is_hidden};
-use crate::map::{Grid, builtin, load_map};
-use crate::printing::print_text;
 use crate::report::from_map_error;
-use crate::setup::{self, find_map, threads};
-use crate::text::{aligned, counted, eprint_line, sanitized, sanitized_lines};
-use crate::train::Registry;
+use crate::setup::{self, threads};
+use gdg::env::maze;
+use gdg::files::{has_extension, is_hidden};
+use gdg::map::{Grid, builtin, load_map};
+use gdg::printing::eprint_line;
+use gdg::printing::print_text;
+use gdg::text::{aligned, counted, sanitized, sanitized_lines};
+use gdg::train::Registry;
 
 /// Default budgets: maximum number of free cells, and updates.
 const BUDGETS: [(usize, u64); 2] = [(6_000, 60_000), (50_000, 200_000)];
@@ -190,7 +192,7 @@ impl Suite<'_> {
         let Some(required) = self.args.require_success else { return 0 };
         let elsewhere = ends.contains(&End::Elsewhere);
         let results = rows.iter().flat_map(|row| &row.results);
-        let rate = |result: &super::job::JobResult| result.last().and_then(crate::train::Evaluation::success_rate);
+        let rate = |result: &super::job::JobResult| result.last().and_then(gdg::train::Evaluation::success_rate);
         let below: Vec<_> = results.filter(|result| rate(result).is_none_or(|rate| rate < required)).collect();
         for result in &below {
             let rate = rate(result).map_or("-".to_owned(), |rate| format!("{rate:.3}"));

@@ -1,7 +1,7 @@
 //! The table of results, in Markdown.
 
 use super::job::JobResult;
-use crate::text::markdown;
+use gdg::text::markdown;
 
 /// A column of numbers.
 struct Column {

@@ -5,10 +5,10 @@ use std::sync::Arc;
 
 use miette::{Report, miette};
 
-use crate::env::{Environment, PointMaze};
-use crate::map::{Grid, print_ascii, with_start};
-use crate::setup::find_map;
-use crate::train::Registry;
+use crate::facts::find_map;
+use gdg::env::{Environment, PointMaze};
+use gdg::map::{Grid, print_ascii, with_start};
+use gdg::train::Registry;
 
 /// A world to train in.
 #[derive(Clone, Debug)]

@@ -8,10 +8,10 @@ use ratatui::layout::Rect;
 
 use super::{buffer_of, check_within, duration, play};
 use crate::cli::FramesArgs;
-use crate::files::write_atomically;
 use crate::setup::{refuse_existing, refuse_input};
 use crate::tui::{PageColours, picture_of};
-use crate::view::Animation;
+use gdg::draw::Animation;
+use gdg::files::write_atomically;
 
 /// How long the last frame is shown, in seconds.
 const LAST_FRAME_SECONDS: f64 = 2.0;

@@ -6,8 +6,8 @@ use indicatif::{ProgressBar, ProgressStyle};
 
 use super::updates_per_second;
 use crate::cli::TrainArgs;
-use crate::printing::progress_target;
-use crate::train::Trainer;
+use crate::progress_bar;
+use gdg::train::Trainer;
 
 /// Shows training progress towards the limit.
 pub struct Progress {
@@ -23,7 +23,7 @@ impl Progress {
     pub fn new(args: &TrainArgs, seconds: f64) -> Self {
         let from_seconds = (args.max_updates.is_none() && args.max_seconds.is_some()).then_some(seconds);
         let length = args.max_updates.or(args.max_seconds.map(|s| (s * 1000.0) as u64));
-        let bar = ProgressBar::with_draw_target(length, progress_target());
+        let bar = ProgressBar::with_draw_target(length, progress_bar::target());
         let template = match length {
             Some(_) => "{bar:32} {percent:>3} %  {msg}  {eta_precise} left",
             None => "{spinner} {msg}  {elapsed_precise}",

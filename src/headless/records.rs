@@ -6,9 +6,9 @@ use serde::Serialize;
 use serde_json::{Map, Value};
 
 use super::updates_per_second;
-use crate::learn::Losses;
 use crate::setup::Setup;
-use crate::train::{
+use gdg::learn::Losses;
+use gdg::train::{
     BridgeFacts, DistanceError, EndReason, Evaluation, MarkedTask, Recovery, Score, Trainer, WorldChange,
 };
 

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 use miette::{IntoDiagnostic, Report};
 
 use crate::report::from_checkpoint_error;
-use crate::text::{eprint_line, sanitized};
-use crate::train::{self, SaveTo, Trainer};
+use gdg::printing::eprint_line;
+use gdg::text::sanitized;
+use gdg::train::{self, SaveTo, Trainer};
 
 /// Default time between checkpoints.
 const DEFAULT_INTERVAL_MINUTES: f64 = 5.0;

@@ -9,11 +9,11 @@ use std::path::{Path, PathBuf};
 use miette::{IntoDiagnostic, Report, WrapErr, miette};
 
 use super::updates_per_second;
-use crate::files;
-use crate::learn::Losses;
 use crate::setup::{Setup, create, refuse_existing};
-use crate::text::eprint_line;
-use crate::train::{Evaluation, Score, Trainer};
+use gdg::files;
+use gdg::learn::Losses;
+use gdg::printing::eprint_line;
+use gdg::train::{Evaluation, Score, Trainer};
 
 /// Columns of every line.
 const PROGRESS: [&str; 9] = [

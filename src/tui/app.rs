@@ -32,13 +32,13 @@ use super::output::ExportKind;
 use super::render::{self, Cache};
 use super::screen::Screen;
 use super::theme::ThemeName;
-use crate::engine::{Command, Engine, MakeWorld, Snapshot};
-use crate::env::PointMaze;
-use crate::faults::Failure;
-use crate::map::Grid;
-use crate::train::Run;
-use crate::view::{Field, OnArrival, Request, View, Viewer};
 pub use files::remember_map;
+use gdg::engine::{Command, Engine, MakeWorld, Snapshot};
+use gdg::env::PointMaze;
+use gdg::faults::Failure;
+use gdg::map::Grid;
+use gdg::train::Run;
+use gdg::viewer::{Field, OnArrival, Request, View, Viewer};
 pub use offer::{Offer, Search, search};
 use saving::Saving;
 pub use saving::{ClosedRun, Files};
@@ -176,7 +176,7 @@ impl App {
 
     /// Stops training and returns the trainer.
     #[cfg(test)]
-    pub fn stop(self) -> Option<crate::train::Trainer> {
+    pub fn stop(self) -> Option<gdg::train::Trainer> {
         self.engine.stop()
     }
 

@@ -4,8 +4,9 @@ use ratatui::buffer::Buffer;
 use ratatui::layout::Position;
 use ratatui::style::{Color, Style};
 
-use super::raster::{MapFrame, Marker};
+use super::raster::MapFrame;
 use super::theme::{ColourDepth, Rgb, Theme, blend};
+use crate::cli::Marker;
 
 /// The map as pixels, before it becomes characters.
 #[derive(Clone, Debug)]

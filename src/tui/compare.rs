@@ -33,12 +33,12 @@ use super::keymap::Keymap;
 use super::layout::ScreenLayout;
 use super::log::{Log, Notice};
 use super::render::Cache;
-use crate::engine::{Command, Engine, Snapshot};
-use crate::map::Cell;
 use crate::signals::TerminationSignal;
-use crate::train::Limits;
-use crate::view::{OnArrival, View, Viewer};
 use curves::Axis;
+use gdg::engine::{Command, Engine, Snapshot};
+use gdg::map::Cell;
+use gdg::train::Limits;
+use gdg::viewer::{OnArrival, View, Viewer};
 use pace::Pace;
 pub use prepare::{Contestant, prepare};
 use race::Race;
@@ -181,7 +181,7 @@ impl Comparison {
     }
 
     fn on_failures(&mut self) {
-        for failure in crate::faults::take_failures() {
+        for failure in gdg::faults::take_failures() {
             self.log.add(&format!("internal error in thread {}: {}", failure.thread, failure.message), (0.0, 0), true);
             self.failed = true;
         }
@@ -317,7 +317,7 @@ impl Comparison {
     }
 
     /// Stops both runs and returns their trainers.
-    pub fn stop(self) -> [Option<crate::train::Trainer>; 2] {
+    pub fn stop(self) -> [Option<gdg::train::Trainer>; 2] {
         self.sides.map(|side| side.app.stop())
     }
 }

@@ -10,10 +10,10 @@ use serde::Deserialize;
 
 use super::action::SECTIONS;
 use super::keymap::Keymap;
-use super::raster::Marker;
 use super::theme::ThemeName;
-use crate::files::{self, Format, Wanted};
-use crate::text::{Excerpt, sanitized, sanitized_lines, truncated};
+use crate::cli::Marker;
+use gdg::files::{self, Format, Wanted};
+use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};
 
 /// The contents of the configuration file.
 #[derive(Clone, Debug, Deserialize)]

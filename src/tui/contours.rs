@@ -5,7 +5,7 @@ use ratatui::layout::Rect;
 use super::canvas::Canvas;
 use super::raster::MapFrame;
 use super::theme::contour;
-use crate::view::{ContourLine, contour_interval, contour_lines};
+use gdg::draw::{ContourLine, contour_interval, contour_lines};
 
 /// How far apart lines are on average, at least, in pixels.
 pub const SPACING: f32 = 6.0;
@@ -134,8 +134,8 @@ fn pixels_of(area: Rect, map_frame: &MapFrame) -> impl Iterator<Item = usize> + 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::tui::raster::Marker;
-    use crate::view::Raster;
+    use crate::cli::Marker;
+    use gdg::draw::Raster;
 
     const AREA: Rect = Rect::new(4, 2, 60, 20);
 

@@ -16,9 +16,9 @@ use std::sync::Arc;
 use super::action::Action;
 use super::output::ExportKind;
 use super::theme::ThemeName;
-use crate::map::{Grid, RandomMapKind};
-use crate::train::{Method, Preset};
-use crate::view::Field;
+use gdg::map::{Grid, RandomMapKind};
+use gdg::train::{Method, Preset};
+use gdg::viewer::Field;
 
 /// A dialog on top of the screen.
 #[derive(Debug)]

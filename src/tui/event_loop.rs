@@ -9,12 +9,12 @@ use ratatui::Frame;
 
 use super::app::ClosedRun;
 use super::graphics::{Graphics, Picture, Redraw};
-use super::raster::Marker;
 use super::record::Recorder;
 use super::terminal::Terminal;
-use crate::printing;
+use crate::cli::Marker;
 use crate::signals::TerminationSignal;
-use crate::text::sanitized_lines;
+use gdg::printing;
+use gdg::text::sanitized_lines;
 
 /// Minimum time between frames: after user input (`INPUT_FRAME_INTERVAL`), and after any other change
 /// (`FRAME_INTERVAL`).
@@ -155,7 +155,7 @@ async fn event_loop(
         timer.changed |= app.on_tick();
         timer.idle = !app.is_training();
         if timer.is_due() {
-            crate::faults::point("interface");
+            gdg::faults::point("interface");
             // A terminal that is slow to read is sent fewer frames.
             let is_drawn = terminal.draw(app)?;
             // What has been left out follows.

@@ -16,8 +16,8 @@ use super::output::ExportKind;
 use super::render;
 use super::screen::Screen;
 use super::theme::{Rgb, Theme};
-use crate::files::{self, write_atomically};
-use crate::view::{FilmError, animate};
+use gdg::files::{self, write_atomically};
+use gdg::viewer::{FilmError, animate};
 pub use picture::{picture_of, png_of};
 
 /// Folder for exports.

@@ -19,8 +19,8 @@ use ratatui::layout::Rect;
 use ratatui::style::{Color, Style};
 use tiny_skia::Pixmap;
 
-use super::raster::Marker;
-use crate::text::obeys_escapes;
+use crate::cli::Marker;
+use gdg::text::obeys_escapes;
 use query::Answer;
 
 /// How a terminal is sent pictures.

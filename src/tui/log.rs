@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use crate::train::{LogEntry, MAX_LOG_ENTRIES};
+use gdg::train::{LogEntry, MAX_LOG_ENTRIES};
 
 /// How long a notice and an error are shown, and how long they then fade.
 const NOTICE_DURATION: Duration = Duration::from_secs(4);
@@ -58,7 +58,7 @@ impl Log {
         if self.entries.len() >= MAX_LOG_ENTRIES {
             self.entries.remove(0);
         }
-        tracing::info!("{}", crate::text::sanitized(text));
+        tracing::info!("{}", gdg::text::sanitized(text));
         self.entries.push(LogEntry::new(seconds, updates, text));
     }
 

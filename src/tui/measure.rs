@@ -17,9 +17,9 @@ use super::graphics::patches::Patches;
 use super::graphics::{Graphics, Protocol, Redraw};
 use super::keymap::Keymap;
 use super::theme::{ColourDepth, Theme, ThemeName};
-use crate::engine::{Command, Engine, Phase, Snapshot};
-use crate::train::{Limits, TrainError, Trainer};
-use crate::view::{View, Viewer};
+use gdg::engine::{Command, Engine, Phase, Snapshot};
+use gdg::train::{Limits, TrainError, Trainer};
+use gdg::viewer::{View, Viewer};
 
 /// A run with the interface open on an invisible screen.
 pub struct MeasuredInterface {

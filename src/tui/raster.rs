@@ -1,48 +1,15 @@
 //! Placement of the map on the screen, and the visible part of it.
 
-use clap::ValueEnum;
+use gdg::draw::Raster;
+use gdg::map::{Cell, Grid};
 use ratatui::layout::{Position, Rect};
-use serde::{Deserialize, Serialize};
 
-use crate::map::{Cell, Grid};
-use crate::view::Raster;
+use crate::cli::Marker;
 
 /// Characters between two arrows, across and down.
 const ARROW_SPACING: (usize, usize) = (4, 2);
 
-/// What the map is drawn with.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, ValueEnum)]
-#[serde(rename_all = "kebab-case")]
-pub enum Marker {
-    /// Pixels if the terminal shows pictures; else half blocks if a cell has room for one, quadrants on maps that are
-    /// scaled down.
-    #[default]
-    Auto,
-    /// The terminal's own pixels, also where it is not asked otherwise: within tmux and screen.
-    Pixels,
-    /// Two square pixels per character, one above the other.
-    HalfBlock,
-    /// Two by two pixels per character.
-    Quadrant,
-    /// Two by four dots per character.
-    Braille,
-}
-
 impl Marker {
-    /// All markers.
-    pub const ALL: [Self; 5] = [Self::Auto, Self::Pixels, Self::HalfBlock, Self::Quadrant, Self::Braille];
-
-    /// Returns the name used in the configuration and on the screen.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Auto => "auto",
-            Self::Pixels => "pixels",
-            Self::HalfBlock => "half-block",
-            Self::Quadrant => "quadrant",
-            Self::Braille => "braille",
-        }
-    }
-
     /// Returns whether the map is drawn as a picture where the terminal shows pictures.
     pub fn wants_pixels(self) -> bool {
         matches!(self, Self::Auto | Self::Pixels)

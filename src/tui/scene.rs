@@ -16,10 +16,10 @@ use super::app::App;
 use super::layers::Overlay;
 use super::layout::ScreenLayout;
 use super::screen::Screen;
-use crate::bridge::EdgeStatus;
-use crate::env::{Scene, fetch_reach, maze as maze_world};
-use crate::view::Field;
 pub use arm::{ArmState, Projection};
+use gdg::bridge::EdgeStatus;
+use gdg::env::{Scene, fetch_reach, maze as maze_world};
+use gdg::viewer::Field;
 pub use maze::{Cache, MazeState, Tool, shown_goal};
 pub use walk::MEANINGS as WALK_MEANINGS;
 

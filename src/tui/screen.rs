@@ -13,16 +13,16 @@ use super::layers::Overlays;
 use super::layout::ScreenLayout;
 use super::log::Log;
 use super::panes::Pane;
-use super::raster::Marker;
 use super::scene::{ArmState, MazeState, SceneKind};
 use super::theme::{ColourDepth, Theme};
 use super::tour::Tour;
-use crate::bridge::SearchOutcome;
-use crate::engine::{Phase, Snapshot};
-use crate::env::Scene;
-use crate::text::grouped;
-use crate::train::{FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world};
-use crate::view::{Field, OnArrival};
+use crate::cli::Marker;
+use gdg::bridge::SearchOutcome;
+use gdg::engine::{Phase, Snapshot};
+use gdg::env::Scene;
+use gdg::text::grouped;
+use gdg::train::{FilmFrame, Preset, Run, Settings, Success, changed_from, settings_in_world};
+use gdg::viewer::{Field, OnArrival};
 
 /// Everything that the screen shows.
 pub struct Screen {

@@ -25,9 +25,9 @@ use super::graphics::patches::Patches;
 use super::graphics::query::{self, Answer};
 use super::graphics::{self, Graphics, Protocol, Redraw, encode};
 use super::input::{Input, InputStream};
-use super::raster::Marker;
 use super::record::{LARGEST_SCREEN, Recorder};
-use crate::printing;
+use crate::cli::Marker;
+use gdg::printing;
 use guard::Guard;
 pub use guard::{GUARD_COMMAND, run_guard};
 
@@ -120,7 +120,7 @@ impl Terminal {
         };
         match enter() {
             Ok((inner, input)) => {
-                crate::faults::show_in_interface(true);
+                gdg::faults::show_in_interface(true);
                 let answer = asks.then(Answer::default);
                 let (size, graphics, patches, pictures_sent) = ((0, 0), None, None, None);
                 Ok(Self { inner, size, input, recorder, answer, graphics, patches, pictures_sent, output, guard })
@@ -293,7 +293,7 @@ impl Drop for Terminal {
             // Nothing waits for it any more.
             printing::hurry();
         }
-        crate::faults::show_in_interface(false);
+        gdg::faults::show_in_interface(false);
         // Everything is restored: discard what the library would still write.
         self.output.closed.set(true);
     }

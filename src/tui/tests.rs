@@ -34,11 +34,11 @@ use super::render;
 use super::scene::Tool;
 use super::screen::Screen;
 use super::theme::{ColourDepth, Theme, ThemeName};
-use crate::engine::{Engine, Phase, Snapshot};
-use crate::env::{Environment, PointMaze};
-use crate::map::{Cell, Grid, parse_map};
-use crate::train::{self, Description, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer};
-use crate::view::{Field, Viewer};
+use gdg::engine::{Engine, Phase, Snapshot};
+use gdg::env::{Environment, PointMaze};
+use gdg::map::{Cell, Grid, parse_map};
+use gdg::train::{self, Description, Limits, Method, Preset, Registry, Run, SaveTo, Settings, Trainer};
+use gdg::viewer::{Field, Viewer};
 
 const ROOMS: &str = "\
 ..........#.........
@@ -593,6 +593,6 @@ fn writing_a_map_asks_before_replacing_a_file() {
     assert_eq!(std::fs::read_to_string(&file).expect("the file"), "something else");
     press(&mut app, KeyCode::Enter);
     assert!(app.screen.dialogs.is_empty());
-    let written = crate::map::load_map(&file).expect("a map");
+    let written = gdg::map::load_map(&file).expect("a map");
     assert_eq!((written.free(), written.goals()), (rooms().free(), rooms().goals()));
 }

@@ -7,9 +7,9 @@ use colorous::Gradient;
 use ratatui::style::{Color, Modifier, Style};
 use serde::{Deserialize, Serialize};
 
-use crate::text::terminal_obeys_escapes;
-pub use crate::view::{Rgb, blend, contour, lightness};
-use crate::view::{distance_colour, sample};
+pub use gdg::draw::{Rgb, blend, contour, lightness};
+use gdg::draw::{distance_colour, sample};
+use gdg::text::terminal_obeys_escapes;
 
 /// How many colours the terminal shows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -14,10 +14,10 @@ use super::dialog::lists;
 use super::layers::Overlay;
 use super::raster::Viewport;
 use super::screen::Screen;
-use crate::engine::Command;
-use crate::map::{Cell, builtin};
-use crate::train::{Method, Preset, Run};
-use crate::view::{Field, OnArrival};
+use gdg::engine::Command;
+use gdg::map::{Cell, builtin};
+use gdg::train::{Method, Preset, Run};
+use gdg::viewer::{Field, OnArrival};
 use steps::{Caption, FoundBridge, MAP, START, STEPS, Step};
 
 /// Seconds between two looks at what has become of the step's subject, and between two walks.

@@ -17,7 +17,7 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-use gdg_tui::train::{self, Registry, SaveTo, Trainer};
+use gdg::train::{self, Registry, SaveTo, Trainer};
 use serde_json::Value;
 use support::{Session, checkpoints, headless, isolated_command, kill, outcome, with_updated_checksum};
 

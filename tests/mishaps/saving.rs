@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use gdg_tui::files;
+use gdg::files;
 
 use super::*;
 

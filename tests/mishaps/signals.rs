@@ -267,7 +267,7 @@ fn a_long_update_is_left_unfinished_on_a_signal_and_the_run_goes_on_as_if_it_had
     assert_eq!(outcome(&mut resumed).0, 0);
     let state = |path: &Path| {
         let loaded = train::load(path, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}")).trainer;
-        let mut networks = gdg_tui::store::Store::default();
+        let mut networks = gdg::store::Store::default();
         loaded.learner().save(&mut networks).unwrap();
         (networks, loaded.counters())
     };

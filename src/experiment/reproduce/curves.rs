@@ -7,7 +7,7 @@ use super::figures::{Figure, Shows};
 use super::methods::Entry;
 use crate::experiment::job::JobResult;
 use crate::experiment::plan::{Length, Plan};
-use crate::train::{Evaluation, Score, TaskOutcome};
+use gdg::train::{Evaluation, Score, TaskOutcome};
 
 /// A chart: one measure of all methods.
 #[derive(Clone, Debug)]
@@ -195,7 +195,7 @@ fn by_distance(result: &JobResult) -> Vec<(u64, f64)> {
     let score =
         |evaluation: &Evaluation| -> Score { evaluation.planned.as_ref().unwrap_or(&evaluation.greedy).clone() };
     let Some(score) = result.last().map(score) else { return Vec::new() };
-    let of = |d: &crate::train::DistanceScore| Some((d.distance()?.0.round() as u64, d.success?));
+    let of = |d: &gdg::train::DistanceScore| Some((d.distance()?.0.round() as u64, d.success?));
     score.by_distance.iter().filter_map(of).collect()
 }
 

@@ -11,8 +11,8 @@ use plotters::style::text_anchor::{HPos, Pos, VPos};
 use plotters_backend::DrawingErrorKind;
 
 use super::curves::{Curve, Panel};
-use super::maps::MapPanel;
-use crate::view::Rgb;
+use super::panel::MapPanel;
+use gdg::draw::Rgb;
 
 /// A figure to draw: charts side by side, rows of maps, or rows of maps below charts.
 pub struct Drawing<'a> {
@@ -310,7 +310,7 @@ mod tests {
         let map = MapPanel {
             title: "A map".to_owned(),
             caption: String::new(),
-            picture: crate::view::Picture::new((30, 20), (1, 2, 3)),
+            picture: gdg::draw::Picture::new((30, 20), (1, 2, 3)),
             lines: Vec::new(),
             rings: Vec::new(),
             dots: Vec::new(),

@@ -4,7 +4,7 @@ use super::methods::{
     ARM_DDPG_DISTANCE, ARM_GDG, ARM_GDG_BRIDGE, ARM_GDG_DISTANCE, ARM_HER, DDPG, DDPG_DISTANCE, DEFAULT, DEFAULT_GDG,
     Entry, GDG, GDG_BRIDGE, HER, RANDOM, SORB,
 };
-use crate::cli::BudgetArg;
+use crate::cli::{self, BudgetArg};
 use crate::experiment::plan::{Length, Plan};
 
 /// Steps within which a goal has to be reached, as in the paper.
@@ -31,8 +31,6 @@ struct ArmSteps {
 pub struct Figure {
     /// Its name on the command line.
     pub name: &'static str,
-    /// What it shows.
-    pub title: &'static str,
     /// The built-in map or world.
     pub world: &'static str,
     /// The methods.
@@ -71,7 +69,6 @@ const COMPARED: &[Entry] = &[DEFAULT, GDG_BRIDGE, GDG, HER, DDPG, SORB, RANDOM];
 pub const FIGURES: [Figure; 7] = [
     Figure {
         name: "fig1",
-        title: "Arm: success over training",
         world: "fetch-reach",
         methods: &[ARM_GDG_DISTANCE, ARM_DDPG_DISTANCE, ARM_GDG, ARM_HER],
         shows: Shows::CompleteSuccess,
@@ -80,7 +77,6 @@ pub const FIGURES: [Figure; 7] = [
     },
     Figure {
         name: "fig1-wall",
-        title: "Arm with a wall: success over training, and paths of the grip",
         world: "fetch-reach-wall",
         methods: &[ARM_GDG, ARM_GDG_BRIDGE],
         shows: Shows::CompleteSuccessAndGripPath,
@@ -89,7 +85,6 @@ pub const FIGURES: [Figure; 7] = [
     },
     Figure {
         name: "fig2",
-        title: "A bridge point in the four rooms",
         world: "fourrooms",
         methods: &[DEFAULT, GDG_BRIDGE],
         shows: Shows::Bridge,
@@ -98,7 +93,6 @@ pub const FIGURES: [Figure; 7] = [
     },
     Figure {
         name: "fig3",
-        title: "City: success over training",
         world: "city",
         methods: COMPARED,
         shows: Shows::Success,
@@ -113,7 +107,6 @@ pub const FIGURES: [Figure; 7] = [
     },
     Figure {
         name: "fig4",
-        title: "City: success by distance",
         world: "city",
         methods: COMPARED,
         shows: Shows::SuccessByDistance,
@@ -122,7 +115,6 @@ pub const FIGURES: [Figure; 7] = [
     },
     Figure {
         name: "fig5",
-        title: "City: paths",
         world: "city",
         methods: &[DEFAULT, GDG_BRIDGE, GDG],
         shows: Shows::Paths,
@@ -131,7 +123,6 @@ pub const FIGURES: [Figure; 7] = [
     },
     Figure {
         name: "fig6",
-        title: "Local optimum: distance left to the goal",
         world: "trap",
         methods: &[DEFAULT, DEFAULT_GDG, GDG_BRIDGE, GDG, DDPG, DDPG_DISTANCE],
         shows: Shows::DistanceLeft,
@@ -146,6 +137,11 @@ pub const FIGURES: [Figure; 7] = [
 ];
 
 impl Figure {
+    /// Returns what it shows.
+    pub fn title(&self) -> &'static str {
+        cli::FIGURES.iter().find(|(name, _)| *name == self.name).map_or(self.name, |(_, title)| title)
+    }
+
     /// Returns what a job of `method` does under `budget`. Figures on the same map have the same plans and share jobs.
     pub fn plan(&self, budget: BudgetArg, method: &str) -> Plan {
         match self.world {
@@ -203,8 +199,14 @@ impl ArmSteps {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::builtin;
-    use crate::train::Registry;
+    use gdg::map::builtin;
+    use gdg::train::Registry;
+
+    #[test]
+    fn every_figure_is_offered_on_the_command_line_with_its_title() {
+        let names: Vec<&str> = FIGURES.iter().map(|figure| figure.name).collect();
+        assert_eq!(names, cli::FIGURES.map(|(name, _)| name));
+    }
 
     #[test]
     fn figures_name_worlds_and_methods_that_exist_and_show_our_default_on_maps() {

@@ -1,10 +1,10 @@
 //! The arm with a wall: the path of the grip past it, from behind the arm and from above.
 
 use super::MethodResults;
-use super::maps::{Dot, FLOOR, GOAL, MapPanel, PANEL_PIXELS, PATH, PLAN, PolyLine, START, WALL};
-use crate::env::fetch_reach;
+use super::panel::{Dot, FLOOR, GOAL, MapPanel, PANEL_PIXELS, PATH, PLAN, PolyLine, START, WALL};
 use crate::experiment::measure::GoalWalk;
-use crate::view::{Picture, Rgb};
+use gdg::draw::{Picture, Rgb};
+use gdg::env::fetch_reach;
 
 /// The table's top as it is seen in profile.
 const TABLE: Rgb = (205, 200, 190);

@@ -1,8 +1,8 @@
 //! The methods that the figures compare.
 
-use crate::bridge::Planner;
-use crate::train::{Method, Preset, Registry};
-use crate::view::Rgb;
+use gdg::bridge::Planner;
+use gdg::draw::Rgb;
+use gdg::train::{Method, Preset, Registry};
 
 /// A method in the figures.
 #[derive(Clone, Copy, Debug)]
@@ -112,7 +112,7 @@ mod tests {
 
     use super::*;
     use crate::experiment::reproduce::FIGURES;
-    use crate::train::{Overrides, settings_from};
+    use gdg::train::{Overrides, settings_from};
 
     #[test]
     fn names_and_colours_differ_within_a_figure_and_settings_are_valid() {

@@ -9,11 +9,12 @@ use serde_json::{Value, json};
 use super::curves::{Panel, Point, panels};
 use super::draw::{self, Drawing};
 use super::figures::Figure;
-use super::maps::{MapPanel, rows};
+use super::maps::rows;
+use super::panel::MapPanel;
 use super::{MethodResults, curves};
 use crate::experiment::folder::Folder;
 use crate::experiment::measure::Measured;
-use crate::map::builtin;
+use gdg::map::builtin;
 
 /// A figure, drawn.
 pub struct Drawn {
@@ -43,7 +44,7 @@ impl Drawn {
             (curves_json(&panels, methods, !maps.is_empty())?, curves_csv(&panels)?)
         };
         let paths = (!panels.is_empty() && !maps.is_empty()).then(|| positions_csv(methods)).transpose()?;
-        let drawing = Drawing { title: figure.title, panels: &panels, maps: &maps };
+        let drawing = Drawing { title: figure.title(), panels: &panels, maps: &maps };
         let (svg, png) = (draw::svg(&drawing)?, draw::png(&drawing)?);
         Ok(Self { figure, panels, maps, data, csv, paths, svg, png })
     }
@@ -56,7 +57,7 @@ impl Drawn {
         let name = self.figure.name;
         let data = json!({
             "figure": name,
-            "title": self.figure.title,
+            "title": self.figure.title(),
             (if builtin(self.figure.world).is_some() { "map" } else { "world" }): self.figure.world,
             "command": format!("gdg-tui {arguments}"),
             "version": env!("CARGO_PKG_VERSION"),
@@ -75,7 +76,7 @@ impl Drawn {
 
     /// Returns the figure as text for the terminal.
     pub fn for_terminal(&self) -> String {
-        let heading = format!("\n{}: {}\n", self.figure.name, self.figure.title);
+        let heading = format!("\n{}: {}\n", self.figure.name, self.figure.title());
         #[cfg(feature = "tui")]
         let charts = super::terminal::charts(&self.panels);
         #[cfg(not(feature = "tui"))]

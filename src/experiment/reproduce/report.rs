@@ -5,7 +5,7 @@ use super::curves::{Curve, Panel, Point, stays_at};
 use super::figures::{Figure, Shows};
 use super::output::{Drawn, paths_file};
 use crate::experiment::plan::Length;
-use crate::text::counted;
+use gdg::text::counted;
 
 /// How the bridge point of Figure 2 is found.
 const BRIDGE_SEARCH: &str = "The published search, on one far task after another until there is a bridge point: b with D(s,b) + \
@@ -49,7 +49,7 @@ pub fn report(arguments: &str, sections: &[String], missing: &[String], unavaila
 
 /// Returns a figure's section.
 pub fn section(figure: &Figure, methods: &[MethodResults], drawn: &Drawn) -> String {
-    let (name, title) = (figure.name, figure.title);
+    let (name, title) = (figure.name, figure.title());
     let mut out = format!(
         "\n## {name}: {title}\n\n![{title}](figures/{name}.png)\n\n[SVG](figures/{name}.svg), \
          [JSON](data/{name}.json), [CSV](data/{name}.csv)\n\n"

@@ -12,8 +12,8 @@ use ratatui::text::Line;
 use ratatui::widgets::{Axis, Chart, Dataset, GraphType, Widget};
 
 use super::curves::Panel;
-use crate::text::terminal_obeys_escapes;
-use crate::view::Rgb;
+use gdg::draw::Rgb;
+use gdg::text::terminal_obeys_escapes;
 
 /// Columns and rows of a chart.
 const SIZE: (u16, u16) = (100, 22);

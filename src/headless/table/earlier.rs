@@ -3,7 +3,7 @@
 use csv::{ByteRecord, StringRecord};
 
 use super::{PROGRESS, column_names, losses, results};
-use crate::train::Trainer;
+use gdg::train::Trainer;
 
 /// Returns the length in bytes of the rows in `table` that the run of `trainer` had written when it was saved. Later rows,
 /// and a last one that was cut off, are to be written again.

@@ -5,19 +5,19 @@ use std::time::Instant;
 use crossterm::event::{KeyCode, KeyEvent};
 
 use super::App;
-use crate::bridge::EdgeStatus;
-use crate::engine::{Command, Step};
+use crate::cli::Marker;
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::dialog::{Choice, Dialog, Help, Picker, Prompt, Question, lists};
 use crate::tui::event_loop::TerminalRequest;
 use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
-use crate::tui::raster::Marker;
 use crate::tui::scene::{self, SceneKind};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Theme, ThemeName};
-use crate::view::{Field, Request};
+use gdg::bridge::EdgeStatus;
+use gdg::engine::{Command, Step};
+use gdg::viewer::{Field, Request};
 
 /// Selectable speed limits, in updates per second; beyond the last one there is no limit.
 const SPEEDS: [f64; 9] = [1.0, 3.0, 10.0, 30.0, 100.0, 200.0, 400.0, 800.0, 1600.0];

@@ -7,15 +7,15 @@ use rand::RngExt;
 
 use super::files::{checkpoint_file, remember_map};
 use super::{App, maze_on};
-use crate::engine::{Command, MakeWorld};
-use crate::env::{WORLDS, WorldKind, maze};
-use crate::files::check_name;
-use crate::map::{Grid, is_size, size_limits};
-use crate::text::{CountError, parse_count, parse_real};
-use crate::train::{ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Prompt, Question, lists};
 use crate::tui::scene::SceneKind;
+use gdg::engine::{Command, MakeWorld};
+use gdg::env::{WORLDS, WorldKind, maze};
+use gdg::files::check_name;
+use gdg::map::{Grid, is_size, size_limits};
+use gdg::text::{CountError, parse_count, parse_real};
+use gdg::train::{ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting};
 
 /// Why an answer is not accepted.
 #[derive(Debug, thiserror::Error)]
@@ -110,13 +110,13 @@ impl App {
             Choice::Folder(folder) => self.pick_map(Some(&folder)),
             Choice::OpenMap(path) => self.open_map(&path),
             Choice::OpenBuiltin(name) => {
-                if let Some(map) = crate::map::builtin(name) {
+                if let Some(map) = gdg::map::builtin(name) {
                     self.offer_map(&Arc::new(map), None);
                 }
             }
             Choice::OpenRandom(kind) => {
                 let seed = self.rng.random_range(0..1_000);
-                self.offer_map(&Arc::new(crate::map::random(kind, None, seed)), None);
+                self.offer_map(&Arc::new(gdg::map::random(kind, None, seed)), None);
             }
             Choice::OpenWorld(name) => {
                 self.open_picker(lists::world_switch_choices(name, self.is_worth_saving()));

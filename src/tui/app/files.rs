@@ -8,13 +8,13 @@ use jiff::tz::TimeZone;
 use super::App;
 use super::answer::AnswerError;
 use crate::facts::warnings;
-use crate::files::{has_extension, is_hidden, named, read_text, write_atomically};
-use crate::map::{load_map, print_ascii, print_movingai};
 use crate::runs::{self, SAVES};
-use crate::train::describe;
 use crate::tui::action::Action;
 use crate::tui::config::recent_path;
 use crate::tui::dialog::{Prompt, Question, lists};
+use gdg::files::{has_extension, is_hidden, named, read_text, write_atomically};
+use gdg::map::{load_map, print_ascii, print_movingai};
+use gdg::train::describe;
 
 /// Number of recent maps remembered.
 const MAX_RECENT_MAPS: usize = 8;

@@ -4,13 +4,13 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use super::App;
-use crate::files::write_atomically;
 use crate::runs;
-use crate::text::grouped;
-use crate::train::Description;
 use crate::tui::action::Action;
 use crate::tui::config::used_path;
 use crate::tui::dialog::Choice;
+use gdg::files::write_atomically;
+use gdg::text::grouped;
+use gdg::train::Description;
 
 /// How long a saved run is offered.
 const OFFER_DURATION: Duration = Duration::from_secs(30);

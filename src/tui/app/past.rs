@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use super::App;
-use crate::train::FilmFrame;
 use crate::tui::action::Action;
-use crate::view::Request;
+use gdg::train::FilmFrame;
+use gdg::viewer::Request;
 
 impl App {
     /// Goes back to the frame before the moment shown, or forth to the one after it; from the last one to the present.

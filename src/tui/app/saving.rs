@@ -5,17 +5,17 @@ use std::path::{Path, PathBuf};
 use miette::Report;
 
 use super::{App, Autosaved};
-use crate::engine::{Command, Phase, Snapshot};
-use crate::files::{named, unused_path};
 use crate::logging;
 use crate::report::from_checkpoint_error;
 use crate::runs::{self, SAVES};
 use crate::setup::save_elsewhere;
-use crate::text::grouped;
-use crate::train::{self, Notes, SaveTo, Trainer};
 use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
 use crate::tui::terminal;
 use crate::waiting::Waiting;
+use gdg::engine::{Command, Phase, Snapshot};
+use gdg::files::{named, unused_path};
+use gdg::text::grouped;
+use gdg::train::{self, Notes, SaveTo, Trainer};
 
 /// Unsaved training that may be discarded without asking.
 const MAX_DISCARDED_SECS: f64 = 10.0;
@@ -233,7 +233,7 @@ impl App {
 
     /// Reports internal errors, and saves the run after the first one.
     pub(super) fn on_failures(&mut self) {
-        for failure in crate::faults::take_failures() {
+        for failure in gdg::faults::take_failures() {
             let text = format!("internal error in thread {}: {}", failure.thread, failure.message);
             self.report(&text);
             if self.failures.is_empty() {

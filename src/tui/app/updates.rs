@@ -4,11 +4,11 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use super::App;
-use crate::engine::{Phase, Snapshot};
-use crate::text::grouped;
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, Dialog, Item, Picker, lists};
-use crate::view::{OnArrival, View};
+use gdg::engine::{Phase, Snapshot};
+use gdg::text::grouped;
+use gdg::viewer::{OnArrival, View};
 
 impl App {
     /// Handles a new snapshot.

@@ -3,7 +3,7 @@
 use super::{Comparison, LETTERS};
 use crate::tui::action::{Action, bindings};
 use crate::tui::event_loop::TerminalRequest;
-use crate::view::Field;
+use gdg::viewer::Field;
 
 impl Comparison {
     /// Performs an action.

@@ -9,11 +9,11 @@ use ratatui::widgets::Paragraph;
 
 use super::pace::Moment;
 use super::{Comparison, LETTERS, Side};
-use crate::train::Evaluation;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ScreenLayout};
 use crate::tui::render::{BOLD, DIM, chart, curves};
 use crate::tui::theme::{ColourDepth, blend};
+use gdg::train::Evaluation;
 
 /// How far the colour of the actor alone is from its method's to the page's.
 const FAINT: f32 = 0.5;

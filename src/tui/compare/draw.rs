@@ -18,7 +18,6 @@ use ratatui::widgets::{Block, Borders, Paragraph, Wrap};
 
 use super::facts::{Fact, column, facts, text};
 use super::{Comparison, Side, curves};
-use crate::engine::Phase;
 use crate::tui::action::{Action, Mode};
 use crate::tui::dialog::Dialog;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
@@ -27,6 +26,7 @@ use crate::tui::raster::{MapFrame, Viewport};
 use crate::tui::render::{BOLD, DIM, REVERSED, footer, help, paint_page};
 use crate::tui::scene::maze::{info, map, minimap};
 use crate::tui::screen::Screen;
+use gdg::engine::Phase;
 
 /// The smallest screen with room for everything, in columns and rows.
 pub const MIN_SIZE: (u16, u16) = (60, 18);

@@ -1,6 +1,6 @@
 //! How far training had come at each update, in environment steps and seconds.
 
-use crate::engine::Snapshot;
+use gdg::engine::Snapshot;
 
 /// Maximum number of moments kept; beyond it, every other one is dropped.
 const MAX_MOMENTS: usize = 4096;

@@ -6,12 +6,12 @@ use miette::{Report, miette};
 
 use super::LETTERS;
 use crate::cli::CompareArgs;
-use crate::env::PointMaze;
 use crate::facts::warnings;
 use crate::report::from_config_error;
 use crate::setup;
-use crate::text::eprint_line;
-use crate::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
+use gdg::env::PointMaze;
+use gdg::printing::eprint_line;
+use gdg::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 /// A run that takes part in a comparison.
 pub struct Contestant {

@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
-use crate::map::{Cell, Grid, StepSearch, UNREACHABLE};
-use crate::view::{MazeView, OnArrival};
+use gdg::map::{Cell, Grid, StepSearch, UNREACHABLE};
+use gdg::viewer::{MazeView, OnArrival};
 
 /// How long both rest once a race is over.
 const REST: Duration = Duration::from_millis(1500);
@@ -123,8 +123,8 @@ impl Race {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::parse_map;
-    use crate::view::maze::Walk;
+    use gdg::map::parse_map;
+    use gdg::viewer::maze::Walk;
 
     fn view(number: u64, walk: Walk) -> MazeView {
         MazeView { goal: (None, number), walk, ..MazeView::default() }

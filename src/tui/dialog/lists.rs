@@ -7,21 +7,21 @@ use jiff::Timestamp;
 use jiff::tz::TimeZone;
 
 use super::{Choice, Item, Picker};
-use crate::bridge::Planner;
-use crate::env::WORLDS;
-use crate::files::has_extension;
-use crate::learn::LEARNERS;
-use crate::map::{BUILTIN, Grid, RandomMapKind};
-use crate::text::{fitted, grouped, padded};
-use crate::train::{
-    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, list_settings,
-};
 use crate::tui::action::{Action, Binding, Mode, When, bindings};
 use crate::tui::output::ExportKind;
 use crate::tui::scene::SceneKind;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ThemeName;
-use crate::view::Field;
+use gdg::bridge::Planner;
+use gdg::env::WORLDS;
+use gdg::files::has_extension;
+use gdg::learn::LEARNERS;
+use gdg::map::{BUILTIN, Grid, RandomMapKind};
+use gdg::text::{fitted, grouped, padded};
+use gdg::train::{
+    CheckpointError, Description, METHODS, Method, NamedMethod, Preset, SETTINGS, Setting, list_settings,
+};
+use gdg::viewer::Field;
 
 /// Columns of a setting's value in the list; longer ones are shown in full below it.
 const VALUE_WIDTH: usize = 12;

@@ -4,7 +4,7 @@ use crossterm::event::{Event, KeyCode, KeyEvent, KeyModifiers};
 use tui_input::backend::crossterm::EventHandler;
 use tui_input::{Input, InputRequest};
 
-use crate::text::display_width;
+use gdg::text::display_width;
 
 /// The longest answer accepted, in characters.
 const MAX_CHARACTERS: usize = 500;

@@ -4,9 +4,9 @@ use plotters::coord::Shift;
 use plotters::prelude::*;
 
 use super::ExportError;
-use crate::engine::Snapshot;
-use crate::train::{CurvePoint, Evaluation};
 use crate::tui::screen::Screen;
+use gdg::engine::Snapshot;
+use gdg::train::{CurvePoint, Evaluation};
 
 /// Size of the drawing.
 const SIZE: (u32, u32) = (960, 720);

@@ -7,7 +7,7 @@ use unifont::get_glyph;
 
 use super::PageColours;
 use crate::tui::theme::{Rgb, blend, rgb_of_indexed};
-use crate::view::Picture;
+use gdg::draw::Picture;
 
 /// Size of a character in the font, in pixels.
 const WIDTH: usize = 8;

@@ -9,13 +9,13 @@ use ratatui::widgets::Paragraph;
 
 use super::text::short;
 use super::{BOLD, DIM, chart};
-use crate::env::DistanceUnit;
-use crate::text::display_width;
-use crate::train::{DistanceScore, Evaluation};
 use crate::tui::layout::{ChartArea, ScreenLayout};
 use crate::tui::scene::SceneKind;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, blend};
+use gdg::env::DistanceUnit;
+use gdg::text::display_width;
+use gdg::train::{DistanceScore, Evaluation};
 
 /// Minimum height of a chart, and minimum width for two side by side.
 const MIN_CHART_HEIGHT: u16 = 7;

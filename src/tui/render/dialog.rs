@@ -9,11 +9,11 @@ use unicode_truncate::UnicodeTruncateStr;
 
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED, middle, without_slivers};
-use crate::text::{display_width, fitted, padded};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Item, Picker, Prompt, Row};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
+use gdg::text::{display_width, fitted, padded};
 
 /// Maximum sizes of a list, and the maximum width of a question.
 const MAX_LIST_SIZE: (u16, u16) = (112, 40);

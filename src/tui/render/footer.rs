@@ -8,12 +8,12 @@ use ratatui::widgets::{Clear, Paragraph};
 
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED};
-use crate::text::display_width;
 use crate::tui::action::{Action, Mode, bindings};
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::log::Notice;
 use crate::tui::scene::Tool;
 use crate::tui::screen::Screen;
+use gdg::text::display_width;
 
 /// The most rows of a notice.
 const MAX_NOTICE_ROWS: usize = 4;

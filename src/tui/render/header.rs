@@ -5,10 +5,10 @@ use ratatui::layout::Rect;
 use ratatui::text::Span;
 
 use super::{BOLD, DIM, REVERSED};
-use crate::text::{fitted, grouped};
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
+use gdg::text::{fitted, grouped};
 
 /// Columns of a name that gives way before anything else does.
 const LONG_TITLE: usize = 24;

@@ -7,12 +7,12 @@ use ratatui::widgets::{Block, Clear, Paragraph};
 
 use super::text::wrapped;
 use super::{BOLD, DIM, REVERSED, middle, training, without_slivers};
-use crate::text::display_width;
 use crate::tui::action::{Action, Binding, Mode, SECTIONS, bindings};
 use crate::tui::dialog::Help;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene;
 use crate::tui::screen::Screen;
+use gdg::text::display_width;
 
 /// Columns of the help, if there is room.
 const HELP_WIDTH: u16 = 78;

@@ -7,12 +7,12 @@ use ratatui::widgets::Clear;
 
 use super::{BOLD, REVERSED, footer};
 use crate::runs;
-use crate::text::grouped;
 use crate::tui::action::Action;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::scene::{SceneKind, shown_goal};
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
+use gdg::text::grouped;
 
 /// Draws the line at the top of the map's `area`, if there is anything to say.
 pub fn draw(frame: &mut Frame, area: Rect, screen: &Screen, layout: &mut ScreenLayout) {

@@ -8,7 +8,7 @@ use super::text::short;
 use crate::tui::canvas::SHADES;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
-use crate::view::Field;
+use gdg::viewer::Field;
 
 /// Width of the colour bar, in characters, and where room is short.
 pub const BAR_WIDTH: usize = 12;

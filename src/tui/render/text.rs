@@ -4,7 +4,7 @@ use ratatui::text::{Line, Span};
 use unicode_truncate::UnicodeTruncateStr;
 
 use super::{BOLD, DIM};
-use crate::text::display_width;
+use gdg::text::display_width;
 
 /// Formats a name and a value.
 pub fn fact(name: &str, value: impl std::fmt::Display) -> Line<'static> {

@@ -8,13 +8,13 @@ use ratatui::widgets::{Block, Clear, Padding, Paragraph};
 
 use super::text::wrapped;
 use super::{BOLD, REVERSED};
-use crate::text::display_width;
 use crate::tui::action::Action;
 use crate::tui::glyphs::Glyphs;
 use crate::tui::layout::{Click, ClickableLine, ScreenLayout};
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
 use crate::tui::tour::Tour;
+use gdg::text::display_width;
 
 /// Widths of the box that are tried, in columns, and what border and padding take.
 const WIDTHS: [u16; 4] = [40, 34, 30, 48];

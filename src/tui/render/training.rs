@@ -4,14 +4,14 @@ use ratatui::text::Line;
 
 use super::BOLD;
 use super::text::{EXPLAINED_WIDTH, EXPLANATION_COLUMN, clock, explain, fact, short};
-use crate::bridge::EdgeStatus;
-use crate::engine::NextEvaluation;
-use crate::learn::{Losses, Stage};
-use crate::text::grouped;
-use crate::train::{DistanceScore, Score};
 use crate::tui::action::Action;
 use crate::tui::scene;
 use crate::tui::screen::Screen;
+use gdg::bridge::EdgeStatus;
+use gdg::engine::NextEvaluation;
+use gdg::learn::{Losses, Stage};
+use gdg::text::grouped;
+use gdg::train::{DistanceScore, Score};
 
 /// What the numbers mean, by their names in the pane.
 pub const MEANINGS: [(&str, &str); 20] = [

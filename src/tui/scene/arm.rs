@@ -14,14 +14,14 @@ use std::sync::Arc;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 
-use crate::env::ArmScene;
 use crate::tui::contours;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::screen::Screen;
-use crate::view::ArmView;
-use crate::view::arm::film_goal;
 pub use act::{offers, wording};
+use gdg::env::ArmScene;
+use gdg::viewer::ArmView;
+use gdg::viewer::arm::film_goal;
 pub use legend::lines as legend_lines;
 pub use projection::{Angle, Camera, Orbit, Projection};
 pub use walk::lines as walk_lines;

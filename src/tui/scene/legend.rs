@@ -4,7 +4,6 @@ use ratatui::style::Style;
 use ratatui::text::{Line, Span};
 
 use super::{edge_count, overlays};
-use crate::bridge::EdgeStatus;
 use crate::tui::action::Action;
 use crate::tui::layers::Overlay;
 use crate::tui::render::DIM;
@@ -12,6 +11,7 @@ use crate::tui::render::scale::scale;
 use crate::tui::render::text::heading;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{Rgb, Theme};
+use gdg::bridge::EdgeStatus;
 
 /// Returns the scale of colours, and a line per overlay with its sign.
 pub fn overlay_lines(screen: &Screen, sign_of: impl Fn(Overlay, &Screen) -> Option<(char, Rgb)>) -> Vec<Line<'static>> {

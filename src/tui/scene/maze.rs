@@ -19,12 +19,12 @@ use std::sync::Arc;
 use ratatui::Frame;
 use ratatui::layout::Rect;
 
-use crate::map::{Cell, Grid};
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
 use crate::tui::screen::Screen;
-use crate::view::MazeView;
 pub use editor::{Editor, Tool};
+use gdg::map::{Cell, Grid};
+use gdg::viewer::MazeView;
 pub use legend::lines as legend_lines;
 pub use map::{Cache, shown_goal};
 pub use walk::lines as walk_lines;

@@ -2,10 +2,10 @@
 
 use ratatui::text::Line;
 
-use crate::engine::FollowedAgent;
 use crate::tui::action::Action;
 use crate::tui::render::text::fact;
 use crate::tui::screen::Screen;
+use gdg::engine::FollowedAgent;
 
 /// What the numbers mean, by their names in the pane.
 pub const MEANINGS: &[(&str, &str)] = &[

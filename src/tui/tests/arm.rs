@@ -2,14 +2,14 @@
 
 use super::screens::check;
 use super::*;
-use crate::env::fetch_reach::{WALL, WALL_KIND};
-use crate::env::{FetchReach, Scene};
-use crate::train::{self, DistanceScore, Evaluation, Score};
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::scene::SceneKind;
-use crate::view::arm::Reach;
-use crate::view::{ArmView, Candidate, View};
+use gdg::env::fetch_reach::{WALL, WALL_KIND};
+use gdg::env::{FetchReach, Scene};
+use gdg::train::{self, DistanceScore, Evaluation, Score};
+use gdg::viewer::arm::Reach;
+use gdg::viewer::{ArmView, Candidate, View};
 
 fn arm_app(limits: Limits, save: Option<PathBuf>) -> App {
     app_in(&FetchReach::new(None, 0), gdg(), limits, save)
@@ -29,7 +29,7 @@ fn staged_app(world: &FetchReach, method: Method, width: u16, height: u16) -> Ap
     let Scene::Arm(scene) = &app.screen.snapshot.scene else { panic!("an arm") };
     let planes: Vec<_> = app.screen.layout.projections.iter().map(|projection| projection.plane).collect();
     let [low, high] = scene.positions();
-    let field = |plane: &crate::view::arm::Plane| {
+    let field = |plane: &gdg::viewer::arm::Plane| {
         let (columns, rows) = plane.raster.pixels;
         let [left, top, width, height] = plane.raster.window;
         let value = |i: usize| {
@@ -271,7 +271,7 @@ fn a_checkpoint_of_the_interface_resumes_without_it() {
     // From a map's screen, loading it switches the world.
     let mut app = app_on(rooms(), gdg());
     draw(&mut app, 80, 24);
-    app.command(crate::engine::Command::Load(path));
+    app.command(gdg::engine::Command::Load(path));
     wait_until(&mut app, |app| app.screen.scene() == SceneKind::Arm);
     assert_eq!(app.screen.arm.goal, goal);
     draw(&mut app, 80, 24);

@@ -2,10 +2,10 @@
 
 use super::screens::{check_drawn, evaluation};
 use super::*;
-use crate::train::{Counters, Evaluation};
 use crate::tui::compare::{Comparison, Contestant};
 use crate::tui::graphics::{Graphics, Protocol, Redraw};
-use crate::view::{MazeView, View};
+use gdg::train::{Counters, Evaluation};
+use gdg::viewer::{MazeView, View};
 
 fn trainer(method: &str, seed: u64) -> Trainer {
     let method: Method = method.parse().expect("a method");
@@ -106,15 +106,15 @@ fn stage(comparison: &mut Comparison) {
             farthest: 30.0,
             field: Arc::new(values),
             raster: Some(frame.raster),
-            exploration: Arc::new(crate::view::maze::Exploration::new(&map, &vec![1; map.free().len()])),
+            exploration: Arc::new(gdg::viewer::maze::Exploration::new(&map, &vec![1; map.free().len()])),
             path: if side == 0 { vec![[10.5, 2.5], [19.5, 4.5]] } else { vec![[19.5, 4.5]] },
             trail: vec![[1.5, 2.5], [2.5, 2.2], [3.5, 1.9]],
-            walk: crate::view::maze::Walk {
+            walk: gdg::viewer::maze::Walk {
                 start: [0.5, 2.5],
                 steps: 4,
                 shortest: Some(19),
                 arrived: side == 0,
-                ..crate::view::maze::Walk::default()
+                ..gdg::viewer::maze::Walk::default()
             },
             ..MazeView::default()
         };
@@ -237,7 +237,7 @@ fn each_side_is_the_run_that_its_method_would_be_alone() {
         assert_eq!((alone.counters(), alone.losses()), (trained.counters(), trained.losses()));
         let policies = [&alone, &trained].map(|trainer| trainer.policy().expect("a policy"));
         let distances = policies
-            .map(|policy| policy.distance(&[1.5, 1.5], &[17.5, 4.5], &mut crate::learn::Scratch::default()).to_bits());
+            .map(|policy| policy.distance(&[1.5, 1.5], &[17.5, 4.5], &mut gdg::learn::Scratch::default()).to_bits());
         assert_eq!(distances[0], distances[1], "{method}");
         assert_eq!(alone.world().states(), trained.world().states());
     }

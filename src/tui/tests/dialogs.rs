@@ -4,7 +4,7 @@ use super::screens::staged_app;
 use super::*;
 use crate::tui::dialog::{Choice, Item, lists};
 use crate::tui::panes::Pane;
-use crate::view::maze::CellInfo;
+use gdg::viewer::maze::CellInfo;
 
 #[test]
 fn a_theme_is_shown_while_it_is_selected_and_kept_only_if_it_is_picked() {
@@ -214,11 +214,11 @@ fn a_changed_setting_is_named_with_its_old_and_new_value() {
     let mut run = app.screen.run().clone();
     let before = run.settings.learn.batch_size;
     run.settings.learn.batch_size = 16;
-    app.command(crate::engine::Command::Change(Box::new(run.clone())));
+    app.command(gdg::engine::Command::Change(Box::new(run.clone())));
     let logged = |app: &App, text: &str| app.screen.log.entries().iter().any(|entry| entry.text == text);
     wait_until(&mut app, |app| logged(app, &format!("batch_size {before} -> 16")));
     run.settings.learn.hidden = 8;
-    app.command(crate::engine::Command::Change(Box::new(run)));
+    app.command(gdg::engine::Command::Change(Box::new(run)));
     wait_until(&mut app, |app| logged(app, "hidden 16 -> 8; networks reset, replay kept"));
 }
 

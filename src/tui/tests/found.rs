@@ -1,7 +1,7 @@
 //! What is found at the start: a saved run, or what there is to see and do.
 
 use super::*;
-use crate::engine::Command;
+use gdg::engine::Command;
 
 #[test]
 fn a_saved_run_is_offered_and_resumed_by_key_or_click() {
@@ -218,11 +218,11 @@ fn pausing_and_single_updates_are_answered_exactly() {
     let before = app.screen.snapshot.updates();
     assert_eq!(app.screen.snapshot.rates, (0.0, 0.0));
     let shown = text(&draw(&mut app, 80, 24));
-    let exact = format!("updates   {}, 0/s", crate::text::grouped(before));
+    let exact = format!("updates   {}, 0/s", gdg::text::grouped(before));
     assert!(shown.contains(&exact), "{exact:?} is not in {shown}");
     press(&mut app, KeyCode::Char('.'));
     wait_until(&mut app, |app| app.screen.snapshot.updates() > before);
-    let done = format!("update {} done", crate::text::grouped(before + 1));
+    let done = format!("update {} done", gdg::text::grouped(before + 1));
     wait_until(&mut app, |app| app.screen.log.notice().is_some_and(|notice| notice.text == done));
     let limits = Limits { updates: Some(1), ..Limits::default() };
     let mut app = app_with(rooms(), gdg(), limits);

@@ -4,13 +4,13 @@ use ratatui::layout::Rect;
 
 use super::screens::{check, staged_app};
 use super::*;
-use crate::env::FetchReach;
-use crate::train::{Film, FilmFrame};
 use crate::tui::export::contents;
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
-use crate::view::maze::FilmedMap;
-use crate::view::{MazeView, View};
+use gdg::env::FetchReach;
+use gdg::train::{Film, FilmFrame};
+use gdg::viewer::maze::FilmedMap;
+use gdg::viewer::{MazeView, View};
 
 /// Returns a film on the rooms map: distances grow with the updates.
 fn film(app: &App, updates: &[u64]) -> Arc<Vec<Arc<FilmFrame>>> {

@@ -4,11 +4,11 @@ use ratatui::layout::Rect;
 
 use super::screens::staged_app;
 use super::*;
+use crate::cli::Marker;
 use crate::tui::graphics::patches::Patches;
 use crate::tui::graphics::{Graphics, Picture, Protocol, Redraw};
 use crate::tui::layers::Overlay;
 use crate::tui::output::ExportKind;
-use crate::tui::raster::Marker;
 use crate::tui::theme::Rgb;
 
 const GRAPHICS: Graphics = Graphics { protocol: Protocol::Kitty, character: (8, 16) };

@@ -10,11 +10,6 @@ use std::time::SystemTime;
 use jiff::tz::TimeZone;
 
 use super::*;
-use crate::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
-use crate::engine::{FollowedAgent, NextEvaluation, Snapshot};
-use crate::train::{
-    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, Score, Success,
-};
 use crate::tui::action::Action;
 use crate::tui::dialog::{Choice, lists};
 use crate::tui::export::contents;
@@ -22,8 +17,13 @@ use crate::tui::layers::{Overlay, Overlays};
 use crate::tui::output::ExportKind;
 use crate::tui::panes::Pane;
 use crate::tui::render::pane_lines;
-use crate::view::maze::{Exploration, Walk};
-use crate::view::{Candidate, MazeView, View};
+use gdg::bridge::{BridgePoint, EdgeStatus, SearchOutcome};
+use gdg::engine::{FollowedAgent, NextEvaluation, Snapshot};
+use gdg::train::{
+    CheckpointError, Counters, CurvePoint, Description, DistanceError, DistanceScore, Evaluation, Score, Success,
+};
+use gdg::viewer::maze::{Exploration, Walk};
+use gdg::viewer::{Candidate, MazeView, View};
 
 fn score(success: f64) -> Score {
     let by_distance = (1..=6).map(|i| DistanceScore {
@@ -90,7 +90,7 @@ pub fn staged_app(width: u16, height: u16) -> App {
     for updates in [2_500, 5_000, 7_500, 10_000] {
         let mut counters = Counters::default();
         (counters.updates, counters.env_steps, counters.episodes) = (updates, 16 * updates, updates / 10);
-        let losses = crate::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
+        let losses = gdg::learn::Losses { critic: 100.0 / updates as f32, model: 0.002, actor: 9.5 };
         let snapshot = Snapshot {
             phase: Phase::Running,
             counters,
@@ -435,7 +435,7 @@ fn cells_without_a_path_to_the_goal_match_their_snapshot() {
 #[test]
 fn curves_of_several_methods_match_their_snapshot() {
     let mut app = staged_app(120, 40);
-    let mut methods = crate::train::Methods::default();
+    let mut methods = gdg::train::Methods::default();
     methods.change(4_000, ("gdg-bridge".to_owned(), true), ("random".to_owned(), false));
     methods.change(6_000, ("random".to_owned(), false), ("gdg-bridge".to_owned(), true));
     app.on_snapshot(Arc::new(Snapshot { methods, ..(*app.screen.snapshot).clone() }));

@@ -3,14 +3,14 @@
 use ratatui::layout::Rect;
 
 use super::*;
-use crate::bridge::{BridgePoint, SearchOutcome};
-use crate::engine::Networks;
-use crate::learn::{Policy, Scratch};
-use crate::map::builtin;
 use crate::tui::layers::Overlay;
 use crate::tui::tour::Tour;
 use crate::tui::tour::steps::STEPS;
-use crate::view::{MazeView, OnArrival};
+use gdg::bridge::{BridgePoint, SearchOutcome};
+use gdg::engine::Networks;
+use gdg::learn::{Policy, Scratch};
+use gdg::map::builtin;
+use gdg::viewer::{MazeView, OnArrival};
 
 /// Networks that have learned this D.
 struct Fake(fn(&[f32], &[f32]) -> f32);

@@ -163,7 +163,7 @@ fn settings_are_found_by_words_of_their_description() {
     for (word, name) in [
         ("Polyak", "tau"),
         ("width", "hidden"),
-        ("gpu", "backend"),
+        ("tape", "backend"),
         ("noise environment", "env_noise"),
         ("frontier", "frontier_epsilon"),
         ("learning rate", "learning_rate"),

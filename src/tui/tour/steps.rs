@@ -3,15 +3,15 @@
 use std::sync::Arc;
 
 use super::{Tour, Watched};
-use crate::bridge::SearchOutcome;
-use crate::learn::Scratch;
-use crate::map::Cell;
 use crate::tui::action::Action;
 use crate::tui::app::App;
 use crate::tui::layers::Overlay;
 use crate::tui::screen::Screen;
 use crate::tui::theme::ColourDepth;
-use crate::view::{ContourLine, contour_lines};
+use gdg::bridge::SearchOutcome;
+use gdg::draw::{ContourLine, contour_lines};
+use gdg::learn::Scratch;
+use gdg::map::Cell;
 
 /// The map of the tour, and where its agent starts.
 pub const MAP: &str = "fourrooms";

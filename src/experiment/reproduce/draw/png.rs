@@ -8,7 +8,7 @@ use plotters::style::text_anchor::{HPos, VPos};
 use plotters_backend::{BackendColor, BackendCoord, BackendStyle, BackendTextStyle, DrawingBackend, DrawingErrorKind};
 use tiny_skia::{Color, FillRule, LineCap, LineJoin, Paint, Path, PathBuilder, Pixmap, Rect, Stroke, Transform};
 
-use crate::view::{Picture, Rgb};
+use gdg::draw::{Picture, Rgb};
 
 /// The font's only size, in pixels.
 const HEIGHT: RasterHeight = RasterHeight::Size16;

@@ -3,13 +3,13 @@
 use std::sync::Arc;
 
 use super::projection::{Angle, Camera, has_room};
-use crate::env::{ArmScene, Scene};
 use crate::tui::action::Action;
 use crate::tui::app::App;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::panes::Pane;
-use crate::view::arm::Request;
+use gdg::env::{ArmScene, Scene};
+use gdg::viewer::arm::Request;
 
 /// How far a key moves the goal, in metres.
 const NUDGE: f32 = 0.01;

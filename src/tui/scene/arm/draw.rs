@@ -7,8 +7,6 @@ use ratatui::text::Line;
 use super::projection::{Angle, Projection};
 use super::shapes::{Sketch, edges};
 use super::{shown_goal, shows_field};
-use crate::bridge::EdgeStatus;
-use crate::env::ArmScene;
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
@@ -17,6 +15,8 @@ use crate::tui::layout::ScreenLayout;
 use crate::tui::render::{BOLD, REVERSED};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, blend};
+use gdg::bridge::EdgeStatus;
+use gdg::env::ArmScene;
 
 /// Radii in metres: links (as the arm collides), joints, fingers, waypoints and explorers.
 const LINK_RADIUS: f32 = 0.026;

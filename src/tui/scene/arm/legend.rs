@@ -2,12 +2,12 @@
 
 use ratatui::text::Line;
 
-use crate::env::Scene;
 use crate::tui::layers::Overlay;
 use crate::tui::render::text::heading;
 use crate::tui::scene::legend::{edge_lines, overlay_lines, sign};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, blend};
+use gdg::env::Scene;
 
 /// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {

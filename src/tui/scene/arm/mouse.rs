@@ -5,7 +5,7 @@ use ratatui::layout::Position;
 
 use super::projection::{Angle, Projection};
 use crate::tui::app::App;
-use crate::view::arm::Request;
+use gdg::viewer::arm::Request;
 
 /// Zoom factor of one wheel step.
 const WHEEL_ZOOM_FACTOR: f32 = 1.25;

@@ -4,10 +4,11 @@ use std::f32::consts::{FRAC_PI_2, TAU};
 
 use ratatui::layout::{Constraint, Layout, Position, Rect};
 
-use crate::tui::raster::{MapFrame, Marker};
+use crate::cli::Marker;
+use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
-use crate::view::Raster;
-use crate::view::arm::Plane;
+use gdg::draw::Raster;
+use gdg::viewer::arm::Plane;
 
 /// What is shown without zoom, in metres: where the arm, the table and the goals are.
 const WORKSPACE: [[f32; 3]; 2] = [[0.62, 0.33, 0.3], [1.66, 1.17, 1.12]];

@@ -1,9 +1,9 @@
 //! Lines, balls and boxes on the pixels of a projection.
 
 use super::projection::Projection;
-use crate::env::fetch_reach::Corners;
 use crate::tui::canvas::Canvas;
 use crate::tui::theme::Rgb;
+use gdg::env::fetch_reach::Corners;
 
 /// The pixels of a projection.
 pub struct Sketch<'a> {

@@ -3,11 +3,11 @@
 use ratatui::text::Line;
 
 use super::centimetres;
-use crate::env::Scene;
-use crate::text::counted;
 use crate::tui::render::text::{fact, heading};
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
+use gdg::env::Scene;
+use gdg::text::counted;
 
 /// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {

@@ -5,15 +5,15 @@ use std::sync::Arc;
 use rand::RngExt;
 
 use super::editor::offset_cell;
-use crate::engine::Command;
-use crate::map::{Cell, Grid};
 use crate::tui::action::Action;
 use crate::tui::app::{App, maze_on};
 use crate::tui::dialog::Question;
 use crate::tui::layers::Overlay;
 use crate::tui::layout::ScreenLayout;
 use crate::tui::raster::Viewport;
-use crate::view::maze::{Request, cell_of_goal};
+use gdg::engine::Command;
+use gdg::map::{Cell, Grid};
+use gdg::viewer::maze::{Request, cell_of_goal};
 
 /// What is said where older edits cannot be undone.
 const EDITS_DROPPED: &str = "older edits can no longer be undone: all together, they took too much memory";

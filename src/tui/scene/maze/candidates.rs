@@ -4,7 +4,7 @@ use std::collections::HashMap;
 
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
-use crate::view::Candidate;
+use gdg::viewer::Candidate;
 
 /// One candidate is drawn for each block of so many columns and rows of characters.
 const SPACING: (u16, u16) = (6, 3);

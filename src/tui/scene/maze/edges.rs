@@ -1,10 +1,10 @@
 //! Edges of the bridge graph: those that agents have walked along or failed to, near the cursor if there are many.
 
-use crate::bridge::EdgeStatus;
 use crate::tui::canvas::Canvas;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
-use crate::view::ShownEdge;
+use gdg::bridge::EdgeStatus;
+use gdg::viewer::ShownEdge;
 
 /// The most edges drawn: more of them would hide the map.
 pub const MAX_EDGES: usize = 300;

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use ratatui::layout::Position;
 
 use super::edits::Edits;
-use crate::map::{Cell, Grid};
 use crate::tui::raster::MapFrame;
+use gdg::map::{Cell, Grid};
 
 /// A drawing tool.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -331,7 +331,7 @@ fn area(map: &Grid, from: Cell) -> Vec<Cell> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::map::{parse_map, print_ascii};
+    use gdg::map::{parse_map, print_ascii};
 
     const ROOM: &str = "S....\n.....\n..#..\n....G\n";
 

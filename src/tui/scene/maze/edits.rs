@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use crate::map::{Cell, Grid};
+use gdg::map::{Cell, Grid};
 
 /// Maximum size of all edits together. Beyond it the oldest are dropped.
 const MAX_BYTES: usize = 256 << 20;

@@ -4,7 +4,6 @@ use ratatui::text::{Line, Span};
 
 use super::edges::MAX_EDGES;
 use super::map::{FRONTIER_SIGN, TRAIL_MARK};
-use crate::bridge::EdgeStatus;
 use crate::tui::canvas::{CANDIDATE_MARK, UNVISITED_MARK};
 use crate::tui::layers::Overlay;
 use crate::tui::render::text::heading;
@@ -12,6 +11,7 @@ use crate::tui::scene::edge_count;
 use crate::tui::scene::legend::{edge_lines, overlay_lines, sample, sign};
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb};
+use gdg::bridge::EdgeStatus;
 
 /// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {

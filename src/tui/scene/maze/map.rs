@@ -10,7 +10,6 @@ use super::candidates;
 use super::edges;
 use super::picture::{self, PictureCache};
 use super::unexplored::Unexplored;
-use crate::map::{Cell, Grid};
 use crate::tui::canvas::{CANDIDATE_MARK, Canvas, WALL_MARK, shade};
 use crate::tui::contours::{self, Label};
 use crate::tui::glyphs::Glyphs;
@@ -21,8 +20,10 @@ use crate::tui::raster::MapFrame;
 use crate::tui::render::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, Rgb, Theme, ThemeName, blend};
-use crate::view::maze::{Exploration, film_goal};
-use crate::view::{Field, Ground, Raster};
+use gdg::draw::{Ground, Raster};
+use gdg::map::{Cell, Grid};
+use gdg::viewer::Field;
+use gdg::viewer::maze::{Exploration, film_goal};
 
 /// Minimum characters per cell for drawing bridge candidates, and for drawing them in sizes.
 const MIN_BRIDGE_SCALE: f32 = 0.75;

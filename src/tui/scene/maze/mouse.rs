@@ -3,10 +3,10 @@
 use crossterm::event::{MouseButton, MouseEventKind};
 use ratatui::layout::{Position, Rect};
 
-use crate::map::Cell;
 use crate::tui::app::App;
 use crate::tui::raster::Viewport;
-use crate::view::maze::Request;
+use gdg::map::Cell;
+use gdg::viewer::maze::Request;
 
 /// Zoom factor of one wheel step.
 const WHEEL_ZOOM_FACTOR: f32 = 1.25;

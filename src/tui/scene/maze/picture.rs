@@ -13,8 +13,6 @@ use super::candidates;
 use super::edges;
 use super::map::{Key, open_field, show_interval, shown_goal, shown_interval};
 use super::unexplored::Unexplored;
-use crate::bridge::EdgeStatus;
-use crate::map::Cell;
 use crate::tui::contours as intervals;
 use crate::tui::graphics::{Picture, Redraw};
 use crate::tui::layers::Overlay;
@@ -23,7 +21,10 @@ use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet};
 use crate::tui::theme::{Rgb, contour, ink};
-use crate::view::{Field, Ground};
+use gdg::bridge::EdgeStatus;
+use gdg::draw::Ground;
+use gdg::map::Cell;
+use gdg::viewer::Field;
 use ground::Scale;
 
 /// How far apart contour lines are on average, at least, in pixels of the field: half as far as in characters.

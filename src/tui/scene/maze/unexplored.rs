@@ -5,8 +5,9 @@ use crate::tui::layers::Overlay;
 use crate::tui::raster::MapFrame;
 use crate::tui::screen::Screen;
 use crate::tui::theme::{ColourDepth, blend};
-use crate::view::maze::Knowledge;
-use crate::view::{Field, Ground};
+use gdg::draw::Ground;
+use gdg::viewer::Field;
+use gdg::viewer::maze::Knowledge;
 
 /// How far unvisited cells fade into the colour of unknown ground (pockets in the known world, and what lies beyond), and
 /// hatched ones into that of walls.

@@ -2,10 +2,10 @@
 
 use ratatui::text::Line;
 
-use crate::text::counted;
 use crate::tui::render::text::{fact, heading};
 use crate::tui::scene::walk;
 use crate::tui::screen::Screen;
+use gdg::text::counted;
 
 /// Returns the pane's lines.
 pub fn lines(screen: &Screen) -> Vec<Line<'static>> {

@@ -4,7 +4,7 @@ use super::ground::Scale;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet, text_width};
 use crate::tui::theme::{Rgb, blend, ink};
-use crate::view::{ContourPath, Ground, contour_paths};
+use gdg::draw::{ContourPath, Ground, contour_paths};
 
 /// Width of a line, and height of a label, as shares of a character's height.
 const WIDTH: f32 = 0.07;

@@ -2,14 +2,14 @@
 
 use std::ops::Range;
 
-use crate::map::Cell;
 use crate::tui::layers::Overlay;
 use crate::tui::render::scale::MAX_SHOWN_ERROR;
 use crate::tui::screen::Screen;
 use crate::tui::sheet::{Ink, Sheet};
 use crate::tui::theme::{Rgb, blend};
-use crate::view::Field;
-use crate::view::maze::Knowledge;
+use gdg::map::Cell;
+use gdg::viewer::Field;
+use gdg::viewer::maze::Knowledge;
 
 use super::super::unexplored::{CUT_OFF_FADES, FADE, HATCH, POCKET_FADE, TINT};
 

@@ -1,0 +1,476 @@
+//! Bridge candidates, and the step counts that trajectories show between them.
+
+mod spacing;
+mod state;
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use super::hops::HopOutcomes;
+use super::settings::BridgeSettings;
+use crate::env::Spec;
+use crate::learn::GoalIndex;
+pub(crate) use spacing::MAX_SPACING_SHARE;
+pub use state::CandidatesState;
+
+/// Step count between two candidates that no trajectory connected within the time window.
+pub const UNOBSERVED: u16 = u16::MAX;
+
+/// Distance that candidates keep from each other even where walls separate them, in goal radii.
+pub(crate) const MIN_SPACING_RADII: f32 = 1.0;
+
+/// At the maximum number of candidates, a state becomes one only at this multiple of the spacing: the others move apart
+/// for places that are out of their reach, not to fill gaps between them.
+pub(crate) const NEWCOMER_FACTOR: f32 = 1.5;
+
+/// Observed paths from a candidate that make its surroundings well known: a missing path is then evidence of a wall.
+pub(crate) const WELL_KNOWN_PATHS: usize = 8;
+
+/// A path is a detour round a wall if it takes more than this multiple of the straight line's steps ...
+pub(crate) const DETOUR_FACTOR: f32 = 2.0;
+
+/// ... plus this many steps.
+pub(crate) const DETOUR_SLACK_STEPS: f32 = 4.0;
+
+/// Candidates spread over all visited states, and the fewest steps of any trajectory from near one to near
+/// another.
+///
+/// Candidates persist. A state farther than the spacing from all of them becomes a new one. When there are too many, the
+/// spacing grows and candidates that are now too close retire (streaming farthest-point sampling). In open space, there
+/// are too many when the graph has more paths than planning takes, otherwise only at the maximum number: between thin
+/// walls, the nearest candidate in a straight line is likely to be on the other side unless they lie close. Where many
+/// walks between them fail, the spacing shrinks again. *Near* a candidate means within a quarter of the spacing, but at
+/// most the goal radius (the environment's own criterion for having arrived) and at least half of it. The radius is this
+/// small because straight-line distance ignores thin walls and touching corners.
+///
+/// A candidate has an index, which changes when others retire, and an id, which never changes.
+#[derive(Clone, Debug)]
+pub struct Candidates {
+    spec: Spec,
+    /// Target number of candidates, and the hard limit.
+    target_count: usize,
+    max_count: usize,
+    /// Spacing beyond which only the hard limit counts.
+    max_spacing: f32,
+    /// Whether trajectories verify edges.
+    verified: bool,
+    /// Whether space has turned out to be open.
+    is_open: bool,
+    /// D below which there are edges, in steps.
+    edge_cutoff_steps: f32,
+    window: usize,
+    spacing: f32,
+    /// The spacing at first.
+    least_spacing: f32,
+    /// Distance that candidates keep from each other even where walls separate them.
+    min_spacing: f32,
+    /// `(candidates, state_dim)`.
+    states: Vec<f32>,
+    /// The candidates as goals. Shared with frozen copies until the next change.
+    goal_index: Arc<GoalIndex>,
+    /// The ids, in ascending order.
+    ids: Vec<u32>,
+    /// The next candidate's id.
+    next_id: u32,
+    /// Observed paths from each candidate. Frozen copies share the rows that have not changed since.
+    paths: Vec<Arc<KnownPaths>>,
+    /// Each agent's recent visits: step within the episode, candidate.
+    visits: Vec<VecDeque<(u32, u32)>>,
+    /// Steps in each agent's episode so far.
+    clocks: Vec<u32>,
+    /// Outcomes of walks between candidates, by D.
+    hops: HopOutcomes,
+}
+
+/// Observed paths from one candidate to others. Sparse, as recorded paths are short.
+#[derive(Clone, Debug, Default, PartialEq)]
+struct KnownPaths {
+    /// Index of another candidate and the fewest steps to it, sorted by index.
+    observed: Vec<(u32, u16)>,
+    /// Outcomes of walks to another candidate, by its id.
+    practice: BTreeMap<u32, WalkRecord>,
+}
+
+impl KnownPaths {
+    /// Records that a trajectory reached candidate `to` in `steps`.
+    fn observe(this: &mut Arc<Self>, to: u32, steps: u16) {
+        match this.observed.binary_search_by_key(&to, |(to, _)| *to) {
+            Ok(at) if this.observed[at].1 <= steps => {}
+            Ok(at) => Arc::make_mut(this).observed[at].1 = steps,
+            Err(at) => Arc::make_mut(this).observed.insert(at, (to, steps)),
+        }
+    }
+}
+
+/// Outcomes of walks from one candidate to another.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct WalkRecord {
+    /// Number of walks that arrived in time.
+    pub arrived: u16,
+    /// Number of consecutive failures since the last arrival.
+    pub failed: u16,
+}
+
+impl Candidates {
+    /// Creates an empty set of candidates for `agents` agents.
+    pub fn new(spec: &Spec, agents: usize, settings: &BridgeSettings) -> Self {
+        Self {
+            spec: spec.clone(),
+            target_count: settings.candidates,
+            max_count: settings.max_candidates(),
+            max_spacing: MAX_SPACING_SHARE * settings.edge_cutoff_steps * spec.goal_radius,
+            verified: settings.verify_edges,
+            is_open: false,
+            edge_cutoff_steps: settings.edge_cutoff_steps,
+            window: settings.window_steps(),
+            spacing: settings.candidate_spacing * spec.goal_radius,
+            least_spacing: settings.candidate_spacing * spec.goal_radius,
+            min_spacing: MIN_SPACING_RADII.min(settings.candidate_spacing) * spec.goal_radius,
+            states: Vec::new(),
+            goal_index: Arc::new(GoalIndex::new(spec)),
+            ids: Vec::new(),
+            next_id: 0,
+            paths: Vec::new(),
+            visits: vec![VecDeque::new(); agents],
+            clocks: vec![0; agents],
+            hops: HopOutcomes::default(),
+        }
+    }
+
+    /// Returns a frozen copy without the agents' visits, for graphs to build on and share.
+    #[must_use]
+    pub fn frozen(&self) -> Arc<Self> {
+        Arc::new(Self {
+            spec: self.spec.clone(),
+            states: self.states.clone(),
+            goal_index: self.goal_index.clone(),
+            ids: self.ids.clone(),
+            paths: self.paths.clone(),
+            visits: Vec::new(),
+            clocks: Vec::new(),
+            ..*self
+        })
+    }
+
+    /// Replaces the candidates with `fresh` but continues the ids, so that outcomes of earlier walks are never
+    /// attributed to new candidates; what is known of hops of each length stays, and so does the spacing unless it begins
+    /// at another one.
+    pub fn reset_to(&mut self, fresh: Self) {
+        let spacing = if self.least_spacing == fresh.least_spacing { self.spacing } else { fresh.spacing };
+        *self = Self { next_id: self.next_id, hops: self.hops, spacing, ..fresh };
+    }
+
+    /// Returns the number of candidates.
+    pub fn len(&self) -> usize {
+        self.ids.len()
+    }
+
+    /// Returns whether there are no candidates.
+    pub fn is_empty(&self) -> bool {
+        self.ids.is_empty()
+    }
+
+    /// Returns the candidates' states, `(candidates, state_dim)`.
+    pub fn states(&self) -> &[f32] {
+        &self.states
+    }
+
+    /// Returns the candidates as goals, `(candidates, goal_dim)`.
+    pub fn points(&self) -> &[f32] {
+        self.goal_index.goals()
+    }
+
+    /// Returns the candidates as goals, to search by position.
+    pub fn goal_index(&self) -> &GoalIndex {
+        &self.goal_index
+    }
+
+    /// Returns the fewest steps of any trajectory from near `from` to near `to`, or [`UNOBSERVED`] if there is none.
+    pub fn observed(&self, from: usize, to: usize) -> u16 {
+        if from == to {
+            return 0;
+        }
+        let row = &self.paths[from].observed;
+        row.binary_search_by_key(&(to as u32), |(to, _)| *to).map_or(UNOBSERVED, |at| row[at].1)
+    }
+
+    /// Returns the candidates that some trajectory reached from near `from`, in ascending order.
+    pub fn observed_from(&self, from: usize) -> impl Iterator<Item = usize> {
+        self.paths[from].observed.iter().map(|(to, _)| *to as usize)
+    }
+
+    /// Returns, for each candidate, those from which some trajectory reached it, in ascending order.
+    pub fn observed_into(&self) -> Vec<Vec<u32>> {
+        let mut into = vec![Vec::new(); self.len()];
+        for (from, paths) in self.paths.iter().enumerate() {
+            paths.observed.iter().for_each(|(to, _)| into[*to as usize].push(from as u32));
+        }
+        into
+    }
+
+    /// Returns the id of candidate `i`, which stays the same when others retire.
+    pub fn id(&self, i: usize) -> u32 {
+        self.ids[i]
+    }
+
+    /// Returns the index of the candidate with this id, unless it has retired.
+    fn index_of(&self, id: u32) -> Option<usize> {
+        self.ids.binary_search(&id).ok()
+    }
+
+    /// Returns the outcomes of walks from candidate `from` to candidate `to`.
+    pub fn walk_record(&self, from: usize, to: usize) -> WalkRecord {
+        self.paths[from].practice.get(&self.ids[to]).copied().unwrap_or_default()
+    }
+
+    /// Returns the outcomes of walks between candidates, by D.
+    pub fn hops(&self) -> &HopOutcomes {
+        &self.hops
+    }
+
+    /// Records the outcome of a walk between two candidates, given by their ids, that was `distance` steps long by D.
+    pub fn record_walk(&mut self, (from, to): (u32, u32), distance: f32, arrived: bool) {
+        self.hops.record(distance, arrived);
+        let (Some(row), Some(_)) = (self.index_of(from), self.index_of(to).filter(|_| from != to)) else { return };
+        let practice = Arc::make_mut(&mut self.paths[row]).practice.entry(to).or_default();
+        if arrived {
+            *practice = WalkRecord { arrived: practice.arrived.saturating_add(1), failed: 0 };
+        } else {
+            practice.failed = practice.failed.saturating_add(1);
+        }
+    }
+
+    /// Returns the minimum distance between candidates, in the environment's unit of length.
+    pub fn spacing(&self) -> f32 {
+        self.spacing
+    }
+
+    /// Returns the distance within which an agent counts as being at a candidate.
+    fn near_radius(&self) -> f32 {
+        (self.spacing / 4.0).clamp(0.5 * self.spec.goal_radius, self.spec.goal_radius)
+    }
+
+    /// Adds the next state of `agent`'s episode.
+    pub fn visit(&mut self, agent: usize, state: &[f32]) {
+        let clock = self.clocks[agent];
+        self.clocks[agent] += 1;
+        let visits = &mut self.visits[agent];
+        while visits.front().is_some_and(|(step, _)| clock - step > self.window as u32) {
+            visits.pop_front();
+        }
+        let latest = visits.back().map(|(step, from)| (*from as usize, clock - step));
+        let (nearest, distance) = self.nearest(state);
+        let mut near = (distance < self.near_radius()).then_some(nearest);
+        let spacing = self.spacing_of_newcomers();
+        if distance > spacing || (distance > self.min_spacing && self.is_behind_a_wall(state, spacing, latest)) {
+            near = self.add(state, distance <= spacing);
+        }
+        let visits = &mut self.visits[agent];
+        let Some(to) = near else { return };
+        for (step, from) in visits.iter().filter(|(_, from)| *from as usize != to) {
+            KnownPaths::observe(&mut self.paths[*from as usize], to as u32, (clock - step) as u16);
+        }
+        visits.push_back((clock, to as u32));
+    }
+
+    /// Ends `agent`'s episode: its next state does not follow from the previous one.
+    pub fn end_episode(&mut self, agent: usize) {
+        self.visits[agent].clear();
+        self.clocks[agent] = 0;
+    }
+
+    /// Returns the candidate nearest to `state` and its distance, which is infinite without candidates.
+    fn nearest(&self, state: &[f32]) -> (usize, f32) {
+        self.goal_index.nearest(&self.achieved(state)).unwrap_or((0, f32::INFINITY))
+    }
+
+    /// Returns the goal that `state` achieves.
+    fn achieved(&self, state: &[f32]) -> Vec<f32> {
+        self.spec.achieved(state).collect()
+    }
+
+    /// Returns the distance that a state must have from all candidates to become one: the spacing, and more if others have
+    /// to retire for it.
+    fn spacing_of_newcomers(&self) -> f32 {
+        if self.verified && self.len() >= self.max_count { NEWCOMER_FACTOR * self.spacing } else { self.spacing }
+    }
+
+    /// Whether trajectories show that `state` is far from all candidates within `spacing`: `latest`, the candidate
+    /// that its agent visited last and the steps since, is not joined to any of them by a short path.
+    fn is_behind_a_wall(&self, state: &[f32], spacing: f32, latest: Option<(usize, u32)>) -> bool {
+        let Some((latest, steps)) = latest else { return false };
+        if self.paths[latest].observed.len() < WELL_KNOWN_PATHS {
+            return false;
+        }
+        let joined = |i, distance| self.may_be_joined(latest, i, distance + steps as f32);
+        !self.goal_index.any_within(&self.achieved(state), spacing, joined)
+    }
+
+    /// Whether candidates `i` and `j` may be joined by a path that is not much longer than `distance`: such a path has
+    /// been observed, or too little has been observed around them to tell.
+    fn may_be_joined(&self, i: usize, j: usize, distance: f32) -> bool {
+        let well_known = |i: usize| self.paths[i].observed.len() >= WELL_KNOWN_PATHS;
+        let longest = self.longest_way(distance);
+        !well_known(i)
+            || !well_known(j)
+            || f32::from(self.observed(i, j)) <= longest
+            || f32::from(self.observed(j, i)) <= longest
+    }
+
+    /// Returns the steps that a path may take over this `distance` in a straight line unless it goes round a wall.
+    fn longest_way(&self, distance: f32) -> f32 {
+        DETOUR_FACTOR * distance / self.spec.goal_radius + DETOUR_SLACK_STEPS
+    }
+
+    /// Makes `state` a candidate, thinning the others if there is no room, and returns its index; `None` if it is too
+    /// close to another at the new spacing. Where it is `behind_a_wall`, only the minimum spacing counts.
+    fn add(&mut self, state: &[f32], behind_a_wall: bool) -> Option<usize> {
+        while self.is_full() {
+            self.move_apart();
+            let spacing = if behind_a_wall { self.min_spacing } else { self.spacing };
+            if self.nearest(state).1 <= spacing {
+                return None;
+            }
+        }
+        self.states.extend(state);
+        let place = self.achieved(state);
+        Arc::make_mut(&mut self.goal_index).push(&place);
+        self.ids.push(self.next_id);
+        self.paths.push(Arc::default());
+        self.next_id += 1;
+        Some(self.len() - 1)
+    }
+}
+
+#[cfg(test)]
+pub(super) mod tests {
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::env::tests::positions;
+
+    /// Returns the spec of a line of a hundred goal radii, and settings for `candidates` candidates.
+    pub fn line(candidates: usize) -> (Spec, BridgeSettings) {
+        let spec = positions(&[(50.0, 50.0), (0.5, 50.0)]);
+        (spec, BridgeSettings { candidates, ..BridgeSettings::default() })
+    }
+
+    /// Walks one agent along the line from 0 to `end`, half a goal radius per step.
+    fn walk(candidates: &mut Candidates, end: f32) {
+        let mut at = 0.0;
+        while at <= end {
+            candidates.visit(0, &[at, 0.5]);
+            at += 0.5;
+        }
+        candidates.end_episode(0);
+    }
+
+    /// Walks an agent back and forth along a corridor at `y`, several times.
+    pub fn walk_corridor(candidates: &mut Candidates, y: f32, (from, to): (i32, i32)) {
+        for _ in 0..30 {
+            (from..=to).chain((from..to).rev()).for_each(|x| candidates.visit(0, &[x as f32, y]));
+        }
+        candidates.end_episode(0);
+    }
+
+    #[test]
+    fn states_behind_a_wall_become_candidates_although_others_are_near() {
+        let (spec, settings) = line(200);
+        let settings = BridgeSettings { candidate_spacing: 2.5, edge_cutoff_steps: 20.0, ..settings };
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        // Two corridors two units apart; the second begins where there is no wall between it and the first.
+        walk_corridor(&mut candidates, 0.5, (40, 80));
+        walk_corridor(&mut candidates, 2.5, (0, 80));
+        let behind = |at: &&[f32]| at[1] == 2.5 && at[0] > 45.0;
+        assert!(candidates.points().chunks_exact(2).filter(behind).count() > 8, "{:?}", candidates.points());
+        let radius = spec.goal_radius;
+        for (i, a) in candidates.points().chunks_exact(2).enumerate() {
+            let near = |b: &[f32]| spec.goal_distance(a, b) <= MIN_SPACING_RADII * radius;
+            assert!(!candidates.points()[2 * (i + 1)..].chunks_exact(2).any(near), "some lie within the least spacing");
+        }
+    }
+
+    #[test]
+    fn others_retire_for_places_out_of_reach_but_not_to_fill_gaps() {
+        let (spec, settings) = line(5);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        walk(&mut candidates, 99.5);
+        let (ids, spacing) = (candidates.ids.clone(), candidates.spacing());
+        assert!(spacing > spec.goal_radius && ids.len() <= settings.max_candidates(), "{spacing}");
+        // At other places of the same line, until gaps between candidates are filled.
+        for offset in 1..20 {
+            (0..199).for_each(|i| candidates.visit(0, &[0.5 * (i as f32 + offset as f32 / 20.0), 0.5]));
+            candidates.end_episode(0);
+        }
+        assert_eq!((&candidates.ids[..ids.len()], candidates.spacing()), (&ids[..], spacing), "none retired");
+        assert_eq!(candidates.len(), settings.max_candidates());
+        candidates.visit(0, &[50.0, 40.0]);
+        assert!(candidates.nearest(&[50.0, 40.0]).1 == 0.0 && candidates.spacing() > spacing);
+        assert!(candidates.len() <= settings.max_candidates());
+    }
+
+    #[test]
+    fn open_space_is_not_crowded() {
+        let (spec, settings) = line(200);
+        let mut candidates = Candidates::new(&spec, 1, &BridgeSettings { candidate_spacing: 2.5, ..settings });
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut at = [6.0f32, 6.0];
+        for _ in 0..6_000 {
+            let direction = [rng.random_range(-1.0..1.0f32), rng.random_range(-1.0..1.0f32)];
+            for _ in 0..10 {
+                at = [0, 1].map(|axis: usize| (at[axis] + direction[axis]).clamp(0.0, 12.0));
+                candidates.visit(0, &at);
+            }
+        }
+        // At the least spacing there would be room for more than a hundred.
+        assert!((20..40).contains(&candidates.len()), "{} candidates", candidates.len());
+    }
+
+    #[test]
+    fn walk_records_count_consecutive_failures_until_an_arrival() {
+        let (spec, settings) = line(10);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        walk(&mut candidates, 12.0);
+        let hop = (candidates.id(0), candidates.id(1));
+        candidates.record_walk(hop, 2.0, false);
+        candidates.record_walk(hop, 2.0, false);
+        assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 0, failed: 2 });
+        assert_eq!(candidates.walk_record(1, 0), WalkRecord::default(), "the other direction is another edge");
+        candidates.record_walk(hop, 2.0, true);
+        assert_eq!(candidates.walk_record(0, 1), WalkRecord { arrived: 1, failed: 0 });
+        candidates.record_walk((hop.0, 12_345), 2.0, true);
+        candidates.record_walk((hop.0, hop.0), 2.0, true);
+        assert_eq!(candidates.state().practice.len(), 4, "self-loops and unknown candidates are ignored");
+    }
+
+    #[test]
+    fn walk_records_follow_candidates_when_others_retire() {
+        let (spec, settings) = line(10);
+        let settings = BridgeSettings { verify_edges: false, ..settings };
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        walk(&mut candidates, 15.0);
+        let before: Vec<(u32, f32)> =
+            (0..candidates.len()).map(|i| (candidates.id(i), candidates.points()[2 * i])).collect();
+        for (a, _) in &before {
+            before.iter().for_each(|(b, _)| candidates.record_walk((*a, *b), 2.0, true));
+        }
+        // Far enough for more candidates than the target, so that some have to retire.
+        walk(&mut candidates, 60.0);
+        let place = |name: u32, e: &Candidates| (0..e.len()).find(|i| e.id(*i) == name);
+        let (kept, gone): (Vec<_>, Vec<_>) = before.iter().partition(|(name, _)| place(*name, &candidates).is_some());
+        assert!(kept.len() > 1 && !gone.is_empty(), "{} stayed, {} retired", kept.len(), gone.len());
+        for (name, point) in &kept {
+            let i = place(*name, &candidates).unwrap_or_default();
+            assert_eq!(candidates.points()[2 * i], *point);
+            for (other, _) in kept.iter().filter(|(other, _)| other != name) {
+                let j = place(*other, &candidates).unwrap_or_default();
+                assert_eq!(candidates.walk_record(i, j).arrived, 1);
+            }
+        }
+        assert_eq!(candidates.state().practice.len(), 4 * kept.len() * (kept.len() - 1));
+        let mut restored = Candidates::new(&spec, 1, &settings);
+        restored.restore(&candidates.state()).expect("its own state");
+        assert_eq!(restored.state(), candidates.state());
+    }
+}

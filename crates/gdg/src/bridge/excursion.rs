@@ -1,0 +1,344 @@
+//! Excursions: agents that explore beyond the frontier of what has been visited.
+
+mod places;
+
+use rand::RngExt;
+use rand_chacha::ChaCha8Rng;
+use serde::{Deserialize, Serialize};
+
+use crate::env::Spec;
+use crate::store::{Store, StoreError};
+use places::{NO_FRONTIER, Places};
+
+/// An excursion ends after this many steps without a new place. The way to the frontier has an additional allowance of
+/// three steps per action.
+pub(crate) const EXCURSION_STEPS: u32 = 30;
+
+/// Share of random actions on an excursion, which free agents that the table leads in circles.
+pub(crate) const RANDOM_SHARE: f32 = 0.1;
+
+/// Steps for which an action is held to leave a place.
+pub(crate) const HELD_STEPS: u32 = 3;
+
+/// Smallest share of an action that an agent takes per step. Half a step, held for [`HELD_STEPS`], still crosses a place.
+pub(crate) const MIN_STRIDE: f32 = 0.5;
+
+/// Rounds of steps over which the share of steps on excursions is averaged: long enough for the longest, short enough to
+/// set out at once when a door opens.
+pub(crate) const SHARE_ROUNDS: u32 = 1_000;
+
+/// Names in the store.
+const STATE: &str = "excursions";
+const PLACES: &str = "places";
+
+/// One agent's excursion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Excursion {
+    /// Steps left unless it finds a new place; `None` before the first step.
+    left: Option<u32>,
+    /// The action that it holds.
+    held: Option<Held>,
+}
+
+/// An action held until it leads to another place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Held {
+    /// Place where it was chosen.
+    from: usize,
+    action: usize,
+    steps: u32,
+}
+
+/// Excursions of all agents.
+///
+/// On an excursion, an agent follows what actions have led to before to the nearest place at the frontier, where some
+/// action may lead to a place that nobody has visited, and tries it: return first, then explore (Ecoffet et al. 2021),
+/// with optimism about what nobody has tried (R-max, Brafman and Tennenholtz 2002). This needs neither D nor the actor,
+/// which are not trained there yet.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Excursions {
+    places: Places,
+    /// Each agent's place, once known.
+    at: Vec<Option<usize>>,
+    /// Each agent's excursion, if it is on one.
+    under_way: Vec<Option<Excursion>>,
+    spent: Spent,
+}
+
+/// How much of their time agents have spent on excursions lately.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+struct Spent {
+    /// Mean share of agents on an excursion.
+    share: f64,
+    /// Rounds of steps that it is a mean of, at most [`SHARE_ROUNDS`]; after that, earlier ones fade.
+    rounds: u32,
+}
+
+/// Checkpointed state besides the places.
+#[derive(Serialize, Deserialize)]
+struct ExcursionsState {
+    at: Vec<Option<usize>>,
+    under_way: Vec<Option<Excursion>>,
+    #[serde(default)]
+    spent: Spent,
+}
+
+impl Excursions {
+    /// Returns the state before the first step of `agents` agents in a world with `spec`.
+    pub fn new(spec: &Spec, agents: usize) -> Self {
+        Self {
+            places: Places::new(spec),
+            at: vec![None; agents],
+            under_way: vec![None; agents],
+            spent: Spent::default(),
+        }
+    }
+
+    /// Whether `agent` is on an excursion.
+    pub fn is_on(&self, agent: usize) -> bool {
+        self.under_way[agent].is_some()
+    }
+
+    /// Whether agents have lately spent less than `share` of their steps on excursions. Goals are no measure: on a large
+    /// map, a goal is pursued for many times as long as an excursion takes.
+    pub fn are_due(&self, share: f32) -> bool {
+        self.spent.share < f64::from(share)
+    }
+
+    /// Counts a round of steps of all agents.
+    pub fn count_steps(&mut self) {
+        let on = self.under_way.iter().flatten().count() as f64 / self.under_way.len() as f64;
+        self.spent.rounds = (self.spent.rounds + 1).min(SHARE_ROUNDS);
+        self.spent.share += (on - self.spent.share) / f64::from(self.spent.rounds);
+    }
+
+    /// Starts an excursion of `agent` from where it is.
+    pub fn begin(&mut self, agent: usize) {
+        self.under_way[agent] = Some(Excursion { left: None, held: None });
+    }
+
+    /// Ends the excursion of `agent`, if it is on one.
+    pub fn end(&mut self, agent: usize) {
+        self.under_way[agent] = None;
+    }
+
+    /// Whether there are actions that nobody has tried and that may lead to new places.
+    pub fn has_frontier(&self) -> bool {
+        self.places.has_frontier()
+    }
+
+    /// Returns the centre of the place at the frontier that `agent` is heading for, as a goal, `(goal_dim)`.
+    pub fn destination(&self, agent: usize) -> Option<Vec<f32>> {
+        let at = self.at[agent].filter(|_| self.is_on(agent))?;
+        Some(self.places.centre(self.places.frontier_from(at)?))
+    }
+
+    /// Records that `agent` is in `state` and what its held action has led to. Ends its excursion if nothing new has
+    /// been found for long or nothing is left to find.
+    pub fn arrive(&mut self, agent: usize, state: &[f32]) {
+        let visited = self.places.visit(state);
+        self.at[agent] = visited.map(|(place, _)| place);
+        let Some(mut excursion) = self.under_way[agent].take() else { return };
+        let ended = match visited {
+            None => true,
+            Some((place, is_new)) => {
+                if let Some(Held { from, action, steps }) = excursion.held
+                    && (from != place || steps >= HELD_STEPS)
+                {
+                    self.places.record(from, action, place);
+                    excursion.held = None;
+                }
+                let ahead = self.places.ahead(place);
+                let left = match excursion.left {
+                    _ if is_new => EXCURSION_STEPS,
+                    None => ahead.saturating_mul(3).saturating_add(EXCURSION_STEPS),
+                    Some(left) => left - 1,
+                };
+                excursion.left = Some(left);
+                left == 0 || ahead == NO_FRONTIER
+            }
+        };
+        self.under_way[agent] = (!ended).then_some(excursion);
+    }
+
+    /// Writes the next action of `agent` to `action`, `(action_dim)`, if it is on an excursion; returns whether it is.
+    pub fn act(&mut self, agent: usize, action: &mut [f32], rng: &mut ChaCha8Rng) -> bool {
+        let (Some(at), Some(excursion)) = (self.at[agent], &mut self.under_way[agent]) else { return false };
+        let held = excursion.held.unwrap_or_else(|| {
+            let random = rng.random::<f32>() < RANDOM_SHARE;
+            let chosen = if random { self.places.random_action(rng) } else { self.places.action_ahead(at, rng) };
+            Held { from: at, action: chosen, steps: 0 }
+        });
+        excursion.held = Some(Held { steps: held.steps + 1, ..held });
+        let stride = rng.random_range(MIN_STRIDE..=1.0);
+        for (own, along) in action.iter_mut().zip(self.places.action(held.action)) {
+            *own = stride * along;
+        }
+        true
+    }
+
+    /// Ends all excursions.
+    pub fn end_all(&mut self) {
+        self.at.fill(None);
+        self.under_way.fill(None);
+    }
+
+    /// Continues with the places of `before`, in the same world.
+    pub fn keep_places(&mut self, before: Self) {
+        self.places = before.places;
+    }
+
+    /// Ends all excursions and forgets where actions lead, as the world has changed.
+    pub fn forget_outcomes(&mut self) {
+        self.places.forget_outcomes();
+        self.end_all();
+    }
+
+    /// Writes the state to `store`.
+    ///
+    /// # Errors
+    /// It cannot be expressed as JSON.
+    pub fn write(&self, store: &mut Store) -> Result<(), StoreError> {
+        self.places.write(store, PLACES);
+        let (at, under_way) = (self.at.clone(), self.under_way.clone());
+        store.put_json(STATE, &ExcursionsState { at, under_way, spent: self.spent })
+    }
+
+    /// Restores the state that [`Self::write`] wrote, for the same number of agents in the same world. Older checkpoints
+    /// have none; they start again.
+    ///
+    /// # Errors
+    /// A part is missing or does not fit.
+    pub fn restore(&mut self, spec: &Spec, store: &Store) -> Result<(), StoreError> {
+        if !store.texts().contains_key(STATE) {
+            return Ok(());
+        }
+        let places = Places::read(spec, store, PLACES)?;
+        let ExcursionsState { at, under_way, spent } = store.json(STATE)?;
+        let known = |place: &usize| *place < places.len();
+        let fits = |excursion: &Excursion| {
+            let held = excursion
+                .held
+                .is_none_or(|held| known(&held.from) && held.action < 2 * spec.action_dim && held.steps <= HELD_STEPS);
+            held && excursion.left != Some(0)
+        };
+        if at.len() != self.at.len()
+            || under_way.len() != at.len()
+            || !at.iter().flatten().all(known)
+            || !under_way.iter().flatten().all(fits)
+            || !(0.0..=1.0).contains(&spent.share)
+            || spent.rounds > SHARE_ROUNDS
+        {
+            return Err(StoreError::inconsistent("the stored excursions do not fit the agents"));
+        }
+        *self = Self { places, at, under_way, spent };
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use rand::SeedableRng;
+
+    use super::places::tests::plane;
+    use super::*;
+
+    /// A corridor one unit wide: right, up, left, up, right and so on, `floors` times.
+    fn is_free([x, y]: [f32; 2], floors: i32) -> bool {
+        let (x, y) = (x.floor() as i32, y.floor() as i32);
+        let connects = if y.rem_euclid(4) == 1 { x == 9 } else { x == 0 };
+        (0..10).contains(&x) && (0..2 * floors - 1).contains(&y) && (y % 2 == 0 || connects)
+    }
+
+    /// Moves `at` by `action`; a wall stops the component towards it.
+    fn step(at: [f32; 2], action: [f32; 2], floors: i32) -> [f32; 2] {
+        let x = Some([at[0] + action[0], at[1]]).filter(|to| is_free(*to, floors)).unwrap_or(at);
+        Some([x[0], x[1] + action[1]]).filter(|to| is_free(*to, floors)).unwrap_or(x)
+    }
+
+    /// Lets four agents explore for `steps` steps and returns the number of cells visited.
+    fn explore(excursions: &mut Excursions, at: &mut [[f32; 2]; 4], steps: usize, rng: &mut ChaCha8Rng) -> usize {
+        let mut visited = BTreeSet::new();
+        for _ in 0..steps {
+            for (agent, at) in at.iter_mut().enumerate() {
+                visited.insert(at.map(|v| v.floor() as i32));
+                excursions.arrive(agent, at);
+                if !excursions.is_on(agent) {
+                    excursions.begin(agent);
+                }
+                let mut action = [0.0; 2];
+                assert!(excursions.act(agent, &mut action, rng), "it is on an excursion");
+                *at = step(*at, action, 6);
+            }
+        }
+        visited.len()
+    }
+
+    #[test]
+    fn a_winding_corridor_is_explored_to_its_end() {
+        let mut excursions = Excursions::new(&plane(), 4);
+        let mut rng = ChaCha8Rng::seed_from_u64(1);
+        let mut at = [[0.5, 0.5]; 4];
+        // 65 cells in a row; random steps would take thousands to get to the end.
+        let visited = explore(&mut excursions, &mut at, 400, &mut rng);
+        assert_eq!(visited, 65);
+    }
+
+    #[test]
+    fn excursions_continue_exactly_from_a_store() {
+        let mut excursions = Excursions::new(&plane(), 4);
+        let mut rng = ChaCha8Rng::seed_from_u64(2);
+        let mut at = [[0.5, 0.5]; 4];
+        explore(&mut excursions, &mut at, 50, &mut rng);
+        let mut store = Store::default();
+        excursions.write(&mut store).expect("numbers");
+        let mut resumed = Excursions::new(&plane(), 4);
+        resumed.restore(&plane(), &store).expect("its own state");
+        assert_eq!(resumed, excursions);
+        let (mut again, mut same) = (at, rng.clone());
+        explore(&mut excursions, &mut at, 50, &mut rng);
+        explore(&mut resumed, &mut again, 50, &mut same);
+        assert_eq!((resumed, again), (excursions, at));
+        assert!(Excursions::new(&plane(), 3).restore(&plane(), &store).is_err(), "another number of agents");
+    }
+
+    #[test]
+    fn excursions_take_their_share_of_steps_however_long_goals_are_pursued() {
+        let mut excursions = Excursions::new(&plane(), 2);
+        let (mut on, mut left) = ([0u32; 2], [0u32; 2]);
+        let rounds = 20_000;
+        for _ in 0..rounds {
+            for agent in 0..2 {
+                if left[agent] == 0 {
+                    excursions.end(agent);
+                    left[agent] = 300;
+                    if excursions.are_due(0.2) {
+                        excursions.begin(agent);
+                        left[agent] = 20;
+                    }
+                }
+                left[agent] -= 1;
+                on[agent] += u32::from(excursions.is_on(agent));
+            }
+            excursions.count_steps();
+        }
+        let share = f64::from(on[0] + on[1]) / f64::from(2 * rounds);
+        assert!((0.15..0.25).contains(&share), "{share}");
+        assert!(!excursions.are_due(0.0));
+        // A door opens: more are due at once.
+        assert!(excursions.are_due(0.5));
+    }
+
+    #[test]
+    fn the_destination_is_at_the_frontier() {
+        let mut excursions = Excursions::new(&plane(), 1);
+        excursions.arrive(0, &[0.5, 0.5]);
+        assert_eq!(excursions.destination(0), None, "it is not on an excursion");
+        excursions.begin(0);
+        assert_eq!(excursions.destination(0), Some(vec![0.5, 0.5]));
+        excursions.end(0);
+        assert!(!excursions.act(0, &mut [0.0; 2], &mut ChaCha8Rng::seed_from_u64(1)));
+    }
+}

@@ -1,0 +1,440 @@
+//! The bridge graph: candidates connected by short paths that the agent can walk.
+
+mod routes;
+
+pub(super) use routes::HopOptions;
+pub(crate) use routes::UNVERIFIED_FACTOR;
+pub use routes::{DistilledDistances, LINK_CANDIDATES, Route};
+
+use std::sync::Arc;
+
+use super::candidates::{Candidates, CandidatesState, UNOBSERVED, WalkRecord};
+use super::settings::BridgeSettings;
+use crate::env::Spec;
+use crate::learn::{Policy, Scratch};
+use crate::store::{Store, StoreError};
+
+/// A directed edge between two candidates.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edge {
+    /// Source candidate.
+    pub from: usize,
+    /// Target candidate.
+    pub to: usize,
+    /// D(from, to) when the graph was built, in steps.
+    pub distance: f32,
+    /// Expected length in steps, with the overhead of passing a waypoint: D, or what trajectories show where D is not
+    /// to be trusted.
+    pub length: f32,
+    /// Planning cost in steps: the length, and more if only observed trajectories support the edge, or if walks along it
+    /// or along other edges of its length failed.
+    pub cost: f32,
+    /// Its record in practice.
+    pub status: EdgeStatus,
+}
+
+/// An edge's record in practice.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EdgeStatus {
+    /// Not walked yet, or failed once since the latest arrival.
+    Untried,
+    /// The latest walk along it arrived in time.
+    Confirmed,
+    /// The latest two or more walks along it failed.
+    Demoted,
+}
+
+impl EdgeStatus {
+    /// All of them.
+    pub const ALL: [Self; 3] = [Self::Untried, Self::Confirmed, Self::Demoted];
+}
+
+impl From<WalkRecord> for EdgeStatus {
+    fn from(practice: WalkRecord) -> Self {
+        match practice {
+            WalkRecord { failed: 2.., .. } => Self::Demoted,
+            WalkRecord { arrived: 1.., failed: 0 } => Self::Confirmed,
+            _ => Self::Untried,
+        }
+    }
+}
+
+/// A [`BridgeGraph`] as plain numbers, for checkpoints.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct GraphState {
+    /// The candidates and the paths observed between them.
+    pub candidates: CandidatesState,
+    /// Source and target of each edge.
+    pub ends: Vec<u32>,
+    /// D and cost of each edge.
+    pub lengths: Vec<f32>,
+}
+
+impl GraphState {
+    /// Writes the state to `store` under names that start with `prefix`.
+    pub fn write(self, store: &mut Store, prefix: &str) {
+        self.candidates.write(store, prefix);
+        store.put(format!("{prefix}.ends"), self.ends);
+        store.put(format!("{prefix}.lengths"), self.lengths);
+    }
+
+    /// Reads the state that [`Self::write`] wrote.
+    ///
+    /// # Errors
+    /// Returns an error if a part is missing or has the wrong type.
+    pub fn read(store: &Store, prefix: &str) -> Result<Self, StoreError> {
+        Ok(Self {
+            candidates: CandidatesState::read(store, prefix)?,
+            ends: store.u32(&format!("{prefix}.ends"))?.to_vec(),
+            lengths: store.f32(&format!("{prefix}.lengths"))?.to_vec(),
+        })
+    }
+}
+
+/// Cost multiplier of a demoted edge.
+pub(crate) const DEMOTED_FACTOR: f32 = 3.0;
+
+/// Snapshot of candidates and edges at one point in training.
+#[derive(Clone, Debug)]
+pub struct BridgeGraph {
+    spec: Spec,
+    settings: BridgeSettings,
+    candidates: Arc<Candidates>,
+    edges: Vec<Edge>,
+    /// `incoming[first[j]..first[j + 1]]`: the edges that lead to j.
+    incoming: Vec<Incoming>,
+    first: Vec<u32>,
+}
+
+/// An edge as searches backwards from its target see it: side by side in memory, as they pass all edges for each goal.
+#[derive(Clone, Copy, Debug)]
+struct Incoming {
+    from: u32,
+    cost_units: u32,
+    length: f32,
+}
+
+impl BridgeGraph {
+    /// Builds the graph from the current candidates and critics: an edge i -> j where D(i,j) is below the cut-off and,
+    /// if edges need verification, some trajectory led from i to j in about D steps.
+    pub fn build(
+        spec: &Spec,
+        settings: &BridgeSettings,
+        candidates: &Arc<Candidates>,
+        policy: &dyn Policy,
+        scratch: &mut Scratch,
+    ) -> Self {
+        let mut edges = Vec::new();
+        let s = spec.state_dim();
+        let (mut states, mut goals, mut distances) = (Vec::new(), Vec::new(), Vec::new());
+        for (from, reversed) in candidates.observed_into().into_iter().enumerate() {
+            let state = &candidates.states()[from * s..(from + 1) * s];
+            let to: Vec<usize> = if settings.verify_edges {
+                let back = reversed.into_iter().map(|to| to as usize);
+                let back =
+                    back.filter(|to| settings.keep_observed_edges && candidates.observed(from, *to) == UNOBSERVED);
+                let mut to: Vec<usize> = candidates.observed_from(from).chain(back).collect();
+                to.sort_unstable();
+                to
+            } else {
+                let near = candidates.goal_index().nearest_few(candidates.goal_index().goal(from), LINK_CANDIDATES);
+                near.into_iter().filter(|to| *to != from).collect()
+            };
+            states.clear();
+            goals.clear();
+            for to in &to {
+                states.extend(state);
+                goals.extend(candidates.goal_index().goal(*to));
+            }
+            distances.resize(to.len(), 0.0);
+            policy.distances(&states, &goals, &mut distances, scratch);
+            let found = to.iter().zip(&distances).filter_map(|(to, distance)| {
+                let Link { length, cost } = Link::new(settings, candidates, (from, *to), *distance)?;
+                let status = EdgeStatus::from(candidates.walk_record(from, *to));
+                let cost = if status == EdgeStatus::Demoted { DEMOTED_FACTOR * cost } else { cost };
+                let (length, cost) = (length + settings.hop_steps, cost + settings.hop_steps);
+                Some(Edge { from, to: *to, distance: *distance, length, cost, status })
+            });
+            edges.extend(found);
+        }
+        Self::from_edges(spec, settings, candidates.clone(), edges)
+    }
+
+    /// Builds the graph from `edges`, which are sorted by source.
+    fn from_edges(spec: &Spec, settings: &BridgeSettings, candidates: Arc<Candidates>, edges: Vec<Edge>) -> Self {
+        let mut first = vec![0u32; candidates.len() + 1];
+        edges.iter().for_each(|e| first[e.to + 1] += 1);
+        (1..first.len()).for_each(|i| first[i] += first[i - 1]);
+        let mut by_target: Vec<&Edge> = edges.iter().collect();
+        by_target.sort_by_key(|edge| edge.to);
+        let incoming = by_target.into_iter().map(|edge| Incoming {
+            from: edge.from as u32,
+            cost_units: routes::cost_units(edge.cost),
+            length: edge.length,
+        });
+        let incoming = incoming.collect();
+        Self { spec: spec.clone(), settings: settings.clone(), candidates, edges, incoming, first }
+    }
+
+    /// Returns the graph as plain numbers, for a checkpoint.
+    pub fn state(&self) -> GraphState {
+        GraphState {
+            candidates: self.candidates.state(),
+            ends: self.edges.iter().flat_map(|e| [e.from as u32, e.to as u32]).collect(),
+            lengths: self.edges.iter().flat_map(|e| [e.distance, e.cost]).collect(),
+        }
+    }
+
+    /// Restores the graph from the `state` that [`Self::state`] returned.
+    ///
+    /// # Errors
+    /// Returns an error if `state` is not that of a graph with these settings.
+    pub fn from_state(spec: &Spec, settings: &BridgeSettings, state: &GraphState) -> Result<Self, StoreError> {
+        let mut candidates = Candidates::new(spec, 0, settings);
+        candidates.restore(&state.candidates)?;
+        let (ends, lengths) = (state.ends.as_chunks::<2>().0, state.lengths.as_chunks::<2>().0);
+        let known = |i: &u32| (*i as usize) < candidates.len();
+        if ends.len() != lengths.len() || !ends.iter().flatten().all(known) || !ends.is_sorted_by_key(|ends| ends[0]) {
+            return Err(StoreError::inconsistent("the stored bridge graph does not fit its candidates"));
+        }
+        if !lengths.iter().flatten().all(|length| (0.0..f32::INFINITY).contains(length)) {
+            return Err(StoreError::inconsistent("the stored bridge graph has edges of impossible length"));
+        }
+        let edges = ends.iter().zip(lengths).map(|([from, to], [distance, cost])| {
+            let (from, to) = (*from as usize, *to as usize);
+            let status = EdgeStatus::from(candidates.walk_record(from, to));
+            let link = Link::new(settings, &candidates, (from, to), *distance);
+            let length = link.map_or(*distance, |link| link.length) + settings.hop_steps;
+            Edge { from, to, distance: *distance, length, cost: *cost, status }
+        });
+        let edges = edges.collect();
+        Ok(Self::from_edges(spec, settings, Arc::new(candidates), edges))
+    }
+
+    /// Returns all edges, sorted by source.
+    pub fn edges(&self) -> &[Edge] {
+        &self.edges
+    }
+
+    /// Returns the candidates, and the observations between them, as of when the graph was built.
+    pub fn candidates(&self) -> &Candidates {
+        &self.candidates
+    }
+
+    /// Returns candidate `i` as a goal, `(goal_dim)`.
+    pub fn point(&self, i: usize) -> &[f32] {
+        self.candidates.goal_index().goal(i)
+    }
+
+    /// Returns candidate `i` as a state, `(state_dim)`.
+    pub fn candidate(&self, i: usize) -> &[f32] {
+        let s = self.spec.state_dim();
+        &self.candidates.states()[i * s..(i + 1) * s]
+    }
+
+    pub(super) fn settings(&self) -> &BridgeSettings {
+        &self.settings
+    }
+
+    pub(super) fn spec(&self) -> &Spec {
+        &self.spec
+    }
+
+    /// Returns the link of length `distance`, by D, from a state near candidate `from` to a goal near `to`; `None` if it
+    /// may not be used. Links are verified like edges, by the candidates nearest to their ends.
+    pub(super) fn link(&self, from: Option<usize>, to: Option<usize>, distance: f32) -> Option<Link> {
+        Link::new(&self.settings, &self.candidates, (from?, to?), distance)
+    }
+}
+
+/// Slack on observed steps: trajectories start and end up to a goal radius off, and exploration wanders.
+pub(crate) const OBSERVED_SLACK_STEPS: f32 = 2.0;
+
+/// A trajectory verifies D if it took at most this multiple of D, plus the slack.
+pub(crate) const OBSERVED_FACTOR: f32 = 1.5;
+
+/// Extra cost, beyond the observed steps, of a pair that trajectories connect although D says otherwise.
+pub(crate) const OBSERVED_PENALTY_STEPS: f32 = 4.0;
+
+/// Extra cost of a pair that trajectories connect in the other direction alone. Only walking there shows whether that is
+/// possible; without such edges, whatever lies behind a corridor that has been walked one way would be out of reach.
+pub(crate) const REVERSED_PENALTY_STEPS: f32 = 8.0;
+
+/// A way between two places that plans may use.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Link {
+    /// Expected length in steps.
+    pub length: f32,
+    /// Planning cost in steps: higher where the length is uncertain, or where hops of this length often fail.
+    pub cost: f32,
+}
+
+impl Link {
+    /// Returns the link from near candidate `from` to near candidate `to` that is `distance` steps long by D; `None` if
+    /// it may not be used.
+    fn new(
+        settings: &BridgeSettings,
+        candidates: &Candidates,
+        (from, to): (usize, usize),
+        distance: f32,
+    ) -> Option<Self> {
+        let observed = candidates.observed(from, to);
+        let delay = candidates.hops().failures(distance) * settings.late_after(distance);
+        let verified =
+            observed != UNOBSERVED && f32::from(observed) <= OBSERVED_FACTOR * distance + OBSERVED_SLACK_STEPS;
+        if distance < settings.edge_cutoff_steps && (verified || !settings.verify_edges) {
+            return Some(Self { length: distance, cost: distance + delay });
+        }
+        if !settings.keep_observed_edges {
+            return None;
+        }
+        let (steps, penalty) = match (observed, candidates.observed(to, from)) {
+            (UNOBSERVED, UNOBSERVED) => return None,
+            (UNOBSERVED, reversed) => (reversed, REVERSED_PENALTY_STEPS),
+            (observed, _) => (observed, OBSERVED_PENALTY_STEPS),
+        };
+        let length = f32::from(steps).max(distance.min(settings.edge_cutoff_steps));
+        Some(Self { length, cost: length + penalty + delay })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use pathfinding::directed::dijkstra::dijkstra_all;
+    use rand::{RngExt, SeedableRng};
+    use rand_chacha::ChaCha8Rng;
+
+    use super::*;
+    use crate::bridge::candidates::tests::line;
+
+    /// Returns candidates in a row, each with an edge to the next; the last has no outgoing edge.
+    fn row() -> BridgeGraph {
+        row_of_cost(3.0)
+    }
+
+    fn row_of_cost(cost: f32) -> BridgeGraph {
+        let (spec, settings) = line(20);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..60).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        let length = 3.0 + settings.hop_steps;
+        let edge = |i: usize| Edge { from: i, to: i + 1, distance: 3.0, length, cost, status: EdgeStatus::Untried };
+        let edges = (0..candidates.len() - 1).map(edge).collect();
+        BridgeGraph::from_edges(&spec, &settings, candidates.frozen(), edges)
+    }
+
+    /// Returns the first two candidates of a walk from left to right, and the settings.
+    fn one_way() -> (Candidates, BridgeSettings) {
+        let (spec, settings) = line(20);
+        let mut candidates = Candidates::new(&spec, 1, &settings);
+        (0..8).for_each(|step| candidates.visit(0, &[0.5 * step as f32, 0.5]));
+        assert_eq!((candidates.observed(0, 1), candidates.observed(1, 0)), (3, UNOBSERVED));
+        (candidates, settings)
+    }
+
+    #[test]
+    fn ways_that_only_trajectories_support_cost_more_and_the_way_back_most() {
+        let (candidates, settings) = one_way();
+        let link = |ends, distance| Link::new(&settings, &candidates, ends, distance);
+        let known = |length, cost| Some(Link { length, cost });
+        assert_eq!(link((0, 1), 2.0), known(2.0, 2.0), "D and a trajectory agree");
+        assert_eq!(link((0, 1), 0.5), known(3.0, 3.0 + OBSERVED_PENALTY_STEPS), "D is too short");
+        assert_eq!(link((0, 1), 50.0), known(10.0, 10.0 + OBSERVED_PENALTY_STEPS), "D is too long");
+        assert_eq!(link((1, 0), 2.0), known(3.0, 3.0 + REVERSED_PENALTY_STEPS), "seen the other way alone");
+        let strict = BridgeSettings { keep_observed_edges: false, ..settings.clone() };
+        assert_eq!([0.5, 50.0].map(|d| Link::new(&strict, &candidates, (0, 1), d)), [None; 2]);
+        assert_eq!(Link::new(&strict, &candidates, (1, 0), 2.0), None);
+        let unverified = BridgeSettings { verify_edges: false, ..strict };
+        assert_eq!(Link::new(&unverified, &candidates, (1, 0), 2.0), known(2.0, 2.0));
+    }
+
+    #[test]
+    fn hops_of_lengths_that_often_fail_cost_the_delay_to_be_expected() {
+        let (mut candidates, settings) = one_way();
+        let hop = (candidates.id(0), candidates.id(1));
+        for arrived in [true, false, false, false] {
+            candidates.record_walk(hop, 4.5, arrived);
+        }
+        let link = |distance| Link::new(&settings, &candidates, (0, 1), distance).expect("a link");
+        let failures = candidates.hops().failures(4.5);
+        assert!(failures > 1.0, "{failures}");
+        assert_eq!(link(4.5).cost, 4.5 + failures * settings.late_after(4.5));
+        assert_eq!((link(4.5).length, link(3.5).cost), (4.5, 3.5), "neither longer, nor for other lengths");
+    }
+
+    #[test]
+    fn a_graph_round_trips_through_its_state_and_invalid_states_are_rejected() {
+        let graph = row();
+        let state = graph.state();
+        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &state).expect("its own state");
+        assert_eq!((again.state(), again.edges()), (state.clone(), graph.edges()));
+        let wrong = [
+            GraphState { ends: vec![0, 999], lengths: vec![1.0, 1.0], ..state.clone() },
+            GraphState { ends: vec![1, 0, 0, 1], lengths: vec![1.0; 4], ..state.clone() },
+            GraphState { lengths: Vec::new(), ..state },
+        ];
+        assert!(wrong.iter().all(|s| BridgeGraph::from_state(&graph.spec, &graph.settings, s).is_err()));
+    }
+
+    #[test]
+    fn routes_sum_edge_costs_and_mark_unreachable_candidates() {
+        let graph = row();
+        let last = graph.candidates().len() - 1;
+        let route = graph.route_to_candidate(last);
+        assert!((0..=last).all(|i| route.costs[i] == 3.0 * (last - i) as f32), "{:?}", route.costs);
+        assert!((0..last).all(|i| route.next[i] as usize == i + 1));
+        let route = graph.route_to_candidate(0);
+        assert!(route.costs[1..].iter().all(|s| s.is_infinite()), "edges are directed");
+    }
+
+    #[test]
+    fn routes_cost_as_much_as_those_of_a_library_and_lead_along_edges() {
+        let line = row();
+        let count = line.candidates().len();
+        let mut rng = ChaCha8Rng::seed_from_u64(7);
+        for density in [0.05, 0.2, 0.8] {
+            let mut edges = Vec::new();
+            for (from, to) in (0..count).flat_map(|from| (0..count).map(move |to| (from, to))) {
+                if from != to && rng.random::<f64>() < density {
+                    // Whole steps, so that many paths are equally long.
+                    let cost = rng.random_range(1..5) as f32;
+                    edges.push(Edge { from, to, distance: cost, length: cost, cost, status: EdgeStatus::Untried });
+                }
+            }
+            let graph = BridgeGraph::from_edges(&line.spec, &line.settings, line.candidates.clone(), edges);
+            let back = |to: &usize| {
+                let incoming = graph.edges().iter().filter(|edge| edge.to == *to);
+                incoming.map(|edge| (edge.from, edge.cost as u64)).collect::<Vec<_>>()
+            };
+            let route = graph.route_to_candidate(0);
+            let expected = dijkstra_all(&0, back);
+            for i in 1..count {
+                assert_eq!(route.costs[i], expected.get(&i).map_or(f32::INFINITY, |(_, cost)| *cost as f32), "{i}");
+                let next = route.next[i] as usize;
+                let edge = graph.edges().iter().find(|edge| (edge.from, edge.to) == (i, next));
+                assert!(edge.map_or(next == i, |edge| route.costs[i] == edge.cost + route.costs[next]), "{i}");
+            }
+        }
+    }
+
+    #[test]
+    fn extreme_costs_add_up_without_cycles_and_are_restored() {
+        // late_slack_steps may be a million, and failures multiply it.
+        let graph = row_of_cost(4e6);
+        let last = graph.candidates().len() - 1;
+        let route = graph.route_to_candidate(last);
+        assert!((0..last).all(|i| route.next[i] as usize == i + 1), "{:?}", route.next);
+        assert!(route.costs[0] > 4e6 * (last as f32 - 0.5), "{:?}", route.costs);
+        let again = BridgeGraph::from_state(&graph.spec, &graph.settings, &graph.state()).expect("its own state");
+        assert_eq!(again.edges(), graph.edges());
+    }
+
+    #[test]
+    fn walks_that_fail_demote_an_edge_and_walks_that_arrive_confirm_it() {
+        let status = |arrived, failed| EdgeStatus::from(WalkRecord { arrived, failed });
+        assert_eq!(status(0, 0), EdgeStatus::Untried);
+        assert_eq!(status(0, 1), EdgeStatus::Untried);
+        assert_eq!(status(0, 2), EdgeStatus::Demoted);
+        assert_eq!(status(9, 2), EdgeStatus::Demoted);
+        assert_eq!(status(3, 0), EdgeStatus::Confirmed);
+    }
+}

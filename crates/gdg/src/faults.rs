@@ -1,0 +1,150 @@
+//! Records the panics of threads for the front ends to show, and injects faults for tests.
+//!
+//! The panic hook records the message of every thread that panics, whether or not the thread is ever joined.
+//! `GDG_TUI_FAULTS=THREAD=panic@N` makes a thread panic when it passes its fault point for the Nth time,
+//! `THREAD=delay:MS@N` makes it sleep, `POINT=fail@N` makes an operation fail from the Nth time on, and `POINT=once@N`
+//! only that one time. Several faults are separated by commas.
+
+use std::backtrace::Backtrace;
+use std::panic::PanicHookInfo;
+use std::sync::OnceLock;
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::Duration;
+
+use parking_lot::Mutex;
+
+use crate::text::{sanitized, truncated};
+
+/// The environment variable that tests set.
+const ENV_VARIABLE: &str = "GDG_TUI_FAULTS";
+
+/// Maximum number of failures kept, so that a repeating one cannot fill the memory.
+const MAX_FAILURES: usize = 100;
+
+/// Maximum number of characters of a panic message to show.
+const MAX_MESSAGE_CHARS: usize = 300;
+
+static FAILURES: Mutex<Vec<Failure>> = Mutex::new(Vec::new());
+
+/// Whether a front end shows the panics of other threads, so that they need not be printed.
+static SHOWN_BY_INTERFACE: AtomicBool = AtomicBool::new(false);
+
+/// A recorded panic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Failure {
+    /// The thread's name.
+    pub thread: String,
+    /// The message and its location in the source.
+    pub message: String,
+}
+
+/// Installs a panic hook that records and logs every panic. It prints panics of the main thread, and those of other
+/// threads unless an interface shows them.
+pub fn install_panic_hook() {
+    std::panic::set_hook(Box::new(|info| {
+        let thread = std::thread::current();
+        let name = thread.name().unwrap_or("unnamed");
+        let failure = Failure { thread: name.to_owned(), message: panic_message(info) };
+        tracing::error!(thread = name, "panicked: {}", failure.message);
+        if name == "main" || !SHOWN_BY_INTERFACE.load(Ordering::Relaxed) {
+            crate::printing::eprint_line(&format!("internal error in thread {name}: {}", failure.message));
+        }
+        let mut failures = FAILURES.lock();
+        if failures.len() < MAX_FAILURES {
+            failures.push(failure);
+        }
+        drop(failures);
+        // Last, because resolving the names of functions takes a second or more.
+        tracing::error!(thread = name, "{}", Backtrace::force_capture());
+    }));
+}
+
+fn panic_message(info: &PanicHookInfo) -> String {
+    let text = info.payload_as_str().unwrap_or("no message");
+    let place = info.location().map_or(String::new(), |at| format!(" ({}:{})", at.file(), at.line()));
+    sanitized(&format!("{}{place}", truncated(text, MAX_MESSAGE_CHARS)))
+}
+
+/// Sets whether an interface shows failures.
+pub fn show_in_interface(shown: bool) {
+    SHOWN_BY_INTERFACE.store(shown, Ordering::Relaxed);
+}
+
+/// Returns and clears the failures recorded since the last call.
+pub fn take_failures() -> Vec<Failure> {
+    std::mem::take(&mut FAILURES.lock())
+}
+
+/// An injected fault.
+struct Fault {
+    point: String,
+    kind: Kind,
+    /// The pass at which it triggers, from 1.
+    at: u64,
+    passes: AtomicU64,
+}
+
+enum Kind {
+    Panic,
+    Delay(Duration),
+    Fail,
+    Once,
+}
+
+fn injected_faults() -> &'static [Fault] {
+    static FAULTS: OnceLock<Vec<Fault>> = OnceLock::new();
+    FAULTS.get_or_init(|| {
+        let text = std::env::var(ENV_VARIABLE).unwrap_or_default();
+        text.split(',').filter(|fault| !fault.is_empty()).filter_map(parse).collect()
+    })
+}
+
+fn parse(text: &str) -> Option<Fault> {
+    let (point, kind) = text.split_once('=')?;
+    let (kind, at) = kind.split_once('@').unwrap_or((kind, "1"));
+    let kind = match kind.split_once(':') {
+        Some(("delay", ms)) => Kind::Delay(Duration::from_millis(ms.parse().ok()?)),
+        None if kind == "panic" => Kind::Panic,
+        None if kind == "fail" => Kind::Fail,
+        None if kind == "once" => Kind::Once,
+        _ => return None,
+    };
+    Some(Fault { point: point.to_owned(), kind, at: at.parse().ok()?, passes: AtomicU64::new(0) })
+}
+
+/// Marks a point that a thread passes repeatedly; returns whether the operation there should fail. Without injected
+/// faults it only checks an empty list.
+///
+/// # Panics
+/// If a test injects a panic at this point.
+pub fn point(name: &str) -> bool {
+    let mut fails = false;
+    for fault in injected_faults().iter().filter(|fault| fault.point == name) {
+        let pass = fault.passes.fetch_add(1, Ordering::Relaxed) + 1;
+        match fault.kind {
+            Kind::Panic => assert!(pass != fault.at, "injected fault in {name}"),
+            Kind::Delay(time) if pass == fault.at => std::thread::sleep(time),
+            Kind::Fail => fails |= pass >= fault.at,
+            Kind::Once => fails |= pass == fault.at,
+            Kind::Delay(_) => {}
+        }
+    }
+    fails
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn faults_are_parsed_and_invalid_ones_rejected() {
+        let fault = parse("viewer=delay:250@7").expect("a fault");
+        assert_eq!((fault.point.as_str(), fault.at), ("viewer", 7));
+        assert!(matches!(fault.kind, Kind::Delay(time) if time == Duration::from_millis(250)));
+        assert!(matches!(parse("save=fail").expect("a fault").kind, Kind::Fail));
+        for nonsense in ["viewer", "viewer=hop", "viewer=delay:x", "viewer=panic@x"] {
+            assert!(parse(nonsense).is_none(), "{nonsense}");
+        }
+        assert!(!point("no such point"));
+    }
+}

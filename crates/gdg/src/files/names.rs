@@ -1,0 +1,45 @@
+//! What the names of files say, and where they lead.
+
+use std::io::{Error, ErrorKind, Result};
+use std::path::{Path, PathBuf};
+
+/// Maximum length of a chain of symbolic links, as on Linux.
+const MAX_LINKS: usize = 40;
+
+/// Returns whether a file has this extension, in capitals or not.
+pub fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|own| own.eq_ignore_ascii_case(extension))
+}
+
+/// Returns whether a file is hidden: macOS puts a `._NAME` beside every `NAME` on file systems of others.
+pub fn is_hidden(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name.as_encoded_bytes().starts_with(b"."))
+}
+
+/// Resolves the symbolic links at `path`; their target need not exist.
+pub(super) fn resolve_links(path: &Path) -> Result<PathBuf> {
+    let mut path = path.to_owned();
+    for _ in 0..MAX_LINKS {
+        match path.symlink_metadata() {
+            Ok(metadata) if metadata.is_symlink() => {
+                let to = path.read_link()?;
+                path = path.parent().map_or(to.clone(), |folder| folder.join(&to));
+            }
+            _ => return Ok(path),
+        }
+    }
+    Err(Error::new(ErrorKind::InvalidInput, "has too many levels of symbolic links"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn extensions_may_be_in_capitals_and_hidden_files_begin_with_a_dot() {
+        assert!(has_extension(Path::new("A.MAP"), "map") && has_extension(Path::new("a.b.map"), "map"));
+        assert!(!has_extension(Path::new("map"), "map") && !has_extension(Path::new("a.map.txt"), "map"));
+        assert!(is_hidden(Path::new("maps/._a.map")) && !is_hidden(Path::new("./a.map")));
+        assert!(!is_hidden(Path::new("..")), "a folder above is no hidden file");
+    }
+}

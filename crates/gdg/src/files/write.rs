@@ -1,0 +1,359 @@
+//! Writes files atomically, and replaces nothing but regular files that are not write-protected.
+//!
+//! What a file system lacks (hard links, permissions, syncing, locks) is done without; what it refuses is an error.
+
+use std::ffi::{OsStr, OsString};
+use std::fs::{File, Metadata};
+use std::io::{Error, ErrorKind, Result, Write};
+use std::path::{Component, Path, PathBuf};
+use std::time::Duration;
+
+use tempfile::NamedTempFile;
+
+use super::derived::{MAX_NAME_BYTES, fitting, numbered};
+use super::derived::{TEMP_AFFIXES, backup_path};
+use super::lock::is_at;
+use super::names::resolve_links;
+use super::read::ensure_regular_file;
+
+/// Part of a name that a temporary file takes over, in bytes: with its affixes and random characters, it is as long as names
+/// may be.
+const MAX_TEMP_STEM_BYTES: usize = 240;
+
+/// An unlocked temporary file older than this was left by a killed program.
+const STALE_AFTER: Duration = Duration::from_secs(5);
+
+/// Writes a file atomically, creating its folder if needed. Follows symbolic links, and keeps an existing file's
+/// permissions.
+///
+/// # Errors
+/// Returns the system's error, or an error if the target is write-protected or not a regular file.
+pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+    Target::resolve(path)?.write(bytes, replace)
+}
+
+/// Like [`write_atomically`], but writes to nothing that a symbolic link leads to.
+///
+/// # Errors
+/// See [`write_atomically`]; or there is a symbolic link.
+pub fn write_unlinked(path: &Path, bytes: &[u8]) -> Result<()> {
+    Target::unlinked(path)?.write(bytes, replace)
+}
+
+/// Writes a file at `path`, or at the first unused of `path-2`, `path-3` ..., and returns the path it took.
+///
+/// # Errors
+/// Returns the system's error.
+pub fn write_to_unused(path: &Path, bytes: &[u8]) -> Result<PathBuf> {
+    loop {
+        let free = unused_path(path);
+        match Target::resolve(&free)?.write(bytes, place) {
+            // Another program took this name first.
+            Err(error) if error.kind() == ErrorKind::AlreadyExists => {}
+            written => return written.map(|()| free),
+        }
+    }
+}
+
+/// Returns `path`, or the first of `path-2`, `path-3` ..., at which there is neither a file nor a backup.
+pub fn unused_path(path: &Path) -> PathBuf {
+    let taken = |path: &PathBuf| path.symlink_metadata().is_ok() || backup_path(path).symlink_metadata().is_ok();
+    let paths = std::iter::once(path.to_owned()).chain((2..).map(|number| numbered(path, number)));
+    paths.into_iter().find(|path| !taken(path)).unwrap_or_else(|| path.to_owned())
+}
+
+/// Checks that a file can be written at `path` right now, in a folder that may have to be created. Tries all that writing
+/// does, under a name with the same characters that is as long as any which is made from this one; changes nothing.
+///
+/// # Errors
+/// Returns the reason why it cannot.
+pub fn check_writable(path: &Path) -> Result<()> {
+    let mut target = Target::resolve(path)?;
+    let existing = target.folder.ancestors().find(|folder| folder.exists()).unwrap_or(Path::new(""));
+    let missing = target.folder.strip_prefix(existing).unwrap_or(&target.folder);
+    if missing.as_os_str().is_empty() {
+        return target.rehearse();
+    }
+    // The run may be refused yet, and leaves no folders behind: those that are missing are made elsewhere.
+    let existing = if existing.as_os_str().is_empty() { Path::new(".") } else { existing };
+    let scratch = tempfile::Builder::new().prefix(TEMP_AFFIXES.0).suffix(TEMP_AFFIXES.1).tempdir_in(existing)?;
+    let inside = missing.components().filter(|part| matches!(part, Component::Normal(_)));
+    target.folder = scratch.path().join(inside.collect::<PathBuf>());
+    target.rehearse()
+}
+
+/// Checks without trying that a file may be written at `path`: its name, and what is there.
+///
+/// # Errors
+/// Returns the reason why it may not.
+pub fn check_name(path: &Path) -> Result<()> {
+    Target::resolve(path).map(drop)
+}
+
+/// Like [`check_name`], for [`write_unlinked`].
+///
+/// # Errors
+/// Returns the reason why it may not.
+pub fn check_replaceable(path: &Path) -> Result<()> {
+    Target::unlinked(path).map(drop)
+}
+
+/// Moves a temporary file to `path`; replaces the file there.
+pub(super) fn replace(file: NamedTempFile, path: &Path) -> Result<()> {
+    file.persist(path).map(drop).map_err(|e| e.error)
+}
+
+/// Moves a temporary file to `path` unless something is there.
+fn place(file: NamedTempFile, path: &Path) -> Result<()> {
+    let file = match file.persist_noclobber(path) {
+        Ok(_) => return Ok(()),
+        Err(e) if e.error.kind() == ErrorKind::AlreadyExists => return Err(e.error),
+        Err(e) => e.file,
+    };
+    // The file system can neither link nor rename without replacing: an empty file keeps others from the name.
+    drop(File::create_new(path)?);
+    replace(file, path).inspect_err(|_| {
+        if path.metadata().is_ok_and(|found| found.len() == 0) {
+            let _ = std::fs::remove_file(path);
+        }
+    })
+}
+
+/// A file to be written: its path with links resolved, and the metadata of the existing file.
+pub(super) struct Target {
+    pub path: PathBuf,
+    folder: PathBuf,
+    existing: Option<Metadata>,
+}
+
+impl Target {
+    /// Returns the file that `path` leads to.
+    pub fn resolve(path: &Path) -> Result<Self> {
+        Self::at(resolve_links(path)?)
+    }
+
+    /// Returns the file at `path`, where no symbolic link is.
+    fn unlinked(path: &Path) -> Result<Self> {
+        if path.is_symlink() {
+            return Err(Error::new(ErrorKind::InvalidInput, "is a symbolic link, which is not followed here"));
+        }
+        Self::at(path.to_owned())
+    }
+
+    fn at(path: PathBuf) -> Result<Self> {
+        let Some(name) = path.file_name() else {
+            return Err(Error::new(ErrorKind::InvalidFilename, "is not a file name"));
+        };
+        if name.len() > MAX_NAME_BYTES {
+            let problem = format!("its name has {} bytes, more than the {MAX_NAME_BYTES} of file systems", name.len());
+            return Err(Error::new(ErrorKind::InvalidFilename, problem));
+        }
+        let existing = match std::fs::metadata(&path) {
+            Ok(existing) => Some(existing),
+            Err(error) if error.kind() == ErrorKind::NotFound => None,
+            Err(error) => return Err(error),
+        };
+        if let Some(existing) = &existing {
+            ensure_regular_file(existing.file_type())?;
+            if existing.permissions().readonly() {
+                return Err(Error::new(ErrorKind::PermissionDenied, "is write-protected"));
+            }
+        }
+        let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")).to_owned();
+        Ok(Self { path, folder, existing })
+    }
+
+    /// Returns a file in the same folder that is written with the same permissions.
+    pub fn called(&self, path: PathBuf) -> Self {
+        Self { path, folder: self.folder.clone(), existing: self.existing.clone() }
+    }
+
+    /// Returns whether the file already exists.
+    pub fn exists(&self) -> bool {
+        self.existing.is_some()
+    }
+
+    /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into place.
+    pub fn write(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>) -> Result<()> {
+        let mut file = self.create_temporary(TEMP_AFFIXES.0.as_ref())?;
+        file.write_all(bytes)?;
+        sync(file.as_file())?;
+        persist(file, &self.path)?;
+        sync_folder(&self.folder)
+    }
+
+    /// Does all that [`Self::write`] does, and removes the result.
+    fn rehearse(&self) -> Result<()> {
+        let mut prefix = OsString::from(TEMP_AFFIXES.0);
+        prefix.push(fitting(self.path.file_name().unwrap_or_default(), MAX_TEMP_STEM_BYTES));
+        // Removed when dropped, and with it what replaces it.
+        let place = self.create_temporary(&prefix)?.into_temp_path();
+        self.called(place.to_path_buf()).write(b"gdg-tui", replace)
+    }
+
+    /// Creates a temporary file in the target's folder, with the permissions intended for the target.
+    fn create_temporary(&self, prefix: &OsStr) -> Result<NamedTempFile> {
+        std::fs::create_dir_all(&self.folder)?;
+        remove_stale(&self.folder);
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(prefix).suffix(TEMP_AFFIXES.1);
+        // Temporary files are private by default; give a new file the user's usual permissions, and none that the existing
+        // one lacks, as they might not be taken back.
+        #[cfg(unix)]
+        {
+            use std::os::unix::fs::{MetadataExt, PermissionsExt};
+            let mode = self.existing.as_ref().map_or(0o666, |existing| existing.mode() & 0o777);
+            builder.permissions(PermissionsExt::from_mode(mode));
+        }
+        let file = builder.tempfile_in(&self.folder)?;
+        // The lock marks the file as being written; without lock support, other processes judge by its age.
+        let _ = file.as_file().try_lock();
+        if let Some(existing) = &self.existing {
+            keep_permissions(existing, file.as_file());
+        }
+        Ok(file)
+    }
+}
+
+/// Gives a new file the permissions and the owner of the one that it replaces, as far as the file system allows: some have
+/// the same for all files, and only root can write a file for another user.
+fn keep_permissions(existing: &Metadata, file: &File) {
+    let Ok(new) = file.metadata() else { return };
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::MetadataExt;
+        if (new.uid(), new.gid()) != (existing.uid(), existing.gid()) {
+            let _ = std::os::unix::fs::fchown(file, Some(existing.uid()), Some(existing.gid()));
+        }
+    }
+    if new.permissions() != existing.permissions() {
+        let _ = file.set_permissions(existing.permissions());
+    }
+}
+
+/// Syncs a file, so that its contents survive a power failure. Some file systems (mostly network ones) do not support this.
+fn sync(file: &File) -> Result<()> {
+    match file.sync_all() {
+        Err(error) if matches!(error.kind(), ErrorKind::InvalidInput | ErrorKind::Unsupported) => Ok(()),
+        synced => synced,
+    }
+}
+
+/// Syncs a folder, so that its entries survive a power failure.
+pub(super) fn sync_folder(folder: &Path) -> Result<()> {
+    #[cfg(unix)]
+    match File::open(folder) {
+        // Files can be written to a folder whose entries nobody may list.
+        Err(error) if error.kind() == ErrorKind::PermissionDenied => {}
+        folder => return sync(&folder?),
+    }
+    let _ = folder;
+    Ok(())
+}
+
+/// Removes the temporary files in `folder` of programs that were killed while writing.
+fn remove_stale(folder: &Path) {
+    let ours = |name: &str| name.starts_with(TEMP_AFFIXES.0) && name.ends_with(TEMP_AFFIXES.1);
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    for entry in entries.filter(|entry| entry.file_name().to_str().is_some_and(ours)) {
+        let path = entry.path();
+        let old = |file: &File| {
+            let modified = file.metadata().and_then(|metadata| metadata.modified()).ok();
+            modified.and_then(|at| at.elapsed().ok()).is_some_and(|age| age > STALE_AFTER)
+        };
+        let abandoned = |file: File| old(&file) && file.try_lock().is_ok() && is_at(&file, &path);
+        if super::open(&path).is_ok_and(abandoned) {
+            let _ = std::fs::remove_file(&path);
+        }
+    }
+}
+
+#[cfg(all(test, unix))]
+mod tests {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    use std::time::SystemTime;
+
+    use super::*;
+
+    fn folder() -> tempfile::TempDir {
+        tempfile::tempdir().expect("a folder")
+    }
+
+    fn mode(path: &Path) -> u32 {
+        path.metadata().expect("a file").permissions().mode() & 0o777
+    }
+
+    #[test]
+    fn checking_leaves_no_folder_behind() {
+        let folder = folder();
+        check_writable(&folder.path().join("a/b/file")).expect("writable");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
+        std::fs::create_dir(folder.path().join("a")).expect("created");
+        check_writable(&folder.path().join("a/b/file")).expect("writable");
+        assert!(folder.path().join("a").is_dir() && !folder.path().join("a/b").exists());
+    }
+
+    #[test]
+    fn writing_keeps_permissions_and_links_and_leaves_no_temporary_file() {
+        let folder = folder();
+        let (real, link) = (folder.path().join("real"), folder.path().join("link"));
+        std::fs::write(&real, b"old").expect("written");
+        std::fs::set_permissions(&real, PermissionsExt::from_mode(0o600)).expect("set");
+        symlink("real", &link).expect("a link");
+        write_atomically(&link, b"new").expect("written");
+        assert!(link.symlink_metadata().expect("there").is_symlink());
+        assert_eq!((std::fs::read(&real).expect("there"), mode(&real)), (b"new".to_vec(), 0o600));
+        let dangling = folder.path().join("dangling");
+        symlink("sub/later", &dangling).expect("a link");
+        write_atomically(&dangling, b"1").expect("written");
+        assert_eq!(std::fs::read(folder.path().join("sub/later")).expect("there"), b"1");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 4);
+    }
+
+    #[test]
+    fn special_and_write_protected_files_are_left_untouched() {
+        let folder = folder();
+        let fifo = folder.path().join("fifo");
+        nix::unistd::mkfifo(&fifo, nix::sys::stat::Mode::S_IRWXU).expect("a FIFO");
+        let protected = folder.path().join("protected");
+        std::fs::write(&protected, b"mine").expect("written");
+        std::fs::set_permissions(&protected, PermissionsExt::from_mode(0o444)).expect("set");
+        let circle = folder.path().join("circle");
+        symlink("circle", &circle).expect("a link");
+        for path in [&fifo, &protected, &circle, folder.path(), Path::new("/dev/null"), Path::new("/dev/full/x")] {
+            assert!(write_atomically(path, b"x").is_err() && check_writable(path).is_err(), "{}", path.display());
+        }
+        assert_eq!(std::fs::read(&protected).expect("there"), b"mine");
+        assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 3);
+    }
+
+    #[test]
+    fn a_fresh_file_gets_an_unused_name() {
+        let folder = folder();
+        let path = folder.path().join("run.v2.safetensors");
+        let names: Vec<PathBuf> = (0..3).map(|_| write_to_unused(&path, b"x").expect("written")).collect();
+        let expected = ["run.v2.safetensors", "run.v2-2.safetensors", "run.v2-3.safetensors"];
+        assert_eq!(names, expected.map(|name| folder.path().join(name)));
+    }
+
+    #[test]
+    fn stale_temporary_files_are_removed_and_active_ones_kept() {
+        let folder = folder();
+        let old = |name: &str| {
+            let file = File::create(folder.path().join(name)).expect("a file");
+            file.set_modified(SystemTime::now() - 10 * STALE_AFTER).expect("set");
+            file
+        };
+        let written = old(".gdg-1.tmp");
+        written.try_lock().expect("a lock");
+        for name in [".gdg-2.tmp", "somebody's.tmp"] {
+            old(name);
+        }
+        File::create(folder.path().join(".gdg-3.tmp")).expect("a file");
+        write_atomically(&folder.path().join("file"), b"x").expect("written");
+        let mut left: Vec<_> =
+            std::fs::read_dir(folder.path()).expect("a folder").flatten().map(|entry| entry.file_name()).collect();
+        left.sort();
+        assert_eq!(left, [".gdg-1.tmp", ".gdg-3.tmp", "file", "somebody's.tmp"]);
+    }
+}

@@ -1,0 +1,328 @@
+//! Standard output and standard error, each written by a thread of its own: whoever prints does not wait for the reader.
+//!
+//! A reader may stop reading: a terminal after Ctrl-S or behind a connection that hangs, a pager, a pipe that nobody
+//! empties. Writing then blocks for as long as that lasts, and a program that waits for it neither saves nor obeys
+//! signals. What is printed is therefore queued, complete and in order, and its writer waits only for a moment (see
+//! [`PATIENCE`]), so that a reader who keeps up is never behind.
+
+#[cfg(not(unix))]
+use std::io::Write;
+use std::io::{self, ErrorKind};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::time::{Duration, Instant};
+
+use parking_lot::{Condvar, Mutex, MutexGuard};
+
+#[cfg(unix)]
+
+/// How long printing waits for the reader if nothing else is queued. Errors are then reported where they occur.
+const PATIENCE: Duration = Duration::from_millis(50);
+
+/// Most bytes that are queued: days of records. Beyond that, whoever prints waits for the reader, or for a signal.
+const MAX_QUEUED: usize = 16 << 20;
+
+/// Most bytes queued for frames of a progress bar: later ones are left out.
+const MAX_QUEUED_FRAMES: usize = 1 << 16;
+
+/// Bytes written at a time, so that a slow reader is seen to read.
+const CHUNK: usize = 4096;
+
+/// Polling interval while waiting for a reader.
+const POLL_INTERVAL: Duration = Duration::from_millis(20);
+
+/// After a signal, the program waits for a reader that reads nothing for so long, ...
+const IDLE_AT_END: Duration = Duration::from_millis(300);
+
+/// ... and for one that does for so long.
+const LONGEST_AT_END: Duration = Duration::from_secs(5);
+
+/// Whether a signal ends the program: nothing waits for readers any more.
+static HURRIES: AtomicBool = AtomicBool::new(false);
+
+static STDOUT: Stream = Stream::new("output", write_to_stdout);
+static STDERR: Stream = Stream::new("errors", write_to_stderr);
+
+/// Bytes on their way to a reader.
+pub struct Stream {
+    /// Name of the thread that writes.
+    name: &'static str,
+    /// Writes some of the bytes, which may block.
+    write: fn(&[u8]) -> io::Result<usize>,
+    queue: Mutex<Queue>,
+    changed: Condvar,
+    /// Number of bytes written so far.
+    written: AtomicU64,
+}
+
+struct Queue {
+    /// What the thread has not taken yet.
+    bytes: Vec<u8>,
+    /// Whether the thread is writing what it took.
+    is_writing: bool,
+    /// The latest error that nobody has been told of.
+    error: Option<io::Error>,
+    /// Whether the thread runs; `None` before the first byte.
+    has_thread: Option<bool>,
+    /// When the thread was last done, and how long it took.
+    latest: Option<(Instant, Duration)>,
+}
+
+impl Queue {
+    /// Whether anything is not written yet.
+    fn is_behind(&self) -> bool {
+        self.is_writing || !self.bytes.is_empty()
+    }
+
+    /// Returns the latest error, once; none after a signal, as a terminal that is closed sends one.
+    fn outcome(&mut self) -> io::Result<()> {
+        self.error.take().filter(|_| !hurries()).map_or(Ok(()), Err)
+    }
+}
+
+impl Stream {
+    const fn new(name: &'static str, write: fn(&[u8]) -> io::Result<usize>) -> Self {
+        let queue = Queue { bytes: Vec::new(), is_writing: false, error: None, has_thread: None, latest: None };
+        Self { name, write, queue: Mutex::new(queue), changed: Condvar::new(), written: AtomicU64::new(0) }
+    }
+
+    /// Prints `bytes`. If the reader does not keep up, they are written later; after a signal, at once or later.
+    ///
+    /// # Errors
+    /// Returns the error of writing these or earlier bytes.
+    pub fn print(&'static self, bytes: &[u8]) -> io::Result<()> {
+        let mut queue = self.queue.lock();
+        if !self.start(&mut queue) {
+            return self.write_all(bytes);
+        }
+        while queue.bytes.len() > MAX_QUEUED && !hurries() {
+            self.changed.wait_for(&mut queue, POLL_INTERVAL);
+        }
+        let was_behind = queue.is_behind();
+        queue.bytes.extend_from_slice(bytes);
+        self.changed.notify_all();
+        let deadline = Instant::now() + PATIENCE;
+        while !was_behind && queue.is_behind() && !hurries() {
+            if self.changed.wait_until(&mut queue, deadline).timed_out() {
+                break;
+            }
+        }
+        queue.outcome()
+    }
+
+    /// Prints `bytes` without waiting for the reader.
+    ///
+    /// # Errors
+    /// Returns the error of writing earlier bytes.
+    pub fn send(&'static self, bytes: &[u8]) -> io::Result<()> {
+        let mut queue = self.queue.lock();
+        if !self.start(&mut queue) {
+            return self.write_all(bytes);
+        }
+        queue.bytes.extend_from_slice(bytes);
+        self.changed.notify_all();
+        queue.outcome()
+    }
+
+    /// Whether the reader has not read everything yet.
+    pub fn is_behind(&self) -> bool {
+        self.queue.lock().is_behind()
+    }
+
+    /// Returns when the latest bytes were written, and how long that took.
+    pub fn latest(&self) -> Option<(Instant, Duration)> {
+        self.queue.lock().latest
+    }
+
+    /// Prints a frame of a progress bar without waiting; leaves it out if the reader is far behind.
+    pub fn print_frame(&'static self, bytes: &[u8]) {
+        let mut queue = self.queue.lock();
+        if !self.start(&mut queue) {
+            // As for a line: if standard error is gone, there is nowhere to report it.
+            let _ = self.write_all(bytes);
+        } else if queue.bytes.len() < MAX_QUEUED_FRAMES {
+            queue.bytes.extend_from_slice(bytes);
+            self.changed.notify_all();
+        }
+    }
+
+    /// Waits until everything is written, for as long as that takes. A signal ends the wait soon if the reader does not
+    /// read.
+    ///
+    /// # Errors
+    /// Returns the error of writing earlier bytes.
+    pub fn flush(&'static self) -> io::Result<()> {
+        self.wait(|idle, all| hurries() && (idle > IDLE_AT_END || all > LONGEST_AT_END)).outcome()
+    }
+
+    /// Waits until everything is written, but only briefly for a reader that does not read; returns whether it is.
+    pub fn flush_briefly(&'static self) -> bool {
+        let queue = self.wait(|idle, all| idle > IDLE_AT_END || all > LONGEST_AT_END);
+        !queue.is_behind() && queue.error.is_none()
+    }
+
+    /// Waits until everything is written, or `gives_up` after the time since anything was and the time in all.
+    fn wait(&'static self, gives_up: impl Fn(Duration, Duration) -> bool) -> MutexGuard<'static, Queue> {
+        let (mut queue, began) = (self.queue.lock(), Instant::now());
+        let (mut written, mut moved) = (self.written.load(Ordering::Relaxed), began);
+        while queue.is_behind() {
+            let now = self.written.load(Ordering::Relaxed);
+            if now != written {
+                (written, moved) = (now, Instant::now());
+            }
+            if gives_up(moved.elapsed(), began.elapsed()) {
+                break;
+            }
+            self.changed.wait_for(&mut queue, POLL_INTERVAL);
+        }
+        queue
+    }
+
+    /// Starts the thread unless it runs; returns whether it does.
+    fn start(&'static self, queue: &mut MutexGuard<Queue>) -> bool {
+        *queue.has_thread.get_or_insert_with(|| {
+            let thread = std::thread::Builder::new().name(self.name.to_owned());
+            thread.spawn(|| self.write_queued()).is_ok()
+        })
+    }
+
+    /// Writes what is queued, until the program ends.
+    fn write_queued(&'static self) {
+        let (mut taken, mut queue) = (Vec::new(), self.queue.lock());
+        loop {
+            while queue.bytes.is_empty() {
+                self.changed.wait(&mut queue);
+            }
+            std::mem::swap(&mut taken, &mut queue.bytes);
+            queue.is_writing = true;
+            let began = Instant::now();
+            let outcome = MutexGuard::unlocked(&mut queue, || self.write_all(&taken));
+            taken.clear();
+            queue.is_writing = false;
+            queue.latest = Some((Instant::now(), began.elapsed()));
+            queue.error = outcome.err().or(queue.error.take());
+            self.changed.notify_all();
+        }
+    }
+
+    /// Writes all of `bytes`, and waits where a reader shares a pipe or terminal that does not block.
+    fn write_all(&self, mut bytes: &[u8]) -> io::Result<()> {
+        while !bytes.is_empty() {
+            match (self.write)(&bytes[..bytes.len().min(CHUNK)]) {
+                Ok(0) => return Err(ErrorKind::WriteZero.into()),
+                Ok(n) => {
+                    bytes = &bytes[n..];
+                    self.written.fetch_add(n as u64, Ordering::Relaxed);
+                }
+                Err(error) if error.kind() == ErrorKind::Interrupted => {}
+                Err(error) if error.kind() == ErrorKind::WouldBlock => std::thread::sleep(POLL_INTERVAL),
+                Err(error) => return Err(error),
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Returns standard output.
+pub fn stdout() -> &'static Stream {
+    &STDOUT
+}
+
+/// Returns standard error.
+pub fn stderr() -> &'static Stream {
+    &STDERR
+}
+
+/// Prints a text to standard output and waits until it is written.
+///
+/// # Errors
+/// It cannot be written. That its reader has seen enough (`| head`) is not an error.
+pub fn print_text(text: &str) -> io::Result<()> {
+    match STDOUT.print(text.as_bytes()).and_then(|()| STDOUT.flush()) {
+        Err(error) if error.kind() != ErrorKind::BrokenPipe => Err(error),
+        _ => Ok(()),
+    }
+}
+
+/// Prints a line to standard error. Ignores write errors: if standard error is gone, there is nowhere to report them.
+pub fn eprint_line(line: &str) {
+    let _ = STDERR.print(format!("{line}\n").as_bytes());
+}
+
+/// Waits for readers only briefly from now on: a signal ends the program.
+pub fn hurry() {
+    HURRIES.store(true, Ordering::Relaxed);
+}
+
+fn hurries() -> bool {
+    HURRIES.load(Ordering::Relaxed)
+}
+
+/// Waits at the end of the program until everything is written (see [`Stream::flush`]); errors have been reported, or
+/// cannot be.
+pub fn finish() {
+    let _ = STDOUT.flush();
+    let _ = STDERR.flush();
+}
+
+// Without the locks of the standard library, which a blocked writer would hold.
+#[cfg(unix)]
+fn write_to_stdout(bytes: &[u8]) -> io::Result<usize> {
+    Ok(nix::unistd::write(io::stdout(), bytes)?)
+}
+
+#[cfg(unix)]
+fn write_to_stderr(bytes: &[u8]) -> io::Result<usize> {
+    Ok(nix::unistd::write(io::stderr(), bytes)?)
+}
+
+#[cfg(not(unix))]
+fn write_to_stdout(bytes: &[u8]) -> io::Result<usize> {
+    let mut out = io::stdout();
+    out.write_all(bytes).and_then(|()| out.flush()).map(|()| bytes.len())
+}
+
+#[cfg(not(unix))]
+fn write_to_stderr(bytes: &[u8]) -> io::Result<usize> {
+    io::stderr().write_all(bytes).map(|()| bytes.len())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    static GATE: Mutex<()> = Mutex::new(());
+    static READ: Mutex<Vec<u8>> = Mutex::new(Vec::new());
+
+    #[test]
+    fn a_reader_that_stops_gets_everything_in_order_later_and_delays_nobody() {
+        // A reader that takes a few bytes at a time, and none while the gate is closed.
+        static STREAM: Stream = Stream::new("test", |bytes| {
+            let _open = GATE.lock();
+            let n = bytes.len().min(3);
+            READ.lock().extend_from_slice(&bytes[..n]);
+            Ok(n)
+        });
+        let closed = GATE.lock();
+        let began = Instant::now();
+        let lines: Vec<String> = (0..1000).map(|i| format!("line {i}\n")).collect();
+        for line in &lines {
+            STREAM.print(line.as_bytes()).expect("queued");
+        }
+        assert!(began.elapsed() < 100 * PATIENCE, "the first line alone waits");
+        drop(closed);
+        STREAM.flush().expect("written");
+        assert_eq!(String::from_utf8_lossy(&READ.lock()), lines.concat());
+    }
+
+    #[test]
+    fn an_error_is_reported_once_and_later_lines_are_tried_again() {
+        static FULL: AtomicBool = AtomicBool::new(true);
+        static STREAM: Stream = Stream::new("test", |bytes| {
+            if FULL.load(Ordering::Relaxed) { Err(ErrorKind::StorageFull.into()) } else { Ok(bytes.len()) }
+        });
+        let printed = STREAM.print(b"a").and_then(|()| STREAM.flush());
+        assert_eq!(printed.expect_err("full").kind(), ErrorKind::StorageFull);
+        FULL.store(false, Ordering::Relaxed);
+        assert!(STREAM.print(b"b").and_then(|()| STREAM.flush()).is_ok());
+    }
+}

@@ -1,0 +1,190 @@
+//! Makes external text safe to display: file names, quoted lines, values.
+//!
+//! Text from a file or an argument may control the terminal that shows it: move its cursor, change its title, reverse
+//! the text direction. All external text passes through here before it is displayed.
+
+mod columns;
+mod excerpt;
+mod number;
+
+pub use columns::{aligned, display_width, fitted, padded};
+pub use excerpt::{Excerpt, line_and_column};
+pub use number::{CountError, parse_count, parse_real};
+
+/// Returns whether a character does anything but display itself.
+fn is_active(c: char) -> bool {
+    // Control characters (C0, DEL, C1), line separators, and characters that change the text direction or are
+    // invisible.
+    c.is_control()
+        || matches!(c, '\u{2028}' | '\u{2029}' | '\u{200e}' | '\u{200f}' | '\u{061c}' | '\u{feff}')
+        || ('\u{202a}'..='\u{202e}').contains(&c)
+        || ('\u{2066}'..='\u{2069}').contains(&c)
+        || ('\u{e0000}'..='\u{e007f}').contains(&c)
+}
+
+/// Returns the replacement for a character that acts on the terminal. It has the same length in bytes, so offsets in
+/// the text stay valid.
+fn replacement(c: char) -> char {
+    match c.len_utf8() {
+        1 => '?',
+        2 => '¿',
+        3 => '\u{fffd}',
+        _ => '\u{1f6ab}',
+    }
+}
+
+/// Replaces all characters of `text` that act on a terminal, line breaks included. The length in bytes stays the same.
+pub fn sanitized(text: &str) -> String {
+    text.chars().map(|c| if is_active(c) { replacement(c) } else { c }).collect()
+}
+
+/// Like [`sanitized`], but keeps line breaks.
+pub fn sanitized_lines(text: &str) -> String {
+    text.chars().map(|c| if is_active(c) && c != '\n' { replacement(c) } else { c }).collect()
+}
+
+/// Returns text as Markdown shows it literally, within a line or a cell of a table.
+pub fn markdown(text: &str) -> String {
+    let escaped = |c: char| "\\`*_[]<>|~&#$".contains(c).then_some('\\').into_iter().chain([c]);
+    sanitized(text).chars().flat_map(escaped).collect()
+}
+
+/// Returns a number and what it counts: `1 task`, `2 tasks`.
+pub fn counted(n: u64, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
+}
+
+/// Returns a number in groups of three digits: `57,000`.
+pub fn grouped(n: u64) -> String {
+    let digits = n.to_string();
+    let groups: Vec<&str> = digits.as_bytes().rchunks(3).rev().filter_map(|group| str::from_utf8(group).ok()).collect();
+    groups.join(",")
+}
+
+/// Returns whether a terminal obeys escape sequences, by its kind: the variable `TERM`, which names none on Windows.
+pub fn obeys_escapes(term: Option<&str>) -> bool {
+    match term {
+        None | Some("") => cfg!(windows),
+        Some(term) => term != "unknown" && !term.starts_with("dumb"),
+    }
+}
+
+/// Returns whether the terminal of this program obeys escape sequences.
+pub fn terminal_obeys_escapes() -> bool {
+    obeys_escapes(std::env::var("TERM").ok().as_deref())
+}
+
+/// Returns the beginning of `text`, made safe by [`sanitized`], in at most `max_chars` characters.
+pub fn truncated(text: &str, max_chars: usize) -> String {
+    let start: String = text.chars().take(max_chars).collect();
+    let cut = start.len() < text.len();
+    let kept = if cut { start.chars().take(max_chars.saturating_sub(3)).collect() } else { start };
+    sanitized(&kept) + if cut { "..." } else { "" }
+}
+
+/// Escapes the characters in a line of JSON that act on a terminal but need no escape in JSON itself.
+pub fn escape_json_line(json: &str) -> String {
+    let mut out = String::with_capacity(json.len());
+    for c in json.chars() {
+        if is_active(c) && !matches!(c, '\n' | '\t' | '\r') {
+            let mut units = [0; 2];
+            c.encode_utf16(&mut units).iter().for_each(|unit| out.push_str(&format!("\\u{unit:04x}")));
+        } else {
+            out.push(c);
+        }
+    }
+    out
+}
+
+/// Returns the beginning of `text` in at most `max_bytes` bytes; no character is cut apart.
+pub fn beginning(text: &str, max_bytes: usize) -> &str {
+    &text[..text.floor_char_boundary(max_bytes)]
+}
+
+/// Turns `name` into a file name for a folder of our choice: its last component, without characters that act on a
+/// terminal, never empty, and short enough for all that is added to it. An external name cannot escape from that folder.
+pub fn safe_file_name(name: &str) -> String {
+    const MAX_BYTES: usize = 80;
+    let last = name.rsplit(['/', '\\']).next().unwrap_or_default();
+    let kept: String =
+        last.chars().filter(|c| !is_active(*c) && !matches!(c, ':' | '*' | '?' | '"' | '<' | '>' | '|')).collect();
+    let kept = kept.trim_start_matches(|c: char| c == '.' || c.is_whitespace());
+    let kept = beginning(kept, MAX_BYTES).trim_end();
+    if kept.is_empty() { "unnamed".to_owned() } else { kept.to_owned() }
+}
+
+#[cfg(test)]
+mod tests {
+    use proptest::prelude::*;
+
+    use super::*;
+
+    #[test]
+    fn escapes_are_replaced_byte_for_byte() {
+        let evil = "a\x1b[2Jb\u{9b}31m\u{202e}c\u{e0041}\n";
+        let shown = sanitized(evil);
+        assert_eq!(shown.len(), evil.len());
+        assert_eq!(shown, "a?[2Jb¿31m\u{fffd}c\u{1f6ab}?");
+        assert!(sanitized_lines(evil).ends_with('\n'));
+        assert_eq!(sanitized("maps/größe 7.txt"), "maps/größe 7.txt", "harmless text stays");
+    }
+
+    #[test]
+    fn names_do_not_act_in_markdown() {
+        assert_eq!(markdown("<b>a|b*_`[x](y)"), "\\<b\\>a\\|b\\*\\_\\`\\[x\\](y)");
+        assert_eq!(markdown("a\\b\n# c"), "a\\\\b?\\# c");
+        assert_eq!(markdown("den312d-größe 7.v2"), "den312d-größe 7.v2");
+    }
+
+    #[test]
+    fn terminals_without_escape_sequences_are_known() {
+        for term in ["dumb", "dumb-emacs-ansi", "unknown"] {
+            assert!(!obeys_escapes(Some(term)), "{term}");
+        }
+        assert!(["xterm-256color", "linux", "vt100"].iter().all(|term| obeys_escapes(Some(term))));
+        assert_eq!([None, Some("")].map(obeys_escapes), [cfg!(windows); 2], "of no kind");
+    }
+
+    #[test]
+    fn long_text_is_truncated() {
+        assert_eq!(truncated("abc", 5), "abc");
+        assert_eq!(truncated(&"x".repeat(50_000_000), 10), "xxxxxxx...");
+    }
+
+    #[test]
+    fn control_characters_in_json_are_escaped() {
+        let line = serde_json::to_string("a\u{9b}b\u{1b}\u{e0041}").expect("a string");
+        let safe = escape_json_line(&line);
+        assert!(safe.is_ascii() && !safe.contains('\x1b'), "{safe}");
+        assert_eq!(serde_json::from_str::<String>(&safe).expect("JSON"), "a\u{9b}b\u{1b}\u{e0041}");
+    }
+
+    #[test]
+    fn external_names_cannot_leave_the_folder() {
+        for (name, expected) in [
+            ("../../x", "x"),
+            ("/etc/passwd", "passwd"),
+            ("..", "unnamed"),
+            ("a/..", "unnamed"),
+            ("", "unnamed"),
+            ("..\\..\\x", "x"),
+            (".hidden", "hidden"),
+            ("\x1b]0;t\x07", "]0;t"),
+            ("fourrooms", "fourrooms"),
+        ] {
+            assert_eq!(safe_file_name(name), expected, "{name:?}");
+        }
+    }
+
+    proptest! {
+        #[test]
+        fn plain_text_and_file_names_are_safe(text in any::<String>()) {
+            let shown = sanitized(&text);
+            prop_assert!(!shown.chars().any(is_active) && shown.len() == text.len());
+            let name = safe_file_name(&text);
+            prop_assert!(!name.is_empty() && !name.starts_with('.') && !name.contains(['/', '\\']));
+            prop_assert!(name.len() <= 80 && safe_file_name(&name) == name);
+            prop_assert_eq!(std::path::Path::new(&name).components().count(), 1);
+        }
+    }
+}

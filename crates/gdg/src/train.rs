@@ -1,0 +1,44 @@
+//! Training: exploring agents, updates interleaved with their steps, evaluation and checkpoints.
+
+mod checkpoint;
+mod config;
+mod error;
+mod evaluate;
+mod film;
+mod graphs;
+mod history;
+pub mod memory;
+mod method;
+mod policy_file;
+mod reference_page;
+mod registry;
+mod rollout;
+mod run;
+mod score;
+mod settings;
+mod trainer;
+
+pub use checkpoint::{
+    CheckpointError, Description, LoadError, Loaded, SaveTo, describe, examine, from_bytes, is_checkpoint, is_own,
+    load, remove_own, save, with_updated_checksum,
+};
+pub use config::{
+    ConfigError, Overrides, changed_from, list_settings, print_settings, settings_from, settings_from_text,
+    settings_in_world, with_setting,
+};
+pub use error::TrainError;
+pub use evaluate::{
+    BridgeFacts, ComposedError, DistanceError, Evaluation, EvaluationJob, MarkedTask, TaskOutcome, TaskWalk,
+};
+pub use film::{Film, FilmFrame};
+pub use history::{CurvePoint, History, LogEntry, MAX_LOG_ENTRIES, Methods, Notes, Stretch};
+pub use method::{METHODS, Method, NamedMethod, Preset, UnknownMethod};
+pub use policy_file::policy_file;
+pub use reference_page::reference_page;
+pub use registry::Registry;
+pub use rollout::Rollout;
+pub use run::{Counters, EndReason, Limits, Run, Tick};
+pub use score::{DistanceScore, Score, Success};
+pub use settings::reference::{Group, SETTINGS, Setting};
+pub use settings::{Effect, Settings, TrainSettings, UpdateWhen};
+pub use trainer::{KeptState, Recovery, Trainer, WorldChange};

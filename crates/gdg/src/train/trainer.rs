@@ -1,0 +1,511 @@
+//! One training run: agent steps and updates, interleaved in an order that depends only on seed and settings.
+
+mod change;
+mod persistence;
+mod recovery;
+mod undo;
+
+use std::sync::Arc;
+use std::time::{Duration, Instant};
+
+use rand::SeedableRng;
+use rand_chacha::ChaCha8Rng;
+
+use super::error::TrainError;
+use super::evaluate::{Evaluation, EvaluationJob};
+use super::film::Film;
+use super::graphs::{ACTIVATION_DIVISOR, BuiltGraph, EDIT_ACTIVATION_DIVISOR, GraphJob, Graphs};
+use super::history::{History, Notes};
+use super::registry::Registry;
+use super::rollout::{Rollout, StepContext};
+use super::run::{Counters, EndReason, Limits, Run, Tick};
+use super::settings::{Settings, UpdateWhen};
+use crate::bridge::{Candidates, SearchOutcome};
+use crate::env::{Environment, Spec, TaskSet};
+use crate::learn::{
+    Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage, TrainingData,
+};
+use crate::pulse::Pulse;
+pub use change::{KeptState, WorldChange};
+pub(super) use persistence::{LEARNED, TrainerState};
+use recovery::LastGood;
+pub use recovery::Recovery;
+
+/// Losses are reported as running means over about this many updates.
+pub(crate) const LOSS_AVERAGE_UPDATES: f64 = 500.0;
+
+/// Random streams of a run, one per purpose, so that they do not affect each other.
+#[derive(Clone, Copy)]
+enum Stream {
+    Initial = 0,
+    Explore = 1,
+    Batch = 2,
+    Evaluate = 3,
+    Graph = 4,
+}
+
+/// A run in progress.
+pub struct Trainer {
+    run: Run,
+    registry: Arc<Registry>,
+    rollout: Rollout,
+    learner: Box<dyn Learner>,
+    replay: Replay,
+    batch_rng: ChaCha8Rng,
+    candidates: Candidates,
+    graphs: Graphs,
+    counters: Counters,
+    seconds: f64,
+    profile: Profile,
+    threads: usize,
+    history: History,
+    film: Film,
+    /// The networks to roll back to when numbers are no longer finite, and the latest rollback.
+    last_good: LastGood,
+    recovery: Option<Recovery>,
+    /// Whether an update is in progress: a panic during it leaves the networks partially updated.
+    in_update: bool,
+    /// How long the latest update took.
+    update_took: Option<Duration>,
+    pulse: Pulse,
+}
+
+fn stream(seed: u64, stream: Stream) -> ChaCha8Rng {
+    let mut rng = ChaCha8Rng::seed_from_u64(seed);
+    rng.set_stream(stream as u64);
+    rng
+}
+
+type Result<T> = std::result::Result<T, TrainError>;
+
+/// Creates a fresh learner for `run` in a world with `spec`.
+fn new_learner(run: &Run, spec: &Spec, registry: &Registry, threads: usize) -> Result<Box<dyn Learner>> {
+    let kind = registry.learner(&run.method.learner)?;
+    Ok((kind.create)(spec, &run.settings.learn, threads, &mut stream(run.seed, Stream::Initial))?)
+}
+
+/// Forks and configures `world` for the agents of `run`.
+fn fork_world(run: &Run, world: &dyn Environment) -> Box<dyn Environment> {
+    let mut world = world.fork(run.settings.train.agents);
+    world.configure(&run.settings.train.env());
+    world
+}
+
+fn new_replay(run: &Run, spec: &Spec) -> Replay {
+    let sizes = (spec.state_dim(), spec.goal_dim(), spec.action_dim);
+    Replay::new(sizes.into(), run.settings.train.agents, run.settings.learn.buffer_size)
+}
+
+/// Creates an empty set of candidates as the method's planner wants them.
+fn new_candidates(run: &Run, spec: &Spec) -> Candidates {
+    Candidates::new(spec, run.settings.train.agents, &run.bridge())
+}
+
+impl Trainer {
+    /// Creates a new run in `world`. `threads` share the work of each update without changing its result.
+    ///
+    /// # Errors
+    /// The method's learner is not registered or cannot be created.
+    pub fn new(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Self> {
+        let (world, spec) = (fork_world(&run, world), world.spec());
+        let learner = new_learner(&run, spec, registry, threads)?;
+        Ok(Self {
+            rollout: Rollout::new(world, stream(run.seed, Stream::Explore)),
+            replay: new_replay(&run, spec),
+            batch_rng: stream(run.seed, Stream::Batch),
+            candidates: new_candidates(&run, spec),
+            graphs: Graphs::default(),
+            counters: Counters::default(),
+            seconds: 0.0,
+            profile: Profile::default(),
+            threads,
+            history: History::default(),
+            film: Film::default(),
+            last_good: LastGood::capture(0, [0.0; 3], &*learner)?,
+            recovery: None,
+            in_update: false,
+            update_took: None,
+            pulse: Pulse::default(),
+            learner,
+            registry: registry.clone(),
+            run,
+        })
+    }
+
+    /// Returns the number of threads that share an update's work.
+    pub fn threads(&self) -> usize {
+        self.threads
+    }
+
+    /// Returns what tells others that training moves, and what ends it.
+    pub fn pulse(&self) -> &Pulse {
+        &self.pulse
+    }
+
+    /// Shares a pulse with those that wait for the trainer.
+    pub fn set_pulse(&mut self, pulse: Pulse) {
+        self.pulse = pulse;
+    }
+
+    /// Returns the definition of the run.
+    pub fn run(&self) -> &Run {
+        &self.run
+    }
+
+    /// Returns the registry of worlds and learners that the run may be changed to.
+    pub fn registry(&self) -> &Arc<Registry> {
+        &self.registry
+    }
+
+    /// Returns the world with the exploring agents.
+    pub fn world(&self) -> &dyn Environment {
+        self.rollout.env()
+    }
+
+    /// Returns the world mutably, to change its evaluation tasks.
+    pub fn world_mut(&mut self) -> &mut dyn Environment {
+        self.rollout.env_mut()
+    }
+
+    /// Returns the specification of states, goals and actions.
+    pub fn spec(&self) -> &Spec {
+        self.world().spec()
+    }
+
+    /// Returns the progress of the run.
+    pub fn counters(&self) -> Counters {
+        self.counters
+    }
+
+    /// Returns the training time so far, in seconds, without evaluation.
+    pub fn seconds(&self) -> f64 {
+        self.seconds
+    }
+
+    /// Returns the time that this process has spent per training stage.
+    pub fn profile(&self) -> &Profile {
+        &self.profile
+    }
+
+    /// Returns the running means of the losses.
+    pub fn losses(&self) -> Losses {
+        let [critic, model, actor] = self.counters.losses.map(|l| l as f32);
+        Losses { critic, model, actor }
+    }
+
+    /// Returns the agents.
+    pub fn rollout(&self) -> &Rollout {
+        &self.rollout
+    }
+
+    /// Returns the learner.
+    pub fn learner(&self) -> &dyn Learner {
+        &*self.learner
+    }
+
+    /// Returns whether the learner learns: if not, updates are counted as they fall due, but not done.
+    pub fn learns(&self) -> bool {
+        self.learner.acting() != Acting::AtRandom
+    }
+
+    /// Returns the updates done by a learner, without those only counted (see [`Self::learns`]).
+    pub fn learned_updates(&self) -> u64 {
+        self.history.methods().learned(self.counters.updates, self.learns())
+    }
+
+    /// Returns the replay buffer.
+    pub fn replay(&self) -> &Replay {
+        &self.replay
+    }
+
+    /// Returns the bridge candidates and observed paths between them.
+    pub fn candidates(&self) -> &Candidates {
+        &self.candidates
+    }
+
+    /// Returns the latest bridge search.
+    pub fn last_search(&self) -> Option<&Arc<SearchOutcome>> {
+        self.rollout.last_search()
+    }
+
+    /// Returns the first of `limits` that has been reached.
+    pub fn limit_reached(&self, limits: &Limits) -> Option<EndReason> {
+        let reached = [
+            (limits.updates.is_some_and(|n| self.counters.updates >= n), EndReason::MaxUpdates),
+            (limits.episodes.is_some_and(|n| self.counters.episodes >= n), EndReason::MaxEpisodes),
+            (limits.seconds.is_some_and(|s| self.seconds >= s), EndReason::MaxSeconds),
+        ];
+        reached.iter().find(|(is, _)| *is).map(|(_, reason)| *reason)
+    }
+
+    /// Runs one update if one is due, else one step of every agent. If training is to stop (see [`Self::pulse`]), a long
+    /// update is undone.
+    ///
+    /// # Errors
+    /// The learner fails, or the run has diverged with no rollbacks left.
+    pub fn tick(&mut self) -> Result<Tick> {
+        let began = Instant::now();
+        self.pulse.beat();
+        let tick = if self.is_update_due() { self.update()? } else { self.step()? };
+        if tick == Tick::Update {
+            self.update_took = Some(began.elapsed());
+        }
+        if tick == Tick::Step {
+            self.profile.lap(Stage::Explore, began);
+        }
+        self.seconds += began.elapsed().as_secs_f64();
+        Ok(tick)
+    }
+
+    /// Whether the next tick is an update.
+    pub fn is_update_due(&self) -> bool {
+        // Without a warm-up, an update can be due before any agent's second state is known.
+        self.counters.owed_steps >= self.run.settings.train.env_steps_per_update && self.replay.has_transitions()
+    }
+
+    fn step(&mut self) -> Result<Tick> {
+        let Some(round) = self.with_step_context(Rollout::step)? else {
+            self.roll_back()?;
+            return Ok(Tick::Step);
+        };
+        self.rollout.env_mut().count_visits();
+        let steps = self.run.settings.train.agents as u64;
+        let counters = &mut self.counters;
+        counters.env_steps += steps;
+        counters.episodes += round.episodes;
+        counters.goals_reached += round.reached;
+        if counters.env_steps <= self.run.settings.train.learning_starts {
+            return Ok(Tick::Step);
+        }
+        counters.deferred_steps += steps;
+        if self.run.settings.train.update_when == UpdateWhen::Step || round.episodes > 0 {
+            counters.owed_steps += std::mem::take(&mut counters.deferred_steps);
+        }
+        Ok(Tick::Step)
+    }
+
+    /// Returns the current length of an episode, in steps.
+    pub fn episode_steps(&self) -> u32 {
+        let settings = &self.run.settings;
+        match (settings.train.episode_steps.given(), self.world().episode_steps()) {
+            (None, Some(of_world)) => of_world,
+            _ => settings.episode_steps(self.graphs.current().map_or(0.0, |built| built.longest_steps)),
+        }
+    }
+
+    /// Calls `act` with the agents and their step context.
+    fn with_step_context<R>(&mut self, act: impl FnOnce(&mut Rollout, &mut StepContext) -> R) -> Result<R> {
+        let episode_steps = self.episode_steps();
+        let Self { rollout, learner, replay, candidates, run, graphs, .. } = self;
+        let graph = graphs.current().map(|built| &*built.graph);
+        let (acting, settings) = (learner.acting(), &run.settings);
+        let (mut act, mut done) = (Some(act), None);
+        learner.with_policy(false, &mut |policy| {
+            let mut context = StepContext {
+                bridges: run.method.bridges(),
+                acting,
+                episode_steps,
+                settings,
+                policy,
+                graph,
+                replay,
+                candidates,
+            };
+            done = act.take().map(|act| act(rollout, &mut context));
+        })?;
+        Ok(done.unwrap_or_else(|| unreachable!("the callback runs exactly once")))
+    }
+
+    fn update(&mut self) -> Result<Tick> {
+        self.pulse.begin("the update in progress");
+        let undo = self.undo_for_update()?;
+        self.counters.owed_steps -= self.run.settings.train.env_steps_per_update;
+        self.counters.updates += 1;
+        if !self.learns() {
+            return Ok(Tick::Update);
+        }
+        let began = Instant::now();
+        self.refresh_graph()?;
+        self.profile.lap(Stage::Graph, began);
+        let (relearns, graph_finds_changed) = (self.relearns(), self.needs_graph());
+        let Self { learner, replay, graphs, batch_rng, profile, .. } = self;
+        let known = graphs.current().map(|BuiltGraph { graph, distilled, changed, .. }| KnownDistances {
+            states: graph.candidates().states(),
+            goals: graph.candidates().goal_index(),
+            pairs: &distilled.pairs,
+            by_goal: distilled.by_goal.as_ref(),
+            changed: changed.as_deref().filter(|_| relearns),
+        });
+        let agents = self.run.settings.train.agents as u64;
+        let recent_slots = self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
+        let relearning = relearns.then_some(Relearning { recent_slots, graph_finds_changed });
+        self.in_update = true;
+        let finishes = Pulse::default();
+        let pulse = if undo.is_some() { &self.pulse } else { &finishes };
+        let losses = learner.update(TrainingData { replay, known, relearning, rng: batch_rng, pulse }, profile)?;
+        if let Some(undo) = undo.filter(|_| self.pulse.take_left_out()) {
+            self.undo(undo)?;
+            return Ok(Tick::Undone);
+        }
+        self.in_update = false;
+        let keep = (1.0 - 1.0 / LOSS_AVERAGE_UPDATES).min(1.0 - 1.0 / self.counters.updates as f64);
+        for (mean, loss) in self.counters.losses.iter_mut().zip([losses.critic, losses.model, losses.actor]) {
+            *mean += (1.0 - keep) * (f64::from(loss) - *mean);
+        }
+        self.check_update(&losses)?;
+        let Self { history, rollout, counters, .. } = self;
+        history.add_point(counters.updates, counters.losses, || rollout.env().coverage());
+        self.film_learning()?;
+        Ok(Tick::Update)
+    }
+
+    /// Takes a frame of the film if one is due. Draws no random numbers.
+    fn film_learning(&mut self) -> Result<()> {
+        let updates = self.counters.updates;
+        if !self.film.is_due(updates) {
+            return Ok(());
+        }
+        let Self { film, learner, rollout, counters, run, .. } = self;
+        let Some(points) = film.points(rollout.env()) else { return Ok(()) };
+        let mut distances = vec![0.0; points.place_of.len()];
+        // The scratch memory of a few frames a minute need not be kept.
+        learner.with_policy(run.settings.bridge.averaged_weights, &mut |policy| {
+            let goals = points.goal.repeat(distances.len());
+            policy.distances(&points.states, &goals, &mut distances, &mut Scratch::default());
+        })?;
+        film.add((updates, counters.env_steps), rollout.env(), &points, &distances);
+        Ok(())
+    }
+
+    /// Whether distances that may have changed are being relearned.
+    fn relearns(&self) -> bool {
+        self.counters.updates <= self.counters.relearns_until
+    }
+
+    /// Whether training uses bridge graphs.
+    fn needs_graph(&self) -> bool {
+        let Settings { learn, bridge, .. } = &self.run.settings;
+        let wanted = learn.distillation > 0.0 || bridge.planned_episodes > 0.0;
+        wanted && self.run.method.bridges()
+    }
+
+    /// Returns whether update `now` takes up a bridge graph or starts to build one.
+    fn changes_graph_at(&self, now: u64) -> bool {
+        let builds = now.is_multiple_of(self.run.settings.bridge.graph_every_updates);
+        self.needs_graph() && (builds || self.graphs.is_due(now))
+    }
+
+    /// Swaps in the next bridge graph if it is due, and starts another build if that is due.
+    fn refresh_graph(&mut self) -> Result<()> {
+        if !self.needs_graph() {
+            return Ok(());
+        }
+        let now = self.counters.updates;
+        if self.graphs.activate_due(now) {
+            self.with_step_context(|rollout, context| rollout.replan(context))?;
+        }
+        if now.is_multiple_of(self.run.settings.bridge.graph_every_updates) {
+            self.candidates.adapt_spacing();
+            self.start_graph(ACTIVATION_DIVISOR)?;
+        }
+        Ok(())
+    }
+
+    /// Drops the bridge graph, and starts to build another one that soon takes its place, if there is to be one.
+    fn replace_graph(&mut self) -> Result<()> {
+        self.graphs = Graphs::default();
+        if self.needs_graph() {
+            self.start_graph(EDIT_ACTIVATION_DIVISOR)?;
+        }
+        Ok(())
+    }
+
+    /// Starts building a bridge graph, which takes effect after the interval between builds divided by
+    /// `activation_divisor`.
+    fn start_graph(&mut self, activation_divisor: u64) -> Result<()> {
+        let now = self.counters.updates;
+        let job = GraphJob {
+            spec: self.spec().clone(),
+            settings: self.run.bridge(),
+            policy: self.policy()?,
+            candidates: self.candidates.frozen(),
+            finds_changed: self.relearns(),
+            rng: self.graph_rng(now),
+        };
+        Ok(self.graphs.start_build(now, self.run.settings.bridge.graph_every_updates / activation_divisor, job)?)
+    }
+
+    /// Returns the RNG for the distilled distances of a graph whose build began at update `at`.
+    fn graph_rng(&self, at: u64) -> ChaCha8Rng {
+        let mut rng = stream(self.run.seed, Stream::Graph);
+        rng.set_word_pos(u128::from(at) << 34);
+        rng
+    }
+
+    /// Returns a frozen copy of the networks for planning and evaluation.
+    ///
+    /// # Errors
+    /// The learner fails.
+    pub fn policy(&self) -> Result<Arc<dyn Policy>> {
+        Ok(self.learner.policy(self.run.settings.bridge.averaged_weights)?)
+    }
+
+    /// Draws `per_group` tasks at each distance for an evaluation of the current state, independently of the number of
+    /// earlier evaluations.
+    pub fn tasks(&self, per_group: usize) -> TaskSet {
+        self.world().tasks(per_group, &mut self.evaluation_rng(1))
+    }
+
+    fn evaluation_rng(&self, purpose: u64) -> ChaCha8Rng {
+        let mut rng = stream(self.run.seed, Stream::Evaluate);
+        // Each evaluation and purpose gets its own 2^34 words of the stream.
+        rng.set_word_pos(u128::from(2 * self.counters.updates + purpose) << 34);
+        rng
+    }
+
+    /// Prepares an evaluation of the current state, which does not affect training.
+    ///
+    /// # Errors
+    /// The learner fails.
+    pub fn evaluation(&self) -> Result<EvaluationJob> {
+        Ok(EvaluationJob {
+            run: self.run.clone(),
+            world: self.world().fork(0),
+            policy: self.policy()?,
+            acting: self.learner.acting(),
+            candidates: self.run.method.plans().then(|| self.candidates.frozen()),
+            coverage: self.world().coverage(),
+            max_steps: None,
+            task_rng: self.evaluation_rng(1),
+            rng: self.evaluation_rng(0),
+        })
+    }
+
+    /// Evaluates against ground truth.
+    ///
+    /// # Errors
+    /// The learner fails.
+    pub fn evaluate(&self, tasks: &TaskSet) -> Result<Evaluation> {
+        Ok(self.evaluation()?.run(tasks))
+    }
+
+    /// Returns the history: curves, evaluations and event log.
+    pub fn history(&self) -> &History {
+        &self.history
+    }
+
+    /// Returns the film: D and the agents at some of the updates so far.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// Adds an evaluation made after `updates` to the history.
+    pub fn record_evaluation(&mut self, updates: u64, evaluation: Evaluation) {
+        self.history.add_evaluation(updates, evaluation);
+    }
+
+    /// Replaces what the front end keeps in checkpoints.
+    pub fn set_notes(&mut self, notes: Notes) {
+        self.history.notes = notes;
+    }
+}

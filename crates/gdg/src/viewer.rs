@@ -1,0 +1,258 @@
+//! What the screen shows of a run, computed from copies of the networks on a separate thread: distance fields, the bridge
+//! graph, the planned path, and an agent walking to the goal. Each kind of scene has a folder; `pilot` is what their
+//! agents have in common.
+
+pub mod arm;
+mod field;
+mod film;
+pub mod maze;
+mod pilot;
+
+use std::sync::Arc;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::time::{Duration, Instant};
+
+use tokio::sync::watch;
+
+use crate::engine::{Engine, Networks, Snapshot};
+use crate::env::Scene;
+use crate::train::FilmFrame;
+pub use arm::ArmView;
+use arm::ArmWorker;
+pub use field::Field;
+pub use film::{FilmError, animate};
+pub use maze::MazeView;
+use maze::MazeWorker;
+pub use pilot::{Candidate, OnArrival, ShownEdge};
+
+/// Minimum interval between recomputations of field and graph, and the pause after each as a multiple of its duration.
+/// They run concurrently with training, but on the same cores, so they pause longer while it runs.
+const REFRESH_INTERVAL: Duration = Duration::from_millis(250);
+const TRAINING_PAUSE_FACTOR: u32 = 80;
+const IDLE_PAUSE_FACTOR: u32 = 3;
+
+/// A request from the screen. Requests about another kind of scene than the run's are ignored: they are from the time
+/// before another run was loaded.
+#[derive(Clone, Debug)]
+pub enum Request {
+    /// What the walking agent does at the goal.
+    OnArrival(OnArrival),
+    /// The quantity to show by colours.
+    Field(Field),
+    /// The frame of the film to show instead of the present, if any.
+    Past(Option<Arc<FilmFrame>>),
+    /// About a maze.
+    Maze(maze::Request),
+    /// About an arm.
+    Arm(arm::Request),
+}
+
+impl From<maze::Request> for Request {
+    fn from(request: maze::Request) -> Self {
+        Self::Maze(request)
+    }
+}
+
+impl From<arm::Request> for Request {
+    fn from(request: arm::Request) -> Self {
+        Self::Arm(request)
+    }
+}
+
+/// What the screen shows at one moment.
+#[derive(Clone, Debug)]
+pub enum View {
+    /// Of a maze.
+    Maze(Arc<MazeView>),
+    /// Of an arm.
+    Arm(Arc<ArmView>),
+}
+
+impl Default for View {
+    fn default() -> Self {
+        Self::Maze(Arc::default())
+    }
+}
+
+/// Computes what is shown of one kind of scene.
+trait SceneWorker: Send {
+    /// Returns whether it draws `scene`; otherwise another worker takes over.
+    fn draws(&self, scene: &Scene) -> bool;
+
+    /// Returns the time between two steps of the walking agent.
+    fn step_interval(&self) -> Duration;
+
+    /// Changes to the world of the latest snapshot, to which requests refer.
+    fn enter(&mut self, _snapshot: &Snapshot) {}
+
+    /// Handles a request.
+    fn handle(&mut self, request: Request);
+
+    /// Moves the walking agent by one step.
+    fn walk(&mut self);
+
+    /// Recomputes what is due from the latest snapshot.
+    fn refresh(&mut self, snapshot: &Snapshot);
+
+    /// Returns the view, if it has changed since the last call.
+    fn changed_view(&mut self) -> Option<View>;
+}
+
+/// Returns the worker for the world of `snapshot`.
+fn worker_for(snapshot: &Snapshot) -> Box<dyn SceneWorker> {
+    match &snapshot.scene {
+        Scene::Maze(_) | Scene::Nothing => Box::new(MazeWorker::new(snapshot)),
+        Scene::Arm(scene) => Box::new(ArmWorker::new(*scene, snapshot)),
+    }
+}
+
+/// Handle to the thread that computes views.
+pub struct Viewer {
+    requests: Sender<Request>,
+    views: watch::Receiver<View>,
+}
+
+impl Viewer {
+    /// Starts the thread on the snapshots of `engine`.
+    ///
+    /// # Errors
+    /// The thread cannot be started.
+    pub fn start(engine: &Engine) -> std::io::Result<Self> {
+        let (requests, inbox) = channel();
+        let (publish, views) = watch::channel(View::default());
+        let snapshots = engine.snapshots();
+        let scene = worker_for(&snapshots.borrow());
+        let worker = Worker { snapshots, inbox, publish, scene };
+        std::thread::Builder::new().name("viewer".to_owned()).spawn(|| worker.run())?;
+        Ok(Self { requests, views })
+    }
+
+    /// Sends a request. Errors are ignored: the thread ends only with the program.
+    pub fn request(&self, request: impl Into<Request>) {
+        let _ = self.requests.send(request.into());
+    }
+
+    /// Returns a receiver of the latest view.
+    pub fn views(&self) -> watch::Receiver<View> {
+        self.views.clone()
+    }
+}
+
+struct Worker {
+    snapshots: watch::Receiver<Arc<Snapshot>>,
+    inbox: Receiver<Request>,
+    publish: watch::Sender<View>,
+    scene: Box<dyn SceneWorker>,
+}
+
+impl Worker {
+    fn run(mut self) {
+        let mut stepped = Instant::now();
+        loop {
+            crate::faults::point("viewer");
+            let wait = self.scene.step_interval().saturating_sub(stepped.elapsed());
+            match self.inbox.recv_timeout(wait) {
+                Ok(request) => {
+                    // Handles all queued requests before computing anything for them.
+                    let mut next = Some(request);
+                    while let Some(request) = next {
+                        self.enter_scene();
+                        self.scene.handle(request);
+                        next = self.inbox.try_recv().ok();
+                    }
+                }
+                Err(RecvTimeoutError::Timeout) => {
+                    stepped = Instant::now();
+                    self.scene.walk();
+                }
+                Err(RecvTimeoutError::Disconnected) => return,
+            }
+            let snapshot = self.enter_scene();
+            self.scene.refresh(&snapshot);
+            if let Some(view) = self.scene.changed_view() {
+                self.publish.send_replace(view);
+            }
+        }
+    }
+
+    /// Returns the latest snapshot, after switching to its world's scene: requests refer to the world that is shown.
+    fn enter_scene(&mut self) -> Arc<Snapshot> {
+        let snapshot = self.snapshots.borrow().clone();
+        if !self.scene.draws(&snapshot.scene) {
+            self.scene = worker_for(&snapshot);
+        }
+        self.scene.enter(&snapshot);
+        snapshot
+    }
+}
+
+/// Returns the pause after a recomputation, as a multiple of its duration.
+fn pause_factor(snapshot: &Snapshot) -> u32 {
+    if snapshot.phase.is_training() { TRAINING_PAUSE_FACTOR } else { IDLE_PAUSE_FACTOR }
+}
+
+/// When something was last computed, and how long it took.
+#[derive(Clone, Copy, Default)]
+struct RefreshTimer(Option<(Instant, Duration)>);
+
+impl RefreshTimer {
+    /// Whether it may be recomputed, after a pause of `pause_factor` its duration.
+    fn is_due(self, pause_factor: u32) -> bool {
+        self.0.is_none_or(|(at, took)| at.elapsed() >= REFRESH_INTERVAL.max(took * pause_factor))
+    }
+
+    /// Whether it has to be computed at once.
+    fn is_urgent(self) -> bool {
+        self.0.is_none()
+    }
+
+    /// Records a computation that started at `began`.
+    fn done(&mut self, began: Instant) {
+        self.0 = Some((Instant::now(), began.elapsed()));
+    }
+
+    /// Makes it due at once.
+    fn make_due(&mut self) {
+        self.0 = None;
+    }
+}
+
+/// The networks that a field shows, and when it was last computed.
+struct ShownNetworks {
+    networks: Arc<Networks>,
+    timer: RefreshTimer,
+    /// The frame of the film that is shown instead.
+    past: Option<Arc<FilmFrame>>,
+}
+
+impl ShownNetworks {
+    fn new(snapshot: &Snapshot) -> Self {
+        Self { networks: snapshot.networks.clone(), timer: RefreshTimer::default(), past: None }
+    }
+
+    /// Changes to the networks of `snapshot` if the field has to be computed now; returns whether it has to.
+    fn follow(&mut self, snapshot: &Snapshot) -> bool {
+        let changed = !Arc::ptr_eq(&snapshot.networks, &self.networks);
+        // The past does not change.
+        let changed = changed && self.past.is_none();
+        let due = self.timer.is_urgent() || changed && self.timer.is_due(pause_factor(snapshot));
+        if due {
+            self.networks = snapshot.networks.clone();
+        }
+        due
+    }
+
+    /// Changes to a frame of the film, or back to the networks.
+    fn look_at(&mut self, past: Option<Arc<FilmFrame>>) {
+        self.past = past;
+        self.timer.make_due();
+    }
+}
+
+/// Appends a position to a trail that keeps the latest `most`.
+fn push_to_trail<const N: usize>(trail: &mut Vec<[f32; N]>, at: [f32; N], most: usize) {
+    trail.push(at);
+    if trail.len() > most {
+        trail.remove(0);
+    }
+}

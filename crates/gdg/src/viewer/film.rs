@@ -1,0 +1,351 @@
+//! The film of how distance was learned, as an animation.
+
+use super::arm::{Plane, film_field, film_goal as arm_goal};
+use super::maze::{FilmedMap, FilmedPixels, film_goal};
+use crate::draw::{
+    Animation, Ground, Picture, Raster, Rgb, blend, contour, contour_interval, contour_lines, distance_colour,
+    text_size,
+};
+use crate::engine::Snapshot;
+use crate::env::{ArmScene, MazeScene, Scene};
+use crate::text::grouped;
+use crate::train::FilmFrame;
+
+/// Pixels along the longer side of a map, and along a cell's side, at most.
+const MAX_MAP_PIXELS: usize = 400;
+const MAX_CELL_PIXELS: usize = 24;
+
+/// Pixels along the longer side of each of the two planes of an arm.
+const PLANE_PIXELS: usize = 280;
+
+/// Pixels between two contour lines, on average, at least.
+const LINE_SPACING: f32 = 30.0;
+
+/// Number of colours between near and far.
+const COLOURS: f32 = 64.0;
+
+/// Pixels around a caption.
+const MARGIN: usize = 4;
+
+/// How long the shortest interval between two frames is shown, and the last frame, in seconds.
+const FRAME_SECONDS: f64 = 0.12;
+const LAST_FRAME_SECONDS: f64 = 3.0;
+
+const WALL: Rgb = (58, 58, 66);
+const UNKNOWN: Rgb = (24, 24, 28);
+const PAGE: Rgb = (16, 16, 20);
+const INK: Rgb = (222, 222, 226);
+const AGENT: Rgb = (255, 255, 255);
+const EDGE: Rgb = (20, 20, 30);
+const GOAL: Rgb = (230, 60, 60);
+
+/// Share of the colour of walls in a pixel that a wall crosses.
+const CROSSED_WALL_SHARE: f32 = 0.65;
+
+/// Why there is no animation.
+#[derive(Debug, thiserror::Error)]
+pub enum FilmError {
+    /// Nothing has been filmed.
+    #[error("there is no film: nothing has been learned since films are made")]
+    NoFrames,
+    /// The world is not drawn.
+    #[error("films of this world cannot be drawn")]
+    NoScene,
+    /// The pictures cannot be encoded.
+    #[error(transparent)]
+    Png(#[from] png::EncodingError),
+}
+
+/// Returns the film of a run as an animated PNG file: D by colours with contour lines, the agents, and below them the
+/// updates done and the success so far. Colours mean the same in all frames.
+///
+/// # Errors
+/// There is no film, or it cannot be encoded.
+pub fn animate(run: &Snapshot) -> Result<Vec<u8>, FilmError> {
+    let frames = &run.film;
+    let Some(last) = frames.last() else { return Err(FilmError::NoFrames) };
+    let stage: Box<dyn Stage> = match &run.scene {
+        Scene::Maze(scene) => Box::new(MazeStage::new(scene)),
+        Scene::Arm(scene) => Box::new(ArmStage(*scene)),
+        Scene::Nothing => return Err(FilmError::NoScene),
+    };
+    let scale = Scale { farthest: last.farthest(), interval: stage.contour_interval(last) };
+    let shortest = frames.windows(2).map(|pair| pair[1].updates - pair[0].updates).min().unwrap_or(1).max(1);
+    let mut file = Vec::new();
+    let (columns, rows) = stage.draw(last, scale).size();
+    let size = (columns, rows + text_size("")[1] + 2 * MARGIN);
+    let mut animation = Animation::begin(&mut file, size, frames.len())?;
+    for (i, frame) in frames.iter().enumerate() {
+        let mut picture = Picture::new(size, PAGE);
+        picture.put(&stage.draw(frame, scale), [0, 0]);
+        let captions = captions(run, frame);
+        let fits = |caption: &&String| text_size(caption)[0] + 2 * MARGIN <= columns;
+        if let Some(caption) = captions.iter().find(fits) {
+            picture.text(caption, [MARGIN, rows + MARGIN], INK);
+        }
+        let seconds = frames
+            .get(i + 1)
+            .map_or(LAST_FRAME_SECONDS, |next| FRAME_SECONDS * (next.updates - frame.updates) as f64 / shortest as f64);
+        // The first updates may be far from the second frame, as in runs that were filmed only later.
+        animation.add(picture, seconds.min(LAST_FRAME_SECONDS))?;
+    }
+    animation.finish()?;
+    Ok(file)
+}
+
+/// Returns what to write below a frame, the longest text first.
+fn captions(run: &Snapshot, frame: &FilmFrame) -> [String; 3] {
+    let number = grouped(run.learned(frame.updates));
+    let short = format!("update {number}");
+    let success = run.success_at(frame.updates).map_or(String::new(), |rate| format!(", success {rate:.2}"));
+    [format!("{}: {short}{success}", run.title), format!("{short}{success}"), short]
+}
+
+/// What colours and lines mean.
+#[derive(Clone, Copy)]
+struct Scale {
+    /// The distance that is darkest.
+    farthest: f32,
+    /// Steps between two contour lines.
+    interval: f32,
+}
+
+/// Draws the frames of a world.
+trait Stage {
+    /// Draws a frame.
+    fn draw(&self, frame: &FilmFrame, scale: Scale) -> Picture;
+
+    /// Returns the interval of contour lines that suits a frame.
+    fn contour_interval(&self, frame: &FilmFrame) -> f32;
+}
+
+/// A map.
+struct MazeStage {
+    filmed: FilmedMap,
+    raster: Raster,
+    grounds: Vec<Ground>,
+    pixels: FilmedPixels,
+}
+
+impl MazeStage {
+    fn new(MazeScene { map, .. }: &MazeScene) -> Self {
+        let (width, height) = (map.width(), map.height());
+        let longer = width.max(height);
+        let pixels = match MAX_MAP_PIXELS / longer {
+            0 => [width, height].map(|side| (side * MAX_MAP_PIXELS).div_ceil(longer)),
+            scale => [width, height].map(|side| side * scale.min(MAX_CELL_PIXELS)),
+        };
+        let raster = Raster { window: [0.0, 0.0, width as f32, height as f32], pixels: (pixels[0], pixels[1]) };
+        let ground = |i: usize| raster.ground(map, i % pixels[0], i / pixels[0]);
+        let filmed = FilmedMap::new(map.clone());
+        Self {
+            grounds: (0..pixels[0] * pixels[1]).map(ground).collect(),
+            pixels: FilmedPixels::new(&filmed, raster),
+            filmed,
+            raster,
+        }
+    }
+
+    /// Returns the values where contour lines may be: not where walls cross pixels, as D differs on both sides.
+    fn open(&self, frame: &FilmFrame) -> Vec<f32> {
+        let open = |(value, ground): (f32, &Ground)| if matches!(ground, Ground::Free(_)) { value } else { f32::NAN };
+        self.pixels.field(frame).into_iter().zip(&self.grounds).map(open).collect()
+    }
+}
+
+impl Stage for MazeStage {
+    fn draw(&self, frame: &FilmFrame, scale: Scale) -> Picture {
+        let mut picture = Picture::new(self.raster.pixels, UNKNOWN);
+        colour(&mut picture, &self.pixels.field(frame), scale.farthest);
+        for (pixel, ground) in picture.pixels_mut().iter_mut().zip(&self.grounds) {
+            match ground {
+                Ground::Free(_) | Ground::Outside => {}
+                Ground::Wall => *pixel = WALL,
+                Ground::Crossed(_) => *pixel = blend(*pixel, WALL, CROSSED_WALL_SHARE),
+            }
+        }
+        draw_contours(&mut picture, &self.open(frame), scale.interval);
+        let size = self.raster.pixels.0 as f32 / self.raster.window[2];
+        let (positions, _) = frame.agents.as_chunks::<2>();
+        draw_signs(
+            &mut picture,
+            positions.iter().map(|at| at.map(|along| along * size)),
+            film_goal(frame, self.filmed.map()).map(|goal| goal.centre().map(|along| along * size)),
+            (0.35 * size).clamp(1.2, 4.0),
+        );
+        picture
+    }
+
+    fn contour_interval(&self, frame: &FilmFrame) -> f32 {
+        contour_interval(&self.open(frame), self.raster.pixels.0, LINE_SPACING)
+    }
+}
+
+/// An arm, from the side and from above, with D on the planes through the goal.
+struct ArmStage(ArmScene);
+
+impl ArmStage {
+    /// Returns both planes: where the grip may be.
+    fn planes(&self) -> [Plane; 2] {
+        let [low, high] = self.0.positions();
+        [[0.0, 0.0, 1.0], [0.0, 1.0, 0.0]].map(|up: [f32; 3]| {
+            let along = |corner: [f32; 3]| corner[1] * up[1] + corner[2] * up[2];
+            let size = [high[0] - low[0], along(high) - along(low)];
+            let scale = PLANE_PIXELS as f32 / size[0].max(size[1]);
+            let pixels = size.map(|metres| (metres * scale).round().max(1.0) as usize);
+            let window = [low[0], -along(high), size[0], size[1]];
+            Plane { raster: Raster { window, pixels: (pixels[0], pixels[1]) }, across: [1.0, 0.0, 0.0], up }
+        })
+    }
+
+    fn draw_plane(&self, plane: &Plane, frame: &FilmFrame, scale: Scale) -> Picture {
+        let mut picture = Picture::new(plane.raster.pixels, UNKNOWN);
+        let field = film_field(&self.0, frame, plane);
+        colour(&mut picture, &field, scale.farthest);
+        draw_contours(&mut picture, &field, scale.interval);
+        let [left, top, width, _] = plane.raster.window;
+        let size = plane.raster.pixels.0 as f32 / width;
+        let flat = |at: [f32; 3]| {
+            let up = at[1] * plane.up[1] + at[2] * plane.up[2];
+            [(at[0] - left) * size, (-up - top) * size]
+        };
+        let (positions, _) = frame.agents.as_chunks::<3>();
+        draw_signs(&mut picture, positions.iter().map(|at| flat(*at)), Some(flat(arm_goal(frame))), 3.0);
+        picture
+    }
+}
+
+impl Stage for ArmStage {
+    fn draw(&self, frame: &FilmFrame, scale: Scale) -> Picture {
+        let names = ["side", "top"];
+        let drawn = self.planes().map(|plane| self.draw_plane(&plane, frame, scale));
+        let rows = drawn.iter().map(|picture| picture.size().1).max().unwrap_or_default();
+        let columns = drawn.iter().map(|picture| picture.size().0 + MARGIN).sum::<usize>() - MARGIN;
+        let mut picture = Picture::new((columns, rows), PAGE);
+        let mut left = 0;
+        for (drawn, name) in drawn.iter().zip(names) {
+            picture.put(drawn, [left, 0]);
+            picture.text(name, [left + MARGIN, MARGIN], INK);
+            left += drawn.size().0 + MARGIN;
+        }
+        picture
+    }
+
+    fn contour_interval(&self, frame: &FilmFrame) -> f32 {
+        let [side, _] = self.planes();
+        contour_interval(&film_field(&self.0, frame, &side), side.raster.pixels.0, LINE_SPACING)
+    }
+}
+
+/// Colours pixels by their values.
+fn colour(picture: &mut Picture, field: &[f32], farthest: f32) {
+    for (pixel, value) in picture.pixels_mut().iter_mut().zip(field).filter(|(_, value)| value.is_finite()) {
+        // Few colours make files small.
+        *pixel = distance_colour(colorous::VIRIDIS, (COLOURS * value / farthest).round() / COLOURS);
+    }
+}
+
+fn draw_contours(picture: &mut Picture, field: &[f32], interval: f32) {
+    for i in contour_lines(field, picture.size().0, interval).into_iter().flat_map(|line| line.pixels) {
+        picture.pixels_mut()[i] = contour(picture.pixels()[i]);
+    }
+}
+
+/// Draws agents and goal, in pixels.
+fn draw_signs(picture: &mut Picture, agents: impl Iterator<Item = [f32; 2]>, goal: Option<[f32; 2]>, radius: f32) {
+    let agents = agents.map(|at| (at, radius, AGENT));
+    for (at, radius, rgb) in agents.chain(goal.map(|at| (at, 1.5 * radius, GOAL))) {
+        // A file could say anything.
+        let (columns, rows) = picture.size();
+        if (0.0..=columns as f32).contains(&at[0]) && (0.0..=rows as f32).contains(&at[1]) {
+            picture.disc(at, radius + 1.0, EDGE);
+            picture.disc(at, radius, rgb);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::Cursor;
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::env::{Environment, FetchReach, PointMaze};
+    use crate::map::{Grid, parse_map};
+    use crate::train::{Film, Method, Preset, Registry, Run, Settings, Trainer};
+
+    /// Returns a run in `world` whose film has frames of these updates.
+    fn run(world: &dyn Environment, updates: &[u64]) -> Snapshot {
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings: Settings::default() };
+        let trainer = Trainer::new(run, world, &Registry::builtin(), 1).expect("a trainer");
+        let (world, mut film) = (trainer.world(), Film::default());
+        let points = film.points(world).expect("points");
+        for updates in updates {
+            let distances: Vec<f32> = (0..points.place_of.len()).map(|i| (i as u64 * updates) as f32 / 1e3).collect();
+            film.add((*updates, 0), world, &points, &distances);
+        }
+        Snapshot { film: film.frames().clone(), ..Snapshot::capture(&trainer).expect("a snapshot") }
+    }
+
+    fn maze(text: &str) -> PointMaze {
+        PointMaze::new(Arc::new(parse_map("map", text.as_bytes()).expect("a map")), 0)
+    }
+
+    /// Returns the size of an animation and how long its frames are shown, in seconds.
+    fn frames(file: &[u8]) -> ((u32, u32), Vec<f64>) {
+        let mut reader = png::Decoder::new(Cursor::new(file)).read_info().expect("a PNG");
+        let count = reader.info().animation_control().expect("an animation").num_frames;
+        let mut pixels = vec![0; reader.output_buffer_size().expect("a size")];
+        let seconds = (0..count).map(|_| {
+            reader.next_frame(&mut pixels).expect("a frame");
+            let frame = reader.info().frame_control().expect("a frame");
+            f64::from(frame.delay_num) / f64::from(frame.delay_den)
+        });
+        let seconds = seconds.collect();
+        ((reader.info().width, reader.info().height), seconds)
+    }
+
+    #[test]
+    fn films_of_maps_and_arms_are_animations_in_which_time_passes_evenly() {
+        let file = animate(&run(&maze("....#....\n.........\n"), &[250, 500, 1_000, 1_250])).expect("a film");
+        let (size, seconds) = frames(&file);
+        assert_eq!(size, (9 * 24, 2 * 24 + 24));
+        assert_eq!(seconds, [FRAME_SECONDS, 2.0 * FRAME_SECONDS, FRAME_SECONDS, LAST_FRAME_SECONDS]);
+        let file = animate(&run(&FetchReach::new(None, 0), &[1])).expect("a film");
+        assert_eq!(frames(&file).0, (2 * PLANE_PIXELS as u32 + 4, PLANE_PIXELS as u32 + 24));
+    }
+
+    #[test]
+    fn the_goal_is_light_and_what_is_far_is_dark() {
+        let run = run(&maze("G...........\n"), &[250]);
+        let Scene::Maze(scene) = &run.scene else { panic!("a maze") };
+        let stage = MazeStage::new(scene);
+        let picture = stage.draw(&run.film[0], Scale { farthest: run.film[0].farthest(), interval: 1e6 });
+        let light = |x: usize| crate::draw::lightness(picture.pixels()[3 * picture.size().0 + x]);
+        assert!(light(60) > light(150) && light(150) > light(270), "{} {} {}", light(60), light(150), light(270));
+    }
+
+    #[test]
+    fn captions_are_as_long_as_fits() {
+        let run = run(&maze("..\n"), &[250]);
+        assert_eq!(captions(&run, &run.film[0]), ["map: update 250", "update 250", "update 250"]);
+        assert!(animate(&run).is_ok());
+    }
+
+    #[test]
+    fn a_run_without_a_film_or_a_scene_has_no_animation() {
+        let mut run = run(&maze("..\n"), &[250]);
+        run.scene = Scene::Nothing;
+        assert!(matches!(animate(&run), Err(FilmError::NoScene)));
+        run.film = Arc::default();
+        assert!(matches!(animate(&run), Err(FilmError::NoFrames)));
+    }
+
+    #[test]
+    fn maps_of_every_shape_can_be_filmed() {
+        for (width, height) in [(1, 1), (700, 1), (1, 700), (300, 200)] {
+            let world = PointMaze::new(Arc::new(Grid::empty("shape", width, height)), 0);
+            assert!(animate(&run(&world, &[250])).is_ok(), "{width} x {height}");
+        }
+    }
+}

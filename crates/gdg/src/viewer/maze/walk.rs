@@ -1,0 +1,127 @@
+//! The walking agent: it follows the current policy to the goal.
+
+use super::{MazeWorker, OnArrival, cell_of};
+use crate::env::Environment;
+use crate::map::Cell;
+use crate::viewer::push_to_trail;
+
+/// Number of steps that the walking agent rests at the goal.
+const REST_STEPS: u32 = 15;
+
+/// Maximum length of the trail in steps.
+const TRAIL_STEPS: usize = 14;
+
+/// Minimum step budget of a walk, as in evaluation.
+const MIN_STEP_BUDGET: u32 = 500;
+
+/// The walking agent's current walk.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Walk {
+    /// Start position.
+    pub start: [f32; 2],
+    /// Steps taken.
+    pub steps: u32,
+    /// Shortest possible number of steps, if the goal is reachable.
+    pub shortest: Option<u32>,
+    /// D to the goal, and to the current waypoint.
+    pub distances: (f32, f32),
+    /// Current waypoint, if it is not the goal.
+    pub waypoint: Option<[f32; 2]>,
+    /// Whether it has arrived.
+    pub arrived: bool,
+    /// Whether it has taken too many steps and waits.
+    pub gave_up: bool,
+    /// Walks that reached the goal, and all finished walks.
+    pub finished_walks: (u32, u32),
+}
+
+impl MazeWorker {
+    /// Restarts the walking agent at a cell or at a random position.
+    pub(super) fn restart(&mut self, cell: Option<Cell>) {
+        match cell.and_then(|cell| self.world.map().nearest_free(cell)) {
+            Some(cell) => self.world.set_full_state(0, &cell.centre().map(f64::from)),
+            None => self.world.restart(0, &mut self.rng),
+        }
+        self.view.trail.clear();
+        self.start_walk();
+    }
+
+    /// Restarts the walking agent at the map's own start, or at a random position if it has none.
+    pub(super) fn restart_at_start(&mut self) {
+        self.restart(self.world.map().starts().first().copied());
+    }
+
+    /// Starts a walk from the agent's position to the goal.
+    pub(super) fn start_walk(&mut self) {
+        let at = self.position();
+        self.resting = 0;
+        let finished_walks = self.view.walk.finished_walks;
+        self.view.walk = Walk { start: at, finished_walks, distances: (f32::NAN, f32::NAN), ..Walk::default() };
+        self.pilot.forget_plan();
+        self.view.path.clear();
+        self.view.walk.shortest = self.view.goal.0.and_then(|goal| self.true_steps(cell_of(at), goal));
+        self.changed = true;
+    }
+
+    /// Rests at the goal, then continues as `on_arrival` says.
+    fn rest_at_goal(&mut self) {
+        self.resting += 1;
+        if self.resting <= REST_STEPS {
+            return;
+        }
+        match self.on_arrival {
+            OnArrival::Again => self.restart(None),
+            OnArrival::Visit => {
+                let mut goal = [0.0; 2];
+                self.world.sample_goal(0, &mut self.rng, &mut goal);
+                self.view.goal.0 = Some(cell_of(goal));
+                self.refresh_cut_off();
+                self.start_walk();
+                self.shown.timer.make_due();
+            }
+            OnArrival::Stay | OnArrival::Wait => {}
+        }
+    }
+
+    /// Moves the walking agent by one step.
+    pub(super) fn walk_on(&mut self) {
+        let Some(goal) = self.view.goal.0 else { return };
+        if self.view.walk.arrived {
+            return self.rest_at_goal();
+        }
+        if self.view.walk.gave_up {
+            return;
+        }
+        self.changed = true;
+        let (goal, at) = (goal.centre(), self.position());
+        self.view.walk.distances.0 = self.pilot.distance(&at, &goal);
+        if self.world.spec().reached(&at, &goal) {
+            self.view.walk.arrived = true;
+            self.view.walk.waypoint = None;
+            self.view.walk.finished_walks = (self.view.walk.finished_walks.0 + 1, self.view.walk.finished_walks.1 + 1);
+            self.view.path.clear();
+            return;
+        }
+        // The same step budget as in evaluation.
+        if self.view.walk.steps >= self.view.walk.shortest.map_or(MIN_STEP_BUDGET, |s| (3 * s).max(MIN_STEP_BUDGET)) {
+            self.view.walk.finished_walks.1 += 1;
+            if self.on_arrival == OnArrival::Wait {
+                self.view.walk.gave_up = true;
+            } else {
+                self.restart(None);
+            }
+            return;
+        }
+        let waypoints = self.pilot.waypoints(&at, &goal);
+        let target = waypoints[0];
+        // The straight line to a goal that no path leads to is no plan.
+        self.view.path = if self.view.walk.shortest.is_some() { waypoints } else { Vec::new() };
+        self.view.walk.distances.1 = self.pilot.distance(&at, &target);
+        self.view.walk.waypoint = (target != goal).then_some(target);
+        let mut action = [0.0; 2];
+        self.pilot.act(&at, &target, &mut action);
+        self.world.step(&action, &mut self.rng);
+        self.view.walk.steps += 1;
+        push_to_trail(&mut self.view.trail, at, TRAIL_STEPS);
+    }
+}

@@ -1,0 +1,335 @@
+//! Compares the fused gradients with candle's autograd, over several shapes, odd sizes and batch size 1.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+use candle_core::backprop::GradStore;
+use candle_core::{Device, Tensor};
+use gdg::env::Spec;
+use gdg::learn::{Backend, Batch, Gdg, Layers, LearnSettings, Learner, LossScale, Network, Policy, Profile, Scratch};
+use gdg::store::Store;
+use rand::{RngExt, SeedableRng};
+use rand_chacha::ChaCha8Rng;
+
+/// Returns a spec whose state has a position among other numbers, as for an arm; `axes` of its numbers are the achieved
+/// goal.
+fn spec(state: usize, axes: usize, positions: bool) -> Spec {
+    Spec {
+        state_centre: (0..state).map(|i| i as f32 * 0.5).collect(),
+        state_half_range: (0..state).map(|i| 3.0 + i as f32).collect(),
+        change_scale: (0..state).map(|i| 0.4 + 0.2 * i as f32).collect(),
+        achieved: (0..axes).map(|i| (i + 1) % state).collect(),
+        action_dim: axes,
+        goal_radius: 0.8,
+        goals_are_positions: positions,
+    }
+}
+
+fn batch(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
+    let state = |rng: &mut ChaCha8Rng| -> Vec<f32> {
+        let numbers = spec.state_centre.iter().zip(&spec.state_half_range);
+        numbers.map(|(c, h)| c + h * rng.random_range(-0.95..0.95)).collect()
+    };
+    let mut batch = Batch::default();
+    for i in 0..rows {
+        batch.states.extend(state(rng));
+        let goal = state(rng);
+        batch.goals.extend(spec.achieved(&goal));
+        batch.bootstrap_states.extend(state(rng));
+        batch.steps.push(i as f32 % 7.0 * 9.0);
+        batch.bootstrap.push((i % 2) as f32);
+        batch.bound.push(if i % 5 == 1 { 30.0 } else { f32::INFINITY });
+        batch.lower.push(if i % 7 == 2 { 12.0 } else { 0.0 });
+        batch.from.extend(state(rng));
+        batch.actions.extend((0..spec.action_dim).map(|_| rng.random_range(-1.0..1.0f32)));
+        batch.next.extend(state(rng));
+    }
+    // A waypoint leads the actor of every third pair: the goal of the pair before it.
+    batch.actor_goals.clone_from(&batch.goals);
+    for row in (1..rows).step_by(3) {
+        let (before, own) = batch.actor_goals[(row - 1) * spec.goal_dim()..].split_at_mut(spec.goal_dim());
+        own[..spec.goal_dim()].copy_from_slice(before);
+    }
+    batch
+}
+
+/// Returns the largest difference, and the largest gradient as its scale.
+fn compare(fused: &[f32], autograd: &Tensor) -> (f32, f32) {
+    let autograd = autograd.flatten_all().unwrap().to_vec1::<f32>().unwrap();
+    assert_eq!(fused.len(), autograd.len());
+    let difference = fused.iter().zip(&autograd).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    (difference, autograd.iter().map(|g| g.abs()).fold(0.0, f32::max))
+}
+
+fn check(spec: &Spec, settings: &LearnSettings) {
+    check_on((batch, 20), spec, settings);
+}
+
+/// Makes a batch of a number of rows.
+type MakeBatch = fn(&Spec, usize, &mut ChaCha8Rng) -> Batch;
+
+/// Compares gradients on a batch after a number of updates on such batches.
+fn check_on(batches: (MakeBatch, usize), spec: &Spec, settings: &LearnSettings) {
+    for layers in [Layers::Linear, Layers::Fused] {
+        for frees_stuck_actor in [false, true] {
+            check_against(batches, spec, settings, (layers, frees_stuck_actor));
+        }
+    }
+}
+
+fn check_against(
+    (make_batch, updates_before): (MakeBatch, usize),
+    spec: &Spec,
+    settings: &LearnSettings,
+    (layers, frees_stuck_actor): (Layers, bool),
+) {
+    let mut rng = ChaCha8Rng::seed_from_u64(7);
+    let mut learner = Gdg::new(spec, settings, 2, &mut rng).unwrap();
+    let mut batch = make_batch(spec, settings.batch_size, &mut rng);
+    batch.greedy_targets = settings.greedy_targets;
+    batch.frees_stuck_actor = frees_stuck_actor;
+    let tensor = |numbers: &[f32], width: usize| {
+        Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
+    };
+    let (s, g) = (spec.state_dim(), spec.goal_dim());
+    let (states, goals) = (tensor(&batch.states, s), tensor(&batch.goals, g));
+    let towards = tensor(&batch.actor_goals, g);
+    // Averages start equal to what they average: some updates move them apart.
+    for _ in 0..updates_before {
+        let mut other = make_batch(spec, settings.batch_size, &mut rng);
+        other.greedy_targets = settings.greedy_targets;
+        learner.update_on(&other, &mut Profile::default()).unwrap();
+    }
+    let reference = learner.reference(layers).unwrap();
+    let targets = learner.target_reference(layers).unwrap().targets(&batch, &Device::Cpu).unwrap();
+    let at_current_weights = reference.targets(&batch, &Device::Cpu).unwrap();
+    let apart = (&targets - at_current_weights).unwrap().abs().unwrap().max(0).unwrap().to_scalar::<f32>().unwrap();
+    // A batch of one has a pair whose goal was reached.
+    assert!(
+        apart > 0.01 || settings.batch_size == 1,
+        "targets at averages and at current weights differ by {apart} only"
+    );
+    let critic = reference.critic_loss(0, (&states, &goals), &targets).unwrap();
+    let (from, next) = (tensor(&batch.from, s), tensor(&batch.next, s));
+    let model = reference.model_loss(&from, &tensor(&batch.actions, spec.action_dim), &next).unwrap();
+    let (actor, excess) = reference.actor_loss(&states, [&goals, &towards], batch.frees_stuck_actor).unwrap();
+    let losses = [&critic, &model, &actor].map(|loss| loss.to_scalar::<f32>().unwrap());
+    let actor_and_excess =
+        if settings.actor_bound > 0.0 || frees_stuck_actor { (actor + excess).unwrap() } else { actor };
+    let grads = [&critic, &model, &actor_and_excess].map(|loss| loss.backward().unwrap());
+    let expected: Vec<(Tensor, Option<Tensor>)> = {
+        let (critic, model, actor) = (learner.critic(0), learner.model(), learner.actor());
+        let networks: [&Network; 3] = [critic, model, actor];
+        let gradient = |n: &Network, g: &GradStore| {
+            let table = n.table().map(|t| g.get(t).unwrap().narrow(1, 0, 1).unwrap());
+            (g.get(n.dense()).unwrap().clone(), table)
+        };
+        networks.iter().zip(&grads).map(|(n, g)| gradient(n, g)).collect()
+    };
+    let (found_losses, found) = learner.gradients(&batch).unwrap();
+    let found_losses = [found_losses.critic, found_losses.model, found_losses.actor];
+    for (i, name) in ["critic", "model", "actor"].iter().enumerate() {
+        // The reference covers the first critic only, so the mean loss of two critics differs from it.
+        if settings.critics == 1 || i > 0 {
+            assert!((losses[i] - found_losses[i]).abs() <= 2e-4 * losses[i].abs() + 1e-5, "{name}: {losses:?}");
+        }
+        let (dense, table) = &found[i];
+        let (difference, largest) = compare(dense, &expected[i].0);
+        assert!(largest > 0.0 && difference < 2e-4 * largest + 1e-6, "{name}: off by {difference} of {largest}");
+        if let Some(expected) = &expected[i].1 {
+            let (difference, largest) = compare(table, expected);
+            assert!(largest > 0.0 && difference < 5e-4 * largest + 1e-6, "{name} table: {difference} of {largest}");
+        }
+    }
+}
+
+fn settings(batch: usize, hidden: usize, layers: usize) -> LearnSettings {
+    LearnSettings { batch_size: batch, hidden, layers, critics: 1, ..LearnSettings::default() }
+}
+
+#[test]
+fn gradients_of_the_default_preset_match_autograd() {
+    check(&spec(2, 2, true), &LearnSettings::default());
+}
+
+/// Returns pairs that begin with their own steps: small actions are blocked, and the last step of each part jumps.
+fn blocked(spec: &Spec, rows: usize, rng: &mut ChaCha8Rng) -> Batch {
+    let mut batch = batch(spec, rows, rng);
+    batch.from.clone_from(&batch.states);
+    batch.next.clone_from(&batch.states);
+    let steps = batch.next.chunks_exact_mut(spec.state_dim()).zip(batch.actions.chunks_exact(spec.action_dim));
+    for (row, (next, action)) in steps.enumerate() {
+        let jump = if row % 32 == 31 { 3.0 } else { 0.0 };
+        for ((next, action), scale) in next.iter_mut().zip(action).zip(&spec.change_scale) {
+            *next += scale * (jump + if action.abs() > 0.5 { 2.0 * action } else { 0.0 });
+        }
+        (batch.bootstrap[row], batch.bound[row], batch.lower[row]) = (1.0, f32::INFINITY, 0.0);
+    }
+    batch
+}
+
+#[test]
+fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
+    let spec = spec(2, 2, true);
+    let default = LearnSettings { actor_bound: 0.1, ..LearnSettings::default() };
+    let updates_before = 100;
+    check_on((blocked, updates_before), &spec, &default);
+    // Both make a difference to such a batch.
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let mut trained = Gdg::new(&spec, &default, 1, &mut rng).unwrap();
+    let mut next_batch = || Batch { greedy_targets: true, ..blocked(&spec, default.batch_size, &mut rng) };
+    for _ in 0..updates_before {
+        trained.update_on(&next_batch(), &mut Profile::default()).unwrap();
+    }
+    let (batch, mut store) = (next_batch(), Store::default());
+    trained.save(&mut store).unwrap();
+    let gradients = |settings: &LearnSettings| {
+        let mut learner = Gdg::new(&spec, settings, 1, &mut ChaCha8Rng::seed_from_u64(0)).unwrap();
+        learner.load(&store).unwrap();
+        let (_, found) = learner.gradients(&batch).unwrap();
+        [0, 2].map(|network| found[network].0.clone())
+    };
+    let [critic, actor] = gradients(&default);
+    let [unchecked, _] = gradients(&LearnSettings { model_check: false, ..default.clone() });
+    let [_, still_blocked] = gradients(&LearnSettings { unblock_actor: false, ..default.clone() });
+    assert!(critic != unchecked, "the model mispredicts a step");
+    assert!(actor != still_blocked, "lookahead finds a way out");
+}
+
+#[test]
+fn gradients_with_behaviour_targets_match_autograd() {
+    let settings = LearnSettings { greedy_targets: false, expectile: 0.9, ..LearnSettings::default() };
+    check(&spec(2, 2, true), &settings);
+}
+
+#[test]
+fn gradients_match_autograd_however_two_critics_are_combined() {
+    for pessimism in [0.0, 0.3, 1.0] {
+        check(&spec(2, 2, true), &LearnSettings { pessimism, ..LearnSettings::default() });
+    }
+}
+
+#[test]
+fn gradients_of_the_paper_preset_match_autograd() {
+    check(&spec(2, 2, true), &LearnSettings::paper());
+}
+
+#[test]
+fn gradients_of_odd_sizes_and_batch_one_match_autograd() {
+    for (batch, hidden, layers) in [(1, 16, 1), (3, 7, 2), (37, 33, 3), (65, 128, 2)] {
+        check(&spec(2, 2, true), &settings(batch, hidden, layers));
+    }
+}
+
+#[test]
+fn gradients_of_states_larger_than_goals_match_autograd() {
+    check(&spec(10, 3, false), &settings(33, 24, 2));
+    check(&spec(5, 3, true), &settings(20, 24, 2));
+    check(&spec(4, 1, true), &settings(20, 24, 2));
+}
+
+#[test]
+fn gradients_of_an_actor_beyond_its_bound_match_autograd() {
+    check(&spec(2, 2, true), &LearnSettings { actor_bound: 0.05, ..settings(40, 32, 2) });
+}
+
+#[test]
+fn gradients_of_a_state_with_a_constant_component_match_autograd() {
+    let mut spec = spec(4, 2, true);
+    (spec.state_half_range[3], spec.change_scale[3]) = (0.0, 0.0);
+    check(&spec, &settings(40, 32, 2));
+}
+
+#[test]
+fn gradients_of_every_loss_match_autograd() {
+    for loss in [LossScale::Squared, LossScale::Sqrt, LossScale::Log] {
+        check(&spec(2, 2, true), &LearnSettings { loss, ..settings(40, 32, 2) });
+    }
+}
+
+#[test]
+fn updates_on_the_tape_lead_to_the_same_weights() {
+    let spec = spec(2, 2, true);
+    let mut learners = [Backend::Fused, Backend::Tape].map(|backend| {
+        let settings = LearnSettings { backend, batch_size: 48, hidden: 32, ..LearnSettings::default() };
+        Gdg::new(&spec, &settings, 1, &mut ChaCha8Rng::seed_from_u64(3)).unwrap()
+    });
+    let initial = learners[0].networks_state().unwrap();
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    for update in 0..20 {
+        let mut batch = batch(&spec, 48, &mut rng);
+        batch.bootstrap.iter_mut().step_by(2).for_each(|b| *b = 1.0);
+        batch.bound.iter_mut().step_by(3).for_each(|b| *b = 20.0);
+        let losses = learners.each_mut().map(|l| l.update_on(&batch, &mut Profile::default()).unwrap());
+        let close = |a: f32, b: f32| (a - b).abs() <= 1e-3 * a.abs() + 1e-4;
+        let [fused, tape] = losses;
+        assert!(close(fused.critic, tape.critic), "critics at update {update}: {losses:?}");
+        assert!(close(fused.model, tape.model) && close(fused.actor, tape.actor), "update {update}: {losses:?}");
+    }
+    assert_eq!(learners.each_ref().map(Gdg::updates), [20, 20]);
+    let [fused, tape] = learners.each_ref().map(|l| l.networks_state().unwrap());
+    for ((name, fused), ((_, tape), (_, initial))) in fused.iter().zip(tape.iter().zip(&initial)) {
+        let (part, fused) = &fused[0];
+        let moved = fused.iter().zip(&initial[0].1).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+        // Adam's first steps have full size whatever the gradient, which amplifies noise in gradients near zero.
+        let apart: Vec<f32> = fused.iter().zip(&tape[0].1).map(|(a, b)| (a - b).abs()).collect();
+        let mean = apart.iter().sum::<f32>() / apart.len() as f32;
+        assert!(moved > 0.005 && mean < 1e-5, "{name} {part}: moved {moved}, apart {mean}");
+    }
+    // The policy uses what was trained, including averages of tables.
+    let (states, goals) = ([1.0, 2.0, -1.5, 0.5], [0.5, -2.0, 2.5, 1.0]);
+    let distances = learners.each_ref().map(|learner| {
+        let mut out = [0.0; 2];
+        learner.with_nets(true, |nets| nets.distances(&states, &goals, &mut out, &mut Scratch::default())).unwrap();
+        out
+    });
+    assert!((distances[0][0] - distances[1][0]).abs() < 1e-3 * distances[0][0], "{distances:?}");
+}
+
+#[test]
+fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
+    for spec in [spec(2, 2, true), spec(5, 3, false)] {
+        let mut rng = ChaCha8Rng::seed_from_u64(3);
+        let mut learner = Gdg::new(&spec, &LearnSettings { critics: 2, ..settings(32, 24, 2) }, 1, &mut rng).unwrap();
+        for _ in 0..200 {
+            let mut moves = batch(&spec, 32, &mut rng);
+            // Actions move the first components by ten times what is usual.
+            moves.next.clone_from(&moves.from);
+            for (next, action) in
+                moves.next.chunks_exact_mut(spec.state_dim()).zip(moves.actions.chunks_exact(spec.action_dim))
+            {
+                next.iter_mut().zip(action).for_each(|(next, action)| *next += 4.0 * action);
+            }
+            learner.update_on(&moves, &mut Profile::default()).unwrap();
+        }
+        let pairs = batch(&spec, 40, &mut rng);
+        let mut own = vec![0.0; 40 * spec.action_dim];
+        let mut best = Vec::new();
+        learner
+            .with_nets(false, |nets| {
+                nets.actions(&pairs.states, &pairs.goals, &mut own, &mut Scratch::default());
+                best.clone_from(&own);
+                nets.improve_actions(&pairs.states, &pairs.goals, &mut best, &mut Scratch::default());
+            })
+            .unwrap();
+        let reference = learner.reference(Layers::Linear).unwrap();
+        let tensor = |numbers: &[f32], width: usize| {
+            Tensor::from_slice(numbers, (numbers.len() / width, width), &Device::Cpu).unwrap()
+        };
+        let (states, goals) = (tensor(&pairs.states, spec.state_dim()), tensor(&pairs.goals, spec.goal_dim()));
+        let after = |actions: &[f32]| -> Vec<f32> {
+            let next = reference.predictions(&states, &tensor(actions, spec.action_dim)).unwrap();
+            let [first, second] = [0, 1].map(|k| reference.distances(k, &next, &goals).unwrap());
+            first.maximum(&second).unwrap().to_vec1().unwrap()
+        };
+        let (after_own, after_best) = (after(&own), after(&best));
+        let corner = after(&vec![1.0; own.len()]);
+        let mut changed = 0;
+        for i in 0..40 {
+            assert!(after_best[i] <= after_own[i] + 1e-3, "row {i}: {} after {}", after_best[i], after_own[i]);
+            // Better by more than what counts as noise.
+            assert!(after_best[i] <= corner[i] + 0.1 + 1e-3, "row {i}: {} after {}", after_best[i], corner[i]);
+            changed += usize::from(after_best[i] < after_own[i] - 0.05);
+        }
+        assert!(changed > 5, "the actor leaves room for improvement: {changed} of 40");
+    }
+}

@@ -1,0 +1,747 @@
+//! Training: runs are reproducible, and learning works.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+#[path = "support/runs.rs"]
+mod runs;
+
+use std::path::Path;
+use std::sync::Arc;
+
+use gdg::bridge::BridgeSettings;
+use gdg::env::{PointMaze, Restart};
+use gdg::learn::{Auto, LearnSettings, Scratch};
+use gdg::map::{Cell, Grid, RandomMapKind, builtin, parse_map, random};
+use gdg::store::{Array, Store};
+use gdg::train::{self, Effect, Method, Preset, Registry, Run, SaveTo, Settings, Tick, Trainer};
+use runs::train_to;
+
+/// Two rooms joined by a door: most straight lines between them hit the wall.
+const TWO_ROOMS: &str = "\
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+..........#..........
+.....................
+.....................
+..........#..........
+..........#..........
+";
+
+/// Returns settings with small networks and a small graph: fast, and enough for two rooms.
+fn settings() -> Settings {
+    let mut settings = Settings::default();
+    settings.learn.hidden = 64;
+    settings.learn.buffer_size = 100_000;
+    settings.bridge.candidates = 80;
+    settings.bridge.graph_every_updates = 200;
+    settings
+}
+
+fn trainer(settings: Settings, seed: u64, threads: usize) -> Trainer {
+    let map = parse_map("two-rooms", TWO_ROOMS.as_bytes()).unwrap();
+    let run = Run { method: Method::default(), preset: Preset::Default, seed, settings };
+    Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), threads).unwrap()
+}
+
+fn map_of(trainer: &Trainer) -> &Arc<Grid> {
+    PointMaze::downcast_ref(trainer.world()).unwrap().map()
+}
+
+/// Switches to the same maze on another map.
+fn change_map(trainer: &mut Trainer, map: &Arc<Grid>) -> Result<train::WorldChange, train::TrainError> {
+    let maze = PointMaze::downcast_ref(trainer.world()).unwrap().with_map(map.clone());
+    trainer.change_world(&maze)
+}
+
+/// Returns all state of a run as bits, except for the elapsed time.
+fn full_state(trainer: &Trainer) -> Vec<(String, Vec<u64>)> {
+    let store = trainer.save().unwrap();
+    let bits = |array: &Array| -> Vec<u64> {
+        match array {
+            Array::F32(v) => v.iter().map(|v| u64::from(v.to_bits())).collect(),
+            Array::U16(v) => v.iter().map(|v| u64::from(*v)).collect(),
+            Array::U32(v) => v.iter().map(|v| u64::from(*v)).collect(),
+            Array::U64(v) => v.clone(),
+        }
+    };
+    let mut all: Vec<_> = store.arrays().iter().map(|(name, array)| (name.clone(), bits(array))).collect();
+    for (name, text) in store.texts() {
+        let text = if name == "trainer" { without_time(text) } else { text.clone() };
+        all.push((name.clone(), text.bytes().map(u64::from).collect()));
+    }
+    all
+}
+
+fn without_time(state: &str) -> String {
+    let mut state: serde_json::Value = serde_json::from_str(state).unwrap();
+    state.as_object_mut().unwrap().remove("seconds").unwrap();
+    state.to_string()
+}
+
+fn assert_same(a: &Trainer, b: &Trainer) {
+    let (a, b) = (full_state(a), full_state(b));
+    assert_eq!(a.len(), b.len());
+    for ((name, a), (_, b)) in a.iter().zip(&b) {
+        assert!(a == b, "{name} differs");
+    }
+}
+
+#[test]
+fn the_same_seed_gives_the_same_run_and_another_seed_a_different_one() {
+    let mut runs = [trainer(settings(), 1, 1), trainer(settings(), 1, 1), trainer(settings(), 2, 1)];
+    runs.iter_mut().for_each(|run| train_to(run, 450));
+    assert_same(&runs[0], &runs[1]);
+    assert!(full_state(&runs[0]) != full_state(&runs[2]));
+}
+
+#[test]
+fn the_number_of_threads_does_not_change_the_run() {
+    let mut runs = [trainer(settings(), 3, 1), trainer(settings(), 3, 2), trainer(settings(), 3, 4)];
+    runs.iter_mut().for_each(|run| train_to(run, 450));
+    assert_same(&runs[0], &runs[1]);
+    assert_same(&runs[0], &runs[2]);
+}
+
+#[test]
+fn evaluation_does_not_change_the_run() {
+    let (mut watched, mut alone) = (trainer(settings(), 4, 1), trainer(settings(), 4, 1));
+    for updates in [150, 300, 450] {
+        train_to(&mut watched, updates);
+        let tasks = watched.tasks(3);
+        watched.evaluate(&tasks).unwrap();
+    }
+    train_to(&mut alone, 450);
+    assert_same(&watched, &alone);
+}
+
+#[test]
+fn a_resumed_run_continues_bitwise() {
+    continues_bitwise(settings);
+}
+
+#[test]
+fn a_resumed_run_without_bounds_from_the_graph_continues_bitwise() {
+    continues_bitwise_with(|learn| learn.graph_bounds = false);
+}
+
+#[test]
+fn a_resumed_run_without_waypoints_for_the_actor_continues_bitwise() {
+    continues_bitwise_with(|learn| learn.actor_waypoints = false);
+}
+
+#[test]
+fn a_resumed_run_without_checks_of_the_model_or_ways_out_continues_bitwise() {
+    continues_bitwise_with(|learn| learn.unblock_actor = false);
+    continues_bitwise_with(|learn| learn.model_check = false);
+}
+
+/// Checks that runs resume exactly after a `change` of their settings, and that it makes a difference.
+fn continues_bitwise_with(change: impl Fn(&mut LearnSettings)) {
+    let other = || {
+        let mut settings = settings();
+        change(&mut settings.learn);
+        settings
+    };
+    continues_bitwise(other);
+    let mut runs = [trainer(settings(), 5, 1), trainer(other(), 5, 1)];
+    runs.iter_mut().for_each(|run| train_to(run, 700));
+    assert!(full_state(&runs[0]) != full_state(&runs[1]), "there are far pairs");
+}
+
+fn continues_bitwise(settings: impl Fn() -> Settings) {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("new folder/half.safetensors");
+    let mut straight = trainer(settings(), 5, 1);
+    train_to(&mut straight, 700);
+    let mut first = trainer(settings(), 5, 1);
+    // Stop mid-cycle: between one due update and the next.
+    train_to(&mut first, 333);
+    train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
+    let mut resumed = train::load(&path, &Registry::builtin(), 2).unwrap().trainer;
+    assert_same(&first, &resumed);
+    assert_eq!(map_of(&resumed), map_of(&straight));
+    train_to(&mut resumed, 700);
+    assert_same(&straight, &resumed);
+}
+
+#[test]
+fn the_film_shows_distances_growing_with_what_is_learned() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 700);
+    let frames = run.film().frames();
+    assert_eq!(frames.iter().map(|frame| frame.updates).collect::<Vec<_>>(), [1, 250, 500]);
+    assert!(frames.windows(2).all(|pair| pair[0].env_steps < pair[1].env_steps));
+    let map = map_of(&run);
+    let goal = [frames[2].goal[0] as usize, frames[2].goal[1] as usize];
+    for frame in frames.iter() {
+        assert_eq!((frame.goal.len(), frame.agents.len()), (2, 2 * run.rollout().agents().len()));
+        let known = (0..frame.places()).filter(|place| frame.distance(*place).is_finite());
+        assert_eq!(known.count(), map.free_count(), "all free cells of a small map");
+        assert!(frame.farthest() >= 1.0);
+    }
+    let at_goal = goal[1] * map.width() + goal[0];
+    let [before, now] = [0, 2].map(|i| frames[i].distance(at_goal) / frames[i].farthest());
+    assert!(now < before, "D is shorter near the goal: {now} after {before}");
+}
+
+#[test]
+fn a_film_goes_on_in_an_edited_world_and_begins_anew_in_a_new_run() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 300);
+    let map = map_of(&run).clone();
+    let walled = map.free_cells().nth(3).unwrap();
+    let edited = Arc::new(map.with_cells([(walled, false)]).unwrap());
+    run.change_world(&PointMaze::new(edited.clone(), 0)).unwrap();
+    train_to(&mut run, 500);
+    let frames = run.film().frames();
+    assert_eq!(frames.len(), 3);
+    let place = edited.index(walled);
+    assert!(frames[1].distance(place).is_finite() && frames[2].distance(place).is_nan());
+    assert_eq!(frames[1].goal, frames[2].goal);
+}
+
+#[test]
+fn runs_without_a_film_can_be_resumed() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 300);
+    let saved = run.save().unwrap();
+    let mut old = Store::default();
+    for (name, array) in saved.arrays().iter().filter(|(name, _)| !name.starts_with("film")) {
+        old.put(name.as_str(), array.clone());
+    }
+    for (name, text) in saved.texts().iter().filter(|(name, _)| *name != "film") {
+        old.put_text(name.as_str(), text.as_str());
+    }
+    let mut resumed = Trainer::load(&old, &Registry::builtin(), 1).unwrap();
+    assert!(resumed.film().frames().is_empty());
+    train_to(&mut run, 600);
+    train_to(&mut resumed, 600);
+    assert_eq!(resumed.film().frames().as_slice(), &run.film().frames()[2..], "the film goes on");
+    // Another version may film other places.
+    let text = saved.text("film").unwrap();
+    let places = run.film().frames()[0].places();
+    let fewer = text.replace(&format!("\"places\":{places}"), "\"places\":2");
+    old.put_text("film", fewer);
+    old.put("film_values", vec![1_u16; 2 * 2]);
+    old.put("film_agents", saved.f32("film_agents").unwrap().to_vec());
+    assert!(Trainer::load(&old, &Registry::builtin(), 1).unwrap().film().frames().is_empty());
+}
+
+#[test]
+fn a_checkpoint_is_described_without_being_loaded() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("some.safetensors");
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 120);
+    let evaluation = run.evaluate(&run.tasks(2)).unwrap();
+    run.record_evaluation(100, evaluation.clone());
+    train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
+    let found = train::describe(&path).unwrap();
+    assert_eq!((found.updates, found.success, &found.run), (120, Some(evaluation.success(100)), run.run()));
+    assert_eq!(found.title, map_of(&run).name());
+    assert_eq!(found.bytes, std::fs::metadata(&path).unwrap().len());
+    std::fs::write(&path, b"not a checkpoint at all").unwrap();
+    assert!(train::describe(&path).unwrap_err().to_string().contains("safetensors"));
+}
+
+#[test]
+fn a_setting_that_applies_immediately_changes_nothing_else() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 300);
+    let learned = |run: &Trainer| {
+        let mut store = Store::default();
+        run.learner().save(&mut store).unwrap();
+        store
+    };
+    let graphs = |run: &Trainer| -> Vec<_> {
+        let (arrays, _) = run.save().unwrap().into_parts();
+        arrays.into_iter().filter(|(name, _)| name.starts_with("graph.") || name.starts_with("bridge.")).collect()
+    };
+    let (before, replay, graph) = (learned(&run), run.replay().snapshot(), graphs(&run));
+    assert!(graph.iter().any(|(name, _)| name.starts_with("graph.")), "the run has a graph by now");
+    let mut changed = run.run().clone();
+    changed.settings.learn.learning_rate = 1e-4;
+    changed.settings.train.random_actions = 0.9;
+    let kept = run.change_run(changed).unwrap();
+    assert!(kept.networks && kept.agents);
+    assert_eq!(learned(&run), before);
+    assert_eq!(run.replay().snapshot(), replay);
+    assert!(graphs(&run) == graph, "plans go on");
+    assert_eq!(run.counters().updates, 300);
+    train_to(&mut run, 400);
+}
+
+#[test]
+fn changing_any_setting_keeps_the_documented_state() {
+    let mut base = settings();
+    base.learn.buffer_size = 5_000;
+    // So few that there are more than the limit of planners that verify nothing.
+    base.bridge.candidates = 6;
+    base.bridge.candidate_spacing = 0.6;
+    for (name, value) in train::list_settings(&base) {
+        let other = match (name.as_str(), value.as_str()) {
+            ("backend", _) => "tape".to_owned(),
+            ("loss", _) => "log".to_owned(),
+            ("update_when", _) => "episode-end".to_owned(),
+            ("restart", _) => "anywhere".to_owned(),
+            ("episode_steps", _) => "77".to_owned(),
+            ("frontier_epsilon", _) => "0.3".to_owned(),
+            ("critics", "2") => "1".to_owned(),
+            ("critics", _) => "2".to_owned(),
+            (_, "true") => "false".to_owned(),
+            (_, "false") => "true".to_owned(),
+            (_, list) if list.starts_with('[') => "[1.0,3.0]".to_owned(),
+            ("buffer_size", _) => "6000".to_owned(),
+            ("batch_size" | "hidden", _) => "8".to_owned(),
+            (_, number) if number.parse::<u64>().is_ok() => (number.parse::<u64>().unwrap() + 1).to_string(),
+            (_, number) => (number.parse::<f64>().unwrap() * 0.5 + 0.12).to_string(),
+        };
+        // Two of the defaults already add up to their joint maximum.
+        let Ok(settings) = train::with_setting(&base, &name, &other) else { panic!("{name} can be {other}") };
+        assert_ne!(settings, base, "{name}");
+        let mut run = trainer(base.clone(), 5, 1);
+        train_to(&mut run, 20);
+        let stored = run.replay().len();
+        assert!(
+            run.candidates().len() > BridgeSettings { verify_edges: false, ..base.bridge.clone() }.max_candidates()
+        );
+        let kept = run.change_run(Run { settings, ..run.run().clone() }).unwrap();
+        let effect = train::Setting::named(&name).unwrap().effect;
+        assert_eq!(kept.networks, effect != Effect::NewNetworks, "{name}");
+        assert_eq!(kept.agents, effect != Effect::NewAgents, "{name}");
+        assert!(run.replay().len() > stored / 2, "{name} loses the replay");
+        let mut resumed = Trainer::load(&run.save().unwrap(), &Registry::builtin(), 1)
+            .unwrap_or_else(|error| panic!("after a change of {name}: {error}"));
+        for run in [&mut run, &mut resumed] {
+            train_to(run, 40);
+        }
+        assert_same(&run, &resumed);
+    }
+}
+
+#[test]
+fn a_run_with_a_full_replay_resumes_bitwise() {
+    let mut small = settings();
+    small.learn.buffer_size = 5_000;
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("full.safetensors");
+    let mut straight = trainer(small.clone(), 6, 1);
+    train_to(&mut straight, 500);
+    assert_eq!(straight.replay().len(), straight.replay().capacity(), "the replay is full");
+    let mut first = trainer(small, 6, 1);
+    train_to(&mut first, 400);
+    train::save(&first, &SaveTo::Replace(path.clone())).unwrap();
+    let mut resumed = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
+    assert_same(&first, &resumed);
+    train_to(&mut resumed, 500);
+    assert_same(&straight, &resumed);
+}
+
+#[test]
+fn files_that_are_not_checkpoints_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, bytes: &[u8]| {
+        let path = folder.path().join(name);
+        std::fs::write(&path, bytes).unwrap();
+        path
+    };
+    let whole = folder.path().join("whole.safetensors");
+    let mut run = trainer(settings(), 7, 1);
+    train_to(&mut run, 10);
+    train::save(&run, &SaveTo::Replace(whole.clone())).unwrap();
+    let bytes = std::fs::read(&whole).unwrap();
+    let text = |path: &Path| train::load(path, &Registry::builtin(), 1).err().expect("an error").to_string();
+    assert!(text(&folder.path().join("missing")).contains("cannot be read"));
+    assert!(text(&write("text", b"hello")).contains("not a safetensors file"));
+    assert!(text(&write("empty", b"")).contains("not a safetensors file"));
+    assert!(text(&write("cut", &bytes[..bytes.len() / 2])).contains("not a safetensors file"));
+    let foreign = safetensors::serialize(Vec::<(String, safetensors::tensor::TensorView)>::new(), None).unwrap();
+    assert!(text(&write("foreign", &foreign)).contains("not a checkpoint"));
+    // A header with other network sizes than those saved.
+    let mut changed = bytes.clone();
+    let at = bytes.windows(12).position(|w| w == b"\\\"hidden\\\":6").unwrap();
+    changed[at + 11] = b'3';
+    assert!(text(&write("changed", &changed)).contains("checksum"));
+}
+
+/// Trains for `updates` and returns planned and greedy success.
+fn success(settings: Settings, updates: u64) -> (f64, f64) {
+    let mut run = trainer(settings, 11, 2);
+    train_to(&mut run, updates);
+    let tasks = run.tasks(20);
+    let found = run.evaluate(&tasks).unwrap();
+    let bridges = found.bridges.unwrap();
+    assert_eq!(bridges.false_edges, Some(0));
+    assert!(bridges.candidates > 10 && bridges.edges > bridges.candidates);
+    (found.planned.unwrap().success.unwrap(), found.greedy.success.unwrap())
+}
+
+#[test]
+fn two_rooms_are_learned() {
+    let (planned, greedy) = success(settings(), 4_000);
+    assert!(planned >= 0.9, "planned {planned}");
+    assert!(greedy >= 0.6, "greedy {greedy}");
+}
+
+/// Shows that the test above detects learning: networks that hardly change stay far below its thresholds.
+#[test]
+fn two_rooms_are_not_learned_by_frozen_networks() {
+    let mut idle = settings();
+    idle.learn.learning_rate = 1e-8;
+    idle.learn.grid_learning_rate = 1e-8;
+    let (planned, greedy) = success(idle, 4_000);
+    assert!(planned < 0.6 && greedy < 0.3, "planned {planned}, greedy {greedy}");
+}
+
+#[test]
+fn learned_distances_bend_around_the_wall() {
+    let mut run = trainer(settings(), 12, 2);
+    train_to(&mut run, 4_000);
+    let policy = run.policy().unwrap();
+    let distance = |from: [f32; 2], to: [f32; 2]| policy.distance(&from, &to, &mut Scratch::default());
+    // Close to each other, with the wall between: 2 steps through it, 17 around it.
+    let (through, round) = (distance([9.5, 0.5], [11.5, 0.5]), distance([9.5, 0.5], [7.5, 0.5]));
+    assert!(through > 8.0, "across the wall D is {through}");
+    assert!(round < 5.0, "along the wall D is {round}");
+}
+
+#[test]
+fn updates_follow_steps_at_the_set_ratio_after_the_warm_up() {
+    let mut run = trainer(settings(), 13, 1);
+    let mut updates = 0;
+    while updates < 100 {
+        updates += u64::from(run.tick().unwrap() == Tick::Update);
+    }
+    let settings = &run.run().settings.train;
+    let due = (run.counters().env_steps - settings.learning_starts) / settings.env_steps_per_update;
+    assert!(due - updates <= 2, "{due} due, {updates} done");
+}
+
+#[test]
+fn without_a_warm_up_the_first_update_waits_for_a_transition() {
+    let mut eager = settings();
+    eager.train.learning_starts = 0;
+    let mut run = trainer(eager, 14, 1);
+    assert_eq!([run.tick().unwrap(), run.tick().unwrap(), run.tick().unwrap()], [Tick::Step, Tick::Step, Tick::Update]);
+}
+
+#[test]
+fn the_paper_preset_makes_one_update_per_step_after_each_episode() {
+    let map = parse_map("two-rooms", TWO_ROOMS.as_bytes()).unwrap();
+    let mut settings = Preset::Paper.settings();
+    settings.train.learning_starts = 0;
+    let run = Run { method: Method::default(), preset: Preset::Paper, seed: 1, settings };
+    let mut run = Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 1).unwrap();
+    let episode = u64::from(run.episode_steps());
+    for tick in 0..2 * episode {
+        assert_eq!(run.tick().unwrap(), if tick < episode { Tick::Step } else { Tick::Update }, "tick {tick}");
+    }
+    assert_eq!(run.tick().unwrap(), Tick::Step, "the next episode begins");
+    assert_eq!((run.counters().updates, run.counters().episodes), (episode, 1));
+}
+
+/// Returns the longest way along an axis from an agent's start to its goal, over many episodes.
+fn farthest_goal(near_goals: f32) -> f32 {
+    let mut own = settings();
+    own.train.near_goals = near_goals;
+    own.train.restart = Restart::Anywhere;
+    own.train.episode_steps = Auto::Given(5);
+    let mut run = trainer(own, 15, 1);
+    let mut farthest = 0.0f32;
+    for _ in 0..60 {
+        run.tick().unwrap();
+        let starts = run.rollout().agents().iter().zip(run.rollout().env().states().chunks_exact(2));
+        let begins = starts.filter(|(agent, _)| agent.steps == 0 && run.counters().episodes > 0);
+        for (agent, at) in begins {
+            farthest = (agent.goal[0] - at[0]).abs().max((agent.goal[1] - at[1]).abs()).max(farthest);
+        }
+    }
+    farthest
+}
+
+#[test]
+fn near_goals_are_where_walks_of_a_few_steps_end() {
+    let near = farthest_goal(1.0);
+    assert!((1.0..=4.0).contains(&near), "{near}");
+    assert!(farthest_goal(0.0) > 10.0);
+}
+
+/// Returns the two rooms with the door in the first row instead.
+fn door_above() -> Arc<Grid> {
+    let row = |(i, line): (usize, &str)| {
+        let (left, right) = (&line[..10], &line[11..]);
+        format!("{left}{}{right}\n", if i == 0 { '.' } else { '#' })
+    };
+    let text: String = TWO_ROOMS.lines().enumerate().map(row).collect();
+    Arc::new(parse_map("door-above", text.as_bytes()).unwrap())
+}
+
+#[test]
+fn the_same_networks_learn_a_moved_door() {
+    let mut run = trainer(settings(), 13, 2);
+    train_to(&mut run, 3_000);
+    let other_size = parse_map("small", b"...\n...\n").unwrap();
+    let error = change_map(&mut run, &Arc::new(other_size)).unwrap_err().to_string();
+    assert!(error.contains("3 x 2") && error.contains("21 x"), "{error}");
+    let map = door_above();
+    let change = change_map(&mut run, &map).unwrap();
+    let doors = TWO_ROOMS.lines().filter(|line| !line.contains('#')).count();
+    assert_eq!((&change.facts["walled"], &change.facts["opened"]), (&doors.into(), &1.into()));
+    assert!(change.transitions_removed > 100, "{change:?}");
+    let again = change_map(&mut run, &map).unwrap();
+    assert_eq!((&again.facts["walled"], again.transitions_removed), (&0.into(), 0));
+    assert_eq!(map_of(&run), &map);
+    // No remaining transition crosses the wall, and no agent is inside it.
+    let mut before: Option<Vec<f32>> = None;
+    run.replay().visit_episodes(|_, state| {
+        if let (Some(a), Some(b)) = (&before, state) {
+            let crosses = (a[0] < 10.5) != (b[0] < 10.5);
+            assert!(!crosses || a[1] <= 2.1 && b[1] <= 2.1, "from {a:?} to {b:?}");
+        }
+        before = state.map(<[f32]>::to_vec);
+    });
+    assert!(run.world().states().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
+    assert!(run.candidates().points().chunks_exact(2).all(|at| map.is_free_at(at[0], at[1])));
+    train_to(&mut run, 6_000);
+    let found = run.evaluate(&run.tasks(20)).unwrap();
+    let planned = found.planned.unwrap().success.unwrap();
+    assert!(planned >= 0.9 && found.bridges.unwrap().false_edges == Some(0), "planned {planned}, {:?}", found.bridges);
+}
+
+#[test]
+fn distances_lengthened_by_new_walls_are_relearned_quickly() {
+    let through_the_door = |run: &Trainer| {
+        let policy = run.policy().unwrap();
+        policy.distance(&[8.5, 7.9], &[12.5, 7.9], &mut Scratch::default())
+    };
+    let after = |greedy_targets: bool, expectile: f32| {
+        let mut settings = settings();
+        (settings.learn.greedy_targets, settings.learn.expectile) = (greedy_targets, expectile);
+        let mut run = trainer(settings, 13, 2);
+        train_to(&mut run, 3_000);
+        let before = through_the_door(&run);
+        assert!(before < 6.0, "4 steps through the open door, learned as {before}");
+        change_map(&mut run, &door_above()).unwrap();
+        train_to(&mut run, 4_000);
+        through_the_door(&run)
+    };
+    let (soon, late) = (after(true, 0.5), after(false, 0.95));
+    // Through the new door it takes 18 steps.
+    assert!(soon > 9.0 && soon > 1.1 * late, "{soon} after a thousand updates, {late} by behaviour and an expectile");
+}
+
+#[test]
+fn two_walled_cells_in_one_room_leave_the_distances_of_the_other_alone() {
+    let mut run = trainer(settings(), 15, 2);
+    train_to(&mut run, 3_000);
+    let places: Vec<[f32; 2]> = (0..20).map(|i| [12.5 + (i * 3 % 8) as f32, 0.5 + (i * 7 % 11) as f32]).collect();
+    let distances = |run: &Trainer| -> Vec<f32> {
+        let (policy, mut scratch) = (run.policy().unwrap(), Scratch::default());
+        let pairs = places.iter().flat_map(|from| places.iter().map(move |to| (from, to))).filter(|(a, b)| a != b);
+        pairs.map(|(from, to)| policy.distance(from, to, &mut scratch)).collect()
+    };
+    let before = distances(&run);
+    let map = map_of(&run).with_cells([(Cell::new(4, 4), false), (Cell::new(5, 4), false)]).unwrap();
+    change_map(&mut run, &Arc::new(map)).unwrap();
+    train_to(&mut run, 4_000);
+    let after = distances(&run);
+    let growth: f32 = after.iter().zip(&before).map(|(after, before)| after - before).sum::<f32>();
+    let growth = growth / before.iter().sum::<f32>();
+    assert!(growth < 0.1, "distances in the other room have grown by a factor of {growth}");
+}
+
+#[test]
+fn undoing_an_edit_restores_the_transitions_that_it_removed() {
+    let mut run = trainer(settings(), 16, 2);
+    train_to(&mut run, 600);
+    let before = map_of(&run).clone();
+    let closed = change_map(&mut run, &door_above()).unwrap();
+    assert!(closed.transitions_removed > 0 && closed.transitions_restored == 0, "{closed:?}");
+    let undone = change_map(&mut run, &before).unwrap();
+    assert_eq!((undone.transitions_removed, undone.transitions_restored), (0, closed.transitions_removed));
+}
+
+#[test]
+fn a_run_on_an_edited_map_resumes_on_that_map() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("edited.safetensors");
+    let map = door_above();
+    let mut run = trainer(settings(), 14, 1);
+    train_to(&mut run, 450);
+    change_map(&mut run, &map).unwrap();
+    train_to(&mut run, 500);
+    train::save(&run, &SaveTo::Replace(path.clone())).unwrap();
+    let mut resumed = train::load(&path, &Registry::builtin(), 1).unwrap().trainer;
+    assert_eq!(map_of(&resumed), &map);
+    assert_same(&run, &resumed);
+    train_to(&mut run, 700);
+    train_to(&mut resumed, 700);
+    assert_same(&run, &resumed);
+}
+
+#[test]
+fn without_restarts_no_agent_is_ever_moved() {
+    let mut settings = settings();
+    settings.train.agents = 4;
+    settings.train.restart = Restart::Never;
+    settings.train.episode_steps = Auto::Given(20);
+    let mut run = trainer(settings, 3, 1);
+    let mut before = run.world().states().to_vec();
+    while run.counters().episodes < 40 {
+        run.tick().unwrap();
+        let jump = |(a, b): (&f32, &f32)| (a - b).abs();
+        let farthest = before.iter().zip(run.world().states()).map(jump).fold(0.0, f32::max);
+        assert!(farthest <= 1.001, "moved by {farthest} in one step");
+        before = run.world().states().to_vec();
+    }
+}
+
+#[test]
+fn from_one_start_everything_is_explored() {
+    let text = format!("S{}", &TWO_ROOMS[1..]);
+    let map = parse_map("one-start", text.as_bytes()).unwrap();
+    let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings: settings() };
+    let mut run = Trainer::new(run, &PointMaze::new(Arc::new(map), 0), &Registry::builtin(), 2).unwrap();
+    assert!(
+        run.world().states().iter().all(|v| *v < 1.0),
+        "all agents start in the corner: {:?}",
+        run.world().states()
+    );
+    train_to(&mut run, 3_000);
+    let found = run.evaluate(&run.tasks(20)).unwrap();
+    assert!(
+        found.coverage.unwrap() > 0.95 && found.planned.unwrap().success > Some(0.9),
+        "coverage {:?}",
+        found.coverage
+    );
+}
+
+/// Returns a maze with corridors and walls one cell wide, and a start in a corner.
+fn perfect_maze(size: usize) -> Arc<Grid> {
+    let maze = random(RandomMapKind::Perfect, Some(size), 1);
+    let rows = maze.free().chunks(maze.width()).map(|row| row.iter().map(|free| if *free { '.' } else { '#' }));
+    let text: Vec<String> = rows.map(String::from_iter).collect();
+    Arc::new(parse_map("maze", text.join("\n").replacen('.', "S", 1).as_bytes()).unwrap())
+}
+
+#[test]
+fn a_maze_with_corridors_one_cell_wide_is_learned_from_one_cell() {
+    let mut settings = settings();
+    settings.bridge.candidates = 300;
+    let run = Run { method: Method::default(), preset: Preset::Default, seed: 4, settings };
+    let mut run = Trainer::new(run, &PointMaze::new(perfect_maze(21), 0), &Registry::builtin(), 2).unwrap();
+    train_to(&mut run, 4_000);
+    let found = run.evaluate(&run.tasks(20)).unwrap();
+    let planned = found.planned.unwrap().success.unwrap();
+    assert!(planned >= 0.85, "planned {planned}");
+}
+
+/// Returns the success rate of the actor alone on `map` after `updates` with the default preset and a `change`.
+fn greedy_after(updates: u64, map: &Arc<Grid>, change: impl Fn(&mut LearnSettings)) -> f64 {
+    let mut settings = Settings::default();
+    change(&mut settings.learn);
+    let run = Run { method: Method::default(), preset: Preset::Default, seed: 1, settings };
+    let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+    train_to(&mut run, updates);
+    run.evaluate(&run.tasks(20)).unwrap().greedy.success.unwrap()
+}
+
+#[test]
+fn waypoints_on_the_way_through_the_graph_lead_the_actor() {
+    let map = Arc::new(builtin("fourrooms").unwrap());
+    let greedy = |led| greedy_after(4_000, &map, |learn| learn.actor_waypoints = led);
+    let (with, without) = (greedy(true), greedy(false));
+    assert!(without < with - 0.1, "with waypoints {with}, without {without}");
+}
+
+/// Clutter of single cells.
+const CLUTTER: &str = "
+#.......##...#.....#
+#.....#........#...#
+..#.............#...
+#..........##....#..
+...........#........
+#..#........#.#.....
+...###..#..##.#.....
+#..##.....###.#.....
+........#..........#
+.#...#.........##...
+...#................
+##............#.###.
+........#........###
+#.#...##..#.......#.
+##.....#...#........
+..#.................
+.###.##.....#..#.#..
+..#....#.#.......#.#
+...#.........#...#.#
+#......#............
+";
+
+#[test]
+fn an_actor_that_clutter_blocks_is_shown_the_way_out() {
+    let map = Arc::new(parse_map("clutter", CLUTTER.trim().as_bytes()).unwrap());
+    let greedy =
+        |helped| greedy_after(6_000, &map, |learn| (learn.unblock_actor, learn.model_check) = (helped, helped));
+    let (with, without) = (greedy(true), greedy(false));
+    assert!(without < with - 0.05, "with ways out {with}, without {without}");
+}
+
+#[test]
+fn a_maze_with_corridors_one_cell_wide_is_explored_from_one_cell() {
+    let map = perfect_maze(25);
+    let explored = |frontier: Auto<f32>| {
+        let mut settings = settings();
+        settings.bridge.frontier_epsilon = frontier;
+        let run = Run { method: Method::default(), preset: Preset::Default, seed: 2, settings };
+        let mut run = Trainer::new(run, &PointMaze::new(map.clone(), 0), &Registry::builtin(), 2).unwrap();
+        train_to(&mut run, 2_000);
+        run.world().coverage().unwrap()
+    };
+    let (with, without) = (explored(Auto::AUTO), explored(Auto::Given(0.0)));
+    assert!(with > 0.95, "explored {with}");
+    assert!(without < with - 0.2, "without excursions {without}");
+}
+
+#[test]
+fn excursions_lead_to_the_frontier_and_go_on_after_a_resume() {
+    let mut settings = settings();
+    settings.bridge.frontier_epsilon = Auto::Given(1.0);
+    let mut run = trainer(settings, 5, 1);
+    while run.counters().env_steps < 640 {
+        run.tick().unwrap();
+    }
+    let goals = |run: &Trainer| -> Vec<Option<Vec<f32>>> {
+        (0..run.rollout().agents().len()).map(|i| run.rollout().excursions().destination(i)).collect()
+    };
+    let pursued = goals(&run);
+    assert!(pursued.iter().any(Option::is_some), "every goal begins with an excursion");
+    let store = run.save().unwrap();
+    let resumed = Trainer::load(&store, &Registry::builtin(), 1).unwrap();
+    assert_eq!(goals(&resumed), pursued);
+    // A checkpoint from before there were excursions.
+    let (arrays, texts) = store.into_parts();
+    let mut former = Store::default();
+    let older = |name: &str| !name.starts_with("excursions") && !name.starts_with("places");
+    arrays.into_iter().filter(|(name, _)| older(name)).for_each(|(name, array)| former.put(name, array));
+    texts.into_iter().filter(|(name, _)| older(name)).for_each(|(name, text)| former.put_text(name, text));
+    let mut resumed = Trainer::load(&former, &Registry::builtin(), 1).unwrap();
+    assert!(goals(&resumed).iter().all(Option::is_none));
+    train_to(&mut resumed, 20);
+}
+
+#[test]
+fn what_was_explored_stays_explored_after_an_edit() {
+    let mut run = trainer(settings(), 5, 1);
+    train_to(&mut run, 300);
+    let before = run.world().coverage().unwrap();
+    change_map(&mut run, &door_above()).unwrap();
+    let after = run.world().coverage().unwrap();
+    assert!(before > 0.3 && (before - after).abs() < 0.1, "{before} before, {after} after");
+    let curve = run.history().points();
+    assert!(curve.iter().all(|point| point.coverage.is_some()), "{curve:?}");
+}

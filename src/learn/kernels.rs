@@ -1,5 +1,0 @@
-//! Dense loops and matrix products. The only unsafe code of the crate is in `kernel`.
-
-pub mod kernel;
-#[forbid(unsafe_code)]
-pub mod product;

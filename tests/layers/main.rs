@@ -1,0 +1,139 @@
+//! Checks that the code follows the layout drawn in `crates/gdg/src/lib.rs` and `src/lib.rs`.
+
+#![allow(clippy::unwrap_used, reason = "a panic fails the test")]
+
+mod imports;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
+
+use imports::{Crate, Name};
+
+/// The library's modules: each depends only on those before it.
+const LIBRARY: [&str; 14] = [
+    "printing", "pulse", "text", "faults", "files", "store", "map", "env", "learn", "bridge", "train", "engine",
+    "draw", "viewer",
+];
+
+/// The program's modules: each depends only on those before it, and on the library.
+const PROGRAM: [&str; 15] = [
+    "progress_bar",
+    "report",
+    "waiting",
+    "signals",
+    "logging",
+    "runs",
+    "cli",
+    "facts",
+    "setup",
+    "headless",
+    "experiment",
+    "tui",
+    "frames",
+    "film",
+    "export_policy",
+];
+
+/// Modules that work with states, goals and actions, and do not depend on maps.
+const MAP_FREE_MODULES: [&str; 4] = ["learn", "bridge", "train", "engine"];
+
+/// The module whose parts still use each other, through the state of the screen.
+const TANGLED: &str = "tui";
+
+/// The only folder with unsafe code.
+const UNSAFE_FOLDER: &str = "learn/kernels";
+
+fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+}
+
+/// Reads both crates, with the order of their modules.
+fn crates() -> [(Crate, &'static [&'static str]); 2] {
+    [(Crate::read(&root().join("crates/gdg/src")), &LIBRARY), (Crate::read(&root().join("src")), &PROGRAM)]
+}
+
+#[test]
+fn modules_depend_only_on_those_before_them() {
+    for (modules, layers) in crates() {
+        let layer = |name: &Name| name.first().map(|first| layers.iter().position(|layer| layer == first));
+        for (name, module) in &modules.0 {
+            assert!(layer(name) != Some(None), "{} has no layer", module.file.display());
+        }
+        let arrows = modules.arrows();
+        assert!(arrows.len() > 100, "only {} imports were found", arrows.len());
+        for ((from, to), paths) in arrows {
+            if let (Some(own), Some(other)) = (layer(&from), layer(&to)) {
+                assert!(other <= own, "{} uses {}: {}", from.join("::"), to.join("::"), paths.join(", "));
+            }
+        }
+    }
+}
+
+/// Within a module, its parts, each with all that is inside it, form no circle either, but for those of [`TANGLED`].
+#[test]
+fn parts_of_a_module_form_no_circle() {
+    for (modules, _) in crates() {
+        let mut parts: BTreeMap<Name, BTreeMap<String, BTreeSet<String>>> = BTreeMap::new();
+        for (from, to) in modules.arrows().into_keys() {
+            let common = from.iter().zip(&to).take_while(|(a, b)| a == b).count();
+            if common < from.len() && common < to.len() {
+                let uses = parts.entry(from[..common].to_vec()).or_default();
+                uses.entry(from[common].clone()).or_default().insert(to[common].clone());
+            }
+        }
+        for (module, uses) in parts.into_iter().filter(|(module, _)| module.first().is_none_or(|m| m != TANGLED)) {
+            let circle = circle(&uses);
+            assert!(circle.is_empty(), "a circle in {}: {}", module.join("::"), circle.join(", "));
+        }
+    }
+}
+
+/// Returns the parts that use each other, directly or through others: what is left when all that use nothing else are
+/// taken away, again and again, and then all that nothing uses.
+fn circle(uses: &BTreeMap<String, BTreeSet<String>>) -> Vec<String> {
+    let mut left: BTreeSet<&String> = uses.keys().collect();
+    loop {
+        let uses_left = |part: &String| uses[part].iter().any(|used| left.contains(used));
+        let used_by_left = |part: &String| left.iter().any(|user| uses[*user].contains(part));
+        let kept: BTreeSet<&String> =
+            left.iter().copied().filter(|part| uses_left(part) && used_by_left(part)).collect();
+        if kept.len() == left.len() {
+            return kept.into_iter().cloned().collect();
+        }
+        left = kept;
+    }
+}
+
+#[test]
+fn circles_are_found() {
+    let uses = |pairs: &[(&str, &str)]| {
+        let mut uses: BTreeMap<String, BTreeSet<String>> = BTreeMap::new();
+        for (from, to) in pairs {
+            uses.entry((*from).to_owned()).or_default().insert((*to).to_owned());
+        }
+        circle(&uses)
+    };
+    assert!(uses(&[("a", "b"), ("b", "c"), ("a", "c")]).is_empty());
+    assert_eq!(uses(&[("x", "a"), ("a", "b"), ("b", "c"), ("c", "a"), ("b", "y")]), ["a", "b", "c"]);
+}
+
+#[test]
+fn learner_bridges_and_trainer_do_not_depend_on_maps() {
+    let (library, _) = &crates()[0];
+    for ((from, to), paths) in library.arrows() {
+        let is_map = to.first().is_some_and(|first| first == "map") || to.starts_with(&["env".into(), "maze".into()]);
+        let is_free = from.first().is_some_and(|first| MAP_FREE_MODULES.contains(&first.as_str()));
+        assert!(!(is_map && is_free), "{} uses {}: {}", from.join("::"), to.join("::"), paths.join(", "));
+    }
+}
+
+#[test]
+fn only_the_kernels_contain_unsafe_code() {
+    for (modules, _) in crates() {
+        for module in modules.0.values() {
+            let text = std::fs::read_to_string(&module.file).unwrap();
+            let is_unsafe = text.contains("allow(unsafe_code)") || text.contains("unsafe {");
+            assert!(!is_unsafe || module.file.to_string_lossy().contains(UNSAFE_FOLDER), "{}", module.file.display());
+        }
+    }
+}
