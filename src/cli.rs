@@ -2,6 +2,7 @@
 
 #[cfg(feature = "tui")]
 mod compare;
+mod completions;
 #[cfg(feature = "tui")]
 mod marker;
 mod reproduce;
@@ -21,6 +22,7 @@ use crate::logging::LogLevel;
 use crate::runs::SAVES;
 #[cfg(feature = "tui")]
 pub use compare::CompareArgs;
+pub use completions::completions;
 use gdg::bridge::Planner;
 use gdg::learn::LEARNERS;
 use gdg::map::{RANDOM_SIZES, RandomMapKind};

@@ -15,7 +15,7 @@ use gdg::printing::eprint_line;
 use gdg::text::{sanitized_lines, terminal_obeys_escapes};
 use gdg::train::{Registry, print_settings, reference_page};
 use gdg::{faults, printing};
-use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, ReproduceArgs, SuiteArgs};
+use gdg_tui::cli::{Cli, Command, EXIT_BAD_INPUT, EXIT_FAILURE, ReproduceArgs, SuiteArgs, completions};
 #[cfg(feature = "tui")]
 use gdg_tui::cli::{CompareArgs, ScreenArgs, TourArgs};
 use gdg_tui::experiment::{ablate, reproduce, suite};
@@ -63,11 +63,7 @@ fn run(cli: &Cli) -> u8 {
         Some(Command::Ablate(args)) => ablate::run(args).unwrap_or_else(|error| fail(error, EXIT_BAD_INPUT)),
         #[cfg(feature = "tui")]
         Some(Command::Frames(args)) => printed(frames::run(args), EXIT_BAD_INPUT),
-        Some(Command::Completions { shell }) => {
-            let mut script = Vec::new();
-            clap_complete::generate(*shell, &mut Cli::command(), "gdg-tui", &mut script);
-            print(&String::from_utf8_lossy(&script))
-        }
+        Some(Command::Completions { shell }) => print(&completions(*shell)),
         Some(Command::Man) => {
             let mut page = Vec::new();
             match clap_mangen::Man::new(Cli::command()).render(&mut page) {

@@ -2,7 +2,7 @@
 
 mod earlier;
 
-use std::fs::{File, OpenOptions};
+use std::fs::File;
 use std::io::{Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 
@@ -70,18 +70,17 @@ impl Table {
     /// The file is not the run's table and must not be replaced, or cannot be written.
     pub fn open(path: &Path, overwrite: bool, setup: &Setup) -> Result<Self, Report> {
         let is_there = setup.resumed.is_some() && path.exists();
-        let file = match is_there.then(|| go_on(path, &setup.trainer)).transpose() {
-            Ok(Some((file, 1..))) => {
-                return Ok(Self { path: path.to_owned(), writer: Some(csv::Writer::from_writer(file)) });
-            }
-            Ok(Some((file, 0))) => file,
-            Ok(None) => create(path, overwrite)?,
-            Err(_) if overwrite => create(path, true)?,
-            Err(error) => return Err(error),
+        let file = match is_there.then(|| go_on(path, &setup.trainer)) {
+            None => create(path, overwrite)?,
+            Some(Err(_)) if overwrite => create(path, true)?,
+            Some(file) => file?,
         };
+        let is_empty = file.metadata().is_ok_and(|found| found.len() == 0);
         let mut writer = csv::Writer::from_writer(file);
-        writer.write_record(column_names()).into_diagnostic()?;
-        writer.flush().into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+        if is_empty {
+            writer.write_record(column_names()).into_diagnostic()?;
+            writer.flush().into_diagnostic().wrap_err_with(|| format!("{}: cannot be written", path.display()))?;
+        }
         Ok(Self { path: path.to_owned(), writer: Some(writer) })
     }
 
@@ -98,17 +97,17 @@ impl Table {
     }
 }
 
-/// Opens the table of a resumed run for more rows, and cuts off those that the run will write again. Returns the bytes kept.
-fn go_on(path: &Path, trainer: &Trainer) -> Result<(File, u64), Report> {
+/// Opens the table of a resumed run for more rows, and cuts off those that the run will write again.
+fn go_on(path: &Path, trainer: &Trainer) -> Result<File, Report> {
     refuse_existing(path, true)?;
     let unreadable = |error: std::io::Error| miette!("{}: the table cannot be continued: {error}", path.display());
     let kept = earlier::length_to_keep(&files::read(path, MAX_BYTES).map_err(unreadable)?, trainer).map_err(|why| {
         let help = "give --csv another name, or --overwrite to replace the file";
         miette!(help = help, "{}: is not the table of the resumed run: {why}", path.display())
     })?;
-    let mut file = OpenOptions::new().write(true).open(path).map_err(unreadable)?;
+    let mut file = files::open_or_create(path).map_err(unreadable)?;
     file.set_len(kept).and_then(|()| file.seek(SeekFrom::End(0))).map_err(unreadable)?;
-    Ok((file, kept))
+    Ok(file)
 }
 
 fn progress(trainer: &Trainer, evaluated: bool) -> Vec<String> {

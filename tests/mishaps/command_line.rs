@@ -6,12 +6,12 @@ use super::support::{headless, isolated_command, outcome};
 use super::{checkpoint, events, folder};
 
 /// Runs the program with what is typed; returns exit status, output and errors.
-fn typed(folder: &Path, args: &[&str]) -> (i32, String, String) {
+pub fn typed(folder: &Path, args: &[&str]) -> (i32, String, String) {
     outcome(isolated_command(folder).args(args))
 }
 
 /// Returns an error as it was before its lines were broken.
-fn one_line(error: &str) -> String {
+pub fn one_line(error: &str) -> String {
     error.replace('│', "").split_whitespace().collect::<Vec<_>>().join(" ")
 }
 

@@ -4,6 +4,7 @@
 
 mod command_line;
 mod foreign_files;
+mod inputs;
 mod resources;
 mod saving;
 mod signals;

@@ -23,16 +23,19 @@ pub fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<u64, String> {
     let (mut kept, mut matches, mut before, mut is_empty) = (None, false, 0, true);
     for row in rows {
         let row = row.map_err(|error| error.to_string())?;
-        let (line, byte) = row.position().map_or((0, 0), |at| (at.line(), at.byte()));
-        let row = Row::parse(&as_text(&row)).ok_or_else(|| format!("line {line} is not a row of such a table"))?;
+        let at = row.position().map_or(0, |at| at.byte() as usize);
+        // The reader counts a line's LF after its CR to the next row.
+        let begin = at + table[at..].iter().take_while(|byte| b"\r\n".contains(byte)).count();
+        let line = || 1 + table[..begin].iter().filter(|byte| **byte == b'\n').count();
+        let row = Row::parse(&as_text(&row)).ok_or_else(|| format!("line {} is not a row of such a table", line()))?;
         if row.updates < before {
-            return Err(format!("its updates go back in line {line}"));
+            return Err(format!("its updates go back in line {}", line()));
         }
         (before, is_empty) = (row.updates, false);
         if kept.is_none() && row.is_before(trainer) {
-            matches |= row.matches(trainer).ok_or_else(|| format!("line {line} is of another run"))?;
+            matches |= row.matches(trainer).ok_or_else(|| format!("line {} is of another run", line()))?;
         } else {
-            kept.get_or_insert(byte);
+            kept.get_or_insert(begin as u64);
         }
     }
     if matches || is_empty {

@@ -104,6 +104,7 @@ pub(super) fn ensure_regular_file(kind: FileType) -> Result<()> {
         match kind {
             kind if kind.is_fifo() => "a FIFO",
             kind if kind.is_socket() => "a socket",
+            kind if kind.is_symlink() => "a symbolic link",
             _ => "a device",
         }
     };
