@@ -15,8 +15,8 @@ use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::error::{ContextKind, ContextValue};
-use clap::{Arg, Args, Parser, Subcommand, ValueEnum};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
+use clap::{Arg, Args, CommandFactory, Parser, Subcommand, ValueEnum};
 
 use crate::logging::LogLevel;
 use crate::runs::SAVES;
@@ -26,6 +26,7 @@ pub use completions::completions;
 use gdg::bridge::Planner;
 use gdg::learn::LEARNERS;
 use gdg::map::{RANDOM_SIZES, RandomMapKind};
+use gdg::text::nearest;
 use gdg::train::{Limits, METHODS, Method, Preset};
 #[cfg(feature = "tui")]
 pub use marker::Marker;
@@ -78,6 +79,26 @@ pub struct Cli {
     /// Options of a training run.
     #[command(flatten)]
     pub train: TrainArgs,
+}
+
+impl Cli {
+    /// Parses the arguments of the process.
+    ///
+    /// # Errors
+    /// The error, or the requested help, to be printed.
+    pub fn from_arguments() -> Result<Self, clap::Error> {
+        Self::try_parse().map_err(|error| match error.get(ContextKind::InvalidSubcommand) {
+            // The second of two maps is taken for a command.
+            Some(ContextValue::String(second))
+                if error.kind() == ErrorKind::ArgumentConflict && Self::command().find_subcommand(second).is_none() =>
+            {
+                let problem =
+                    format!("one map is trained, and '{second}' is one more: gdg-tui suite MAP... trains on several");
+                Self::command().error(ErrorKind::ArgumentConflict, problem)
+            }
+            _ => error,
+        })
+    }
 }
 
 /// Commands besides training.
@@ -463,6 +484,9 @@ impl TypedValueParser for MethodParser {
                 list(LEARNERS.iter().map(|kind| kind.name).collect()),
                 list(Planner::ALL.iter().map(|planner| planner.name()).collect())
             );
+            if let Some(known) = value.to_str().and_then(|typed| nearest(typed, METHODS.map(|named| named.name))) {
+                error.insert(ContextKind::SuggestedValue, ContextValue::String(known.to_owned()));
+            }
             error.insert(ContextKind::Suggested, ContextValue::StyledStrs(vec![tip.into()]));
             error
         })?;

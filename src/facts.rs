@@ -14,7 +14,7 @@ use crate::progress_bar;
 use crate::report::from_map_error;
 use gdg::files::has_extension;
 use gdg::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
-use gdg::text::{counted, sanitized};
+use gdg::text::{counted, nearest, sanitized};
 use gdg::train::Registry;
 
 /// A map with fewer free cells is a mistake.
@@ -195,9 +195,8 @@ pub fn find_map(path: &Path, registry: &Registry) -> Result<Grid, Report> {
         let worlds = registry.worlds().iter().filter(|kind| kind.create.is_some()).map(|kind| kind.name);
         let worlds: Vec<&str> = worlds.collect();
         let commands: Vec<String> = Cli::command().get_subcommands().map(|c| c.get_name().to_owned()).collect();
-        let mut names = maps.iter().chain(&worlds).copied().chain(commands.iter().map(String::as_str));
-        let nearest = names.find(|known| strsim::jaro_winkler(known, name) > 0.8);
-        let nearest = nearest.map_or(String::new(), |known| format!("did you mean {known}? "));
+        let names = maps.iter().chain(&worlds).copied().chain(commands.iter().map(String::as_str));
+        let nearest = nearest(name, names).map_or(String::new(), |known| format!("did you mean {known}? "));
         let worlds = if worlds.is_empty() { String::new() } else { format!("; worlds: {}", worlds.join(", ")) };
         let help = format!("{nearest}Built-in maps: {}{worlds}; or give a map file", maps.join(", "));
         return Err(from_map_error(MapError::whole_file(

@@ -16,7 +16,7 @@ use serde::Deserialize;
 use crate::cli::FramesArgs;
 use crate::setup::refuse_existing;
 use crate::tui::{LARGEST_SCREEN, PageColours, png_of};
-use gdg::files::{self, Format, Wanted, write_atomically};
+use gdg::files::{self, Format, Mismatch, Wanted, write_atomically};
 
 /// Maximum length of a line in a recording, in bytes: a frame on the largest screen with two distinct colours in every
 /// cell takes half of that.
@@ -136,10 +136,8 @@ fn duration(path: &Path) -> Result<f64, Report> {
 impl Cast {
     /// Opens a recording, and creates a screen of its size.
     fn open(path: &Path) -> Result<(Self, vt100::Parser), Report> {
-        Self::begin(path).map_err(|error| match RECORDING.mismatch(path) {
-            Some(found) => miette!(help = found.help, "{}:1: {}", path.to_string_lossy(), found.problem),
-            None => error,
-        })
+        let instead = |found: Mismatch| miette!(help = found.help, "{}: {}", path.to_string_lossy(), found.problem);
+        Self::begin(path).map_err(|error| RECORDING.mismatch(path).map_or(error, instead))
     }
 
     fn begin(path: &Path) -> Result<(Self, vt100::Parser), Report> {

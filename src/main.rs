@@ -7,7 +7,7 @@ use std::process::ExitCode;
 #[cfg(feature = "tui")]
 use std::sync::Arc;
 
-use clap::{CommandFactory, Parser};
+use clap::CommandFactory;
 #[cfg(feature = "tui")]
 use gdg::env::Scene;
 use gdg::map::{print_ascii, random};
@@ -39,7 +39,7 @@ fn main() -> ExitCode {
         tui::guard_terminal();
         return ExitCode::SUCCESS;
     }
-    let status = Cli::try_parse().map_or_else(|error| usage(&error), |cli| run(&cli));
+    let status = Cli::from_arguments().map_or_else(|error| usage(&error), |cli| run(&cli));
     printing::finish();
     ExitCode::from(status)
 }

@@ -191,7 +191,7 @@ fn title_of(name: &Path, registry: &Registry) -> Result<String, Report> {
 /// The run needs more memory than is available, or its learner is not registered or cannot be created.
 pub fn begin(run: Run, world: &dyn Environment, registry: &Arc<Registry>, threads: usize) -> Result<Trainer, Report> {
     train::memory::check(&run, world, registry).map_err(|error| match error {
-        TrainError::Memory { .. } => Report::msg(error).wrap_err("not enough memory"),
+        TrainError::Memory { .. } | TrainError::AddressSpace { .. } => Report::msg(error).wrap_err("not enough memory"),
         other => Report::msg(other),
     })?;
     Trainer::new(run, world, registry, threads).into_diagnostic()

@@ -8,7 +8,7 @@ use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap_lex::OsStrExt as _;
 
 use super::EditAt;
-use gdg::text::{parse_count, parse_real};
+use gdg::text::{NumberError, parse_count, parse_real};
 
 /// Returns the parser of a count within `range`, as people write them: 60000, 60_000, 60,000, 6e4.
 pub fn counts<T: TryFrom<u64> + Clone + Send + Sync + 'static>(
@@ -69,5 +69,9 @@ pub fn parse_share(text: &str) -> Result<f64, String> {
 
 /// Parses a number within `range`; the error says what is `expected`.
 fn number(text: &str, range: RangeInclusive<f64>, expected: &str) -> Result<f64, String> {
-    parse_real(text).filter(|number| range.contains(number)).ok_or_else(|| format!("expected {expected}"))
+    match parse_real(text) {
+        Ok(number) if range.contains(&number) => Ok(number),
+        Ok(_) | Err(NumberError::NoNumber) => Err(format!("expected {expected}")),
+        Err(error) => Err(error.to_string()),
+    }
 }

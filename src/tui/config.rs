@@ -12,7 +12,7 @@ use super::action::SECTIONS;
 use super::keymap::Keymap;
 use super::theme::ThemeName;
 use crate::cli::Marker;
-use gdg::files::{self, Format, Wanted};
+use gdg::files::{self, Format, Mismatch, Wanted};
 use gdg::text::{Excerpt, sanitized, sanitized_lines, truncated};
 
 /// The contents of the configuration file.
@@ -96,10 +96,8 @@ pub fn load(file: Option<&Path>) -> Result<(UiConfig, Keymap), Box<UiConfigError
     let name = path.to_string_lossy();
     let text = files::read_text(&path, MAX_BYTES);
     let text = text.map_err(|e| error(&name, "", None, &format!("cannot be read: {e}"), CONFIGURATION.help));
-    text.and_then(|text| parse(&name, &text)).map_err(|own| match CONFIGURATION.mismatch(&path) {
-        Some(found) => error(&name, "", None, &found.problem, &found.help),
-        None => own,
-    })
+    let instead = |found: Mismatch| error(&name, "", None, &found.problem, &found.help);
+    text.and_then(|text| parse(&name, &text)).map_err(|own| CONFIGURATION.mismatch(&path).map_or(own, instead))
 }
 
 /// Parses the text of a configuration file called `name`.

@@ -6,6 +6,7 @@ use crokey::{KeyCombination, KeyCombinationFormat, OneToThree};
 use crossterm::event::{KeyCode, KeyEvent, KeyModifiers};
 
 use super::action::{Action, Binding, Mode, bindings};
+use gdg::text::nearest;
 
 /// The keys of all bindings.
 #[derive(Clone, Debug)]
@@ -34,9 +35,8 @@ impl Keymap {
         let changes = &with_new_names(changes);
         let known = |name: &String| bindings().any(|b| b.name == *name);
         if let Some(name) = changes.keys().find(|name| !known(name)) {
-            let nearest = bindings()
-                .max_by(|a, b| strsim::jaro_winkler(a.name, name).total_cmp(&strsim::jaro_winkler(b.name, name)));
-            let help = nearest.map_or(String::new(), |b| format!("did you mean {}?", b.name));
+            let nearest = nearest(name, bindings().map(|b| b.name));
+            let help = nearest.map_or(String::new(), |known| format!("did you mean {known}?"));
             let help = format!("{help} --print-config-template lists all names");
             let problem = "unknown action".to_owned();
             return Err(KeymapError { binding: name.clone(), problem, help: help.trim().to_owned() });

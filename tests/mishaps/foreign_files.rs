@@ -216,7 +216,7 @@ fn runs_lists_as_loadable_only_what_loads() {
     for (name, why) in [
         ("flipped", "its checksum does not match"),
         ("pointer", "is a Git LFS pointer"),
-        ("empty", "is not a safetensors file"),
+        ("empty", "is empty"),
         ("renamed", "is an exported policy, not a checkpoint"),
     ] {
         let line = table.lines().find(|line| line.starts_with(name)).unwrap();

@@ -1,6 +1,6 @@
 //! What people type and bring, in the ways of many places.
 
-use crate::command_line::typed;
+use crate::command_line::{one_line, typed};
 use crate::*;
 
 #[test]
@@ -67,6 +67,94 @@ fn bash_completes_maps_commands_and_their_options() {
 fn zsh_takes_the_first_word_for_the_command() {
     let folder = folder();
     let (_, script, _) = typed(folder.path(), &["completions", "zsh"]);
-    assert!(script.contains("case $line[1] in\n        (maps)") && !script.contains("$line[2]"), "{script}");
+    assert!(script.contains("case $line[1] in") && !script.contains("case $line[2] in"), "{script}");
     assert!(script.contains("commands \"$@\"\n    _files\n"), "the first word may be a file: {script}");
+}
+
+#[test]
+fn numbers_are_written_in_one_way_everywhere() {
+    let folder = folder();
+    for (written, number) in [("60,000", 60_000.0), ("60 000", 60_000.0), (".5", 0.5), ("5.", 5.0), ("+300", 300.0)] {
+        let args = ["--no-ui", "trap", "--max-updates", "0", "--eval-tasks", "1", "--max-seconds", written];
+        let (status, _, errors) = typed(folder.path(), &args);
+        assert_eq!(status, 0, "{written}: {errors}");
+        let set = format!("learning_rate={written}");
+        let (status, output, errors) = typed(folder.path(), &["--print-config", "--set", &set]);
+        let errors = one_line(&errors);
+        let is_refused = status == 2 && errors.contains(&format!("learning_rate cannot be {number:?}"));
+        assert!(is_refused || status == 0 && output.contains(&format!("\"learning_rate\": {number:?}")), "{errors}");
+        std::fs::write(folder.path().join("settings.json"), format!("{{\"learning_rate\": \"{written}\"}}")).unwrap();
+        assert_eq!(typed(folder.path(), &["--print-config", "--config", "settings.json"]).0, status, "{written}");
+    }
+    for args in [
+        &["--no-ui", "trap", "--max-seconds", "60.000"][..],
+        &["--print-config", "--set", "learning_rate=60.000"],
+        &["--print-config", "--set", "batch_size=60.000"],
+    ] {
+        let (status, _, errors) = typed(folder.path(), args);
+        assert!(status == 2 && one_line(&errors).contains("could mean 60 or 60000"), "{args:?}: {errors}");
+    }
+    let (status, _, errors) = typed(folder.path(), &["--no-ui", "trap", "--max-updates", "1e99999999999"]);
+    assert!(status == 2 && errors.contains("is too large a number"), "{errors}");
+}
+
+#[test]
+fn messages_say_what_was_meant() {
+    let folder = folder();
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).unwrap();
+    write("mac.map", b"....\r.##.\r....\r");
+    write("list.json", b"[1, 2]");
+    write("ros.yaml", b"image: floor.pgm\nresolution: 0.05\n");
+    write("empty.map", b"");
+    for (args, part) in [
+        (&["--no-ui", "trap", "city"][..], "one map is trained, and 'city' is one more: gdg-tui suite"),
+        (&["--no-ui", "a.map", "b.map"], "'b.map' is one more"),
+        (&["--no-ui", "trap", "suite"], "cannot be used with"),
+        (&["--no-ui", "TRAP"], "did you mean trap?"),
+        (&["--no-ui", "SUITE"], "did you mean suite?"),
+        (&["--print-config", "--set", "HIDDEN=3"], "did you mean hidden?"),
+        (&["--no-ui", "trap", "--method", "GDG"], "'gdg'"),
+        (&["check", "mac.map"], "its lines end in CR alone"),
+        (&["check", "ros.yaml"], "is the description of a ROS map (YAML), not a map"),
+        (&["check", "empty.map"], "is empty"),
+        (&["--print-config", "--config", "list.json"], "expected an object of settings"),
+    ] {
+        let (status, _, errors) = typed(folder.path(), args);
+        assert!(status == 2 && one_line(&errors).contains(part), "{args:?}: {errors}");
+    }
+}
+
+#[test]
+fn all_readers_of_checkpoints_say_the_same_of_one_that_was_cut_off() {
+    let folder = folder();
+    let bytes = std::fs::read(checkpoint(folder.path())).unwrap();
+    let header = 8 + u64::from_le_bytes(*bytes.first_chunk().unwrap()) as usize;
+    let size = "is damaged: its size differs from what its header says";
+    for (length, why) in [(bytes.len() - 1, size), (header, size), (header / 2, size), (0, "is empty")] {
+        std::fs::write(folder.path().join("cut.safetensors"), &bytes[..length]).unwrap();
+        for args in [
+            &["--no-ui", "--resume", "cut.safetensors"][..],
+            &["film", "cut.safetensors"],
+            &["export-policy", "cut.safetensors"],
+        ] {
+            let (status, _, errors) = typed(folder.path(), args);
+            assert!(status == 2 && one_line(&errors).contains(why), "{length} {args:?}: {errors}");
+        }
+        let (status, table, _) = typed(folder.path(), &["runs", "."]);
+        let line = table.lines().find(|line| line.starts_with("cut")).unwrap();
+        assert!(status == 0 && line.contains(why), "{length}: {line}");
+    }
+}
+
+#[cfg(target_os = "linux")]
+#[test]
+fn a_limit_of_the_address_space_is_called_that() {
+    let folder = folder();
+    let program = headless(folder.path(), &[]);
+    let mut limited = Command::new("sh");
+    limited.args(["-c", "ulimit -v 750000; exec \"$0\" --no-ui trap --max-updates 0 --threads 1"]);
+    limited.arg(program.get_program()).current_dir(folder.path());
+    let (status, _, errors) = outcome(&mut limited);
+    let errors = one_line(&errors);
+    assert!(status == 2 && errors.contains("GB of address space") && errors.contains("ulimit -v"), "{errors}");
 }

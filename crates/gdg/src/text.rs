@@ -5,11 +5,13 @@
 
 mod columns;
 mod excerpt;
+mod nearest;
 mod number;
 
 pub use columns::{aligned, display_width, fitted, padded};
 pub use excerpt::{Excerpt, line_and_column};
-pub use number::{CountError, parse_count, parse_real};
+pub use nearest::nearest;
+pub use number::{NumberError, parse_count, parse_real};
 
 /// Returns whether a character does anything but display itself.
 fn is_active(c: char) -> bool {

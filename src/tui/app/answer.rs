@@ -14,7 +14,7 @@ use gdg::engine::{Command, MakeWorld};
 use gdg::env::{WORLDS, WorldKind, maze};
 use gdg::files::check_name;
 use gdg::map::{Grid, is_size, size_limits};
-use gdg::text::{CountError, parse_count, parse_real};
+use gdg::text::{NumberError, parse_count, parse_real};
 use gdg::train::{ConfigError, Effect, Run, Setting, is_checkpoint, list_settings, settings_in_world, with_setting};
 
 /// Why an answer is not accepted.
@@ -44,9 +44,9 @@ pub(super) enum AnswerError {
     /// A size that leaves walls only.
     #[error("the map would have no free cell")]
     NoFreeCell,
-    /// A text that is not a seed.
+    /// A text that is not the number asked for.
     #[error("{0}")]
-    NoSeed(#[from] CountError),
+    Number(#[from] NumberError),
     /// A text that is not a number of minutes.
     #[error("enter a number of minutes, 0 for none")]
     NoMinutes,
@@ -285,8 +285,12 @@ impl App {
                 }
             }
             Question::Autosave => {
-                let minutes = parse_real(typed).filter(|minutes| (0.0..=1e6).contains(minutes));
-                self.autosave_minutes = minutes.ok_or(AnswerError::NoMinutes)?;
+                let minutes = match parse_real(typed) {
+                    Err(NumberError::NoNumber) => Err(AnswerError::NoMinutes),
+                    minutes => Ok(minutes?),
+                }?;
+                let is_valid = (0.0..=1e6).contains(&minutes);
+                self.autosave_minutes = is_valid.then_some(minutes).ok_or(AnswerError::NoMinutes)?;
                 self.autosaved = std::time::Instant::now();
             }
         }

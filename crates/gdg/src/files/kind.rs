@@ -57,6 +57,9 @@ impl Wanted {
     pub fn mismatch(&self, path: &Path) -> Option<Mismatch> {
         let mut start = Vec::new();
         super::open(path).ok()?.take(PREFIX_BYTES).read_to_end(&mut start).ok()?;
+        if start.is_empty() {
+            return Some(Mismatch { problem: "is empty".to_owned(), help: self.help.to_owned() });
+        }
         let Kind { name, format, advice } = kind(&start)?;
         if self.own.contains(&format) {
             return None;
@@ -113,22 +116,30 @@ fn kind(start: &[u8]) -> Option<Kind> {
 
 /// Recognises UTF-16 and UTF-32, with a byte-order mark or, for mostly Latin text, without.
 fn wide_text(start: &[u8]) -> Option<Kind> {
-    let pairs = start[..start.len().min(256)].as_chunks::<2>().0;
-    let all = |is: fn(&[u8; 2]) -> bool| pairs.len() > 1 && pairs.iter().all(is);
-    let name = match start {
-        [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => "text in UTF-32",
-        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => "text in UTF-16",
-        _ if all(|pair| pair[0] != 0 && pair[1] == 0) || all(|pair| pair[0] == 0 && pair[1] != 0) => "text in UTF-16",
-        _ => return None,
-    };
-    let advice = "save it as UTF-8: in an editor, with iconv -f UTF-16 -t UTF-8, or in PowerShell, whose > writes \
-                  UTF-16, with | Out-File -Encoding ascii FILE";
-    Some(Kind::hides_the_file(name, advice))
+    const UTF_16: &str = "save it as UTF-8: in an editor, with iconv -f UTF-16 -t UTF-8, or in PowerShell, whose > writes \
+                          UTF-16, with | Out-File -Encoding ascii FILE";
+    const UTF_32: &str = "save it as UTF-8: in an editor, or with iconv -f UTF-32 -t UTF-8";
+    /// Whether all characters, of `N` bytes, have only one byte that is not 0: the one at `place`.
+    fn is_latin<const N: usize>(start: &[u8], place: usize) -> bool {
+        let characters = start[..start.len().min(256)].as_chunks::<N>().0;
+        let fits = |bytes: &[u8; N]| bytes.iter().enumerate().all(|(i, byte)| (*byte != 0) == (i == place));
+        characters.len() > 1 && characters.iter().all(fits)
+    }
+    let utf_16 = || Some(Kind::hides_the_file("text in UTF-16", UTF_16));
+    let utf_32 = || Some(Kind::hides_the_file("text in UTF-32", UTF_32));
+    match start {
+        [0xff, 0xfe, 0, 0, ..] | [0, 0, 0xfe, 0xff, ..] => utf_32(),
+        [0xff, 0xfe, ..] | [0xfe, 0xff, ..] => utf_16(),
+        _ if is_latin::<4>(start, 0) || is_latin::<4>(start, 3) => utf_32(),
+        _ if is_latin::<2>(start, 0) || is_latin::<2>(start, 1) => utf_16(),
+        _ => None,
+    }
 }
 
 /// Recognises binary formats of the field, which general lists lack.
 fn binary(start: &[u8]) -> Option<Kind> {
     const NUMPY: Advice = Advice::First("its arrays have to be written in another format");
+    const AS_TEXT: Advice = Advice::First("save what it holds as plain text");
     if let Some((length, header)) = start.split_first_chunk::<8>()
         && (2..MAX_SAFETENSORS_HEADER).contains(&u64::from_le_bytes(*length))
         && header.starts_with(b"{")
@@ -143,9 +154,20 @@ fn binary(start: &[u8]) -> Option<Kind> {
         if first.ends_with(b".npy") {
             return Some(Kind::new("an archive of NumPy arrays (npz)", Format::Foreign, NUMPY));
         }
+        let is_of_office = [&b"[Content_Types].xml"[..], b"_rels/", b"docProps/", b"xl/", b"word/", b"mimetype"];
+        if is_of_office.iter().any(|name| first.starts_with(name)) {
+            return Some(Kind::new("a document or a spreadsheet of an office program", Format::Foreign, AS_TEXT));
+        }
         return first.ends_with(b"data.pkl").then(|| Kind::foreign("a PyTorch checkpoint"));
     }
+    if start.starts_with(b"SQLite format 3") {
+        return Some(Kind::foreign("a database (SQLite)"));
+    }
     Some(match start {
+        [b'{', b'\\', b'r', b't', b'f', ..] => Kind::new("a document (RTF)", Format::Foreign, AS_TEXT),
+        [b'P', b'1' | b'4', b' ' | b'\r' | b'\n', ..] => Kind::foreign("an image (PBM)"),
+        [b'P', b'2' | b'5', b' ' | b'\r' | b'\n', ..] => Kind::foreign("an image (PGM)"),
+        [b'P', b'3' | b'6', b' ' | b'\r' | b'\n', ..] => Kind::foreign("an image (PPM)"),
         [0x93, b'N', b'U', b'M', b'P', b'Y', ..] => Kind::new("a NumPy array (npy)", Format::Foreign, NUMPY),
         [0x89, b'H', b'D', b'F', b'\r', b'\n', ..] => Kind::foreign("an HDF5 file"),
         [0x80, 2..=5, ..] => Kind::foreign("a Python pickle (PyTorch checkpoints were such files)"),
@@ -174,6 +196,9 @@ fn own_text(start: &[u8]) -> Option<Kind> {
         ),
         ("version", _) => Kind::new("a scenario", Format::Scenario, Advice::None),
         ("type", "octile") => Kind::new("a map in Moving AI format", Format::Map, Advice::None),
+        _ if ["image:", "resolution:"].iter().all(|key| text.lines().any(|line| line.starts_with(key))) => {
+            Kind::foreign("the description of a ROS map (YAML)")
+        }
         _ if text.starts_with('<') => markup(&text),
         _ if text.starts_with('{') => json(&text),
         _ if text.starts_with('[') && text[1..].trim_start().starts_with(['[', '{', '"', '0', '1']) => {
@@ -247,6 +272,15 @@ mod tests {
             (b"\xfe\xff\0#", "text in UTF-16"),
             (b"#\0.\0\n\0", "text in UTF-16"),
             (b"\0#\0.\0\n", "text in UTF-16"),
+            (b"\xff\xfe\0\0#\0\0\0", "text in UTF-32"),
+            (b"#\0\0\0.\0\0\0", "text in UTF-32"),
+            (b"\0\0\0#\0\0\0.", "text in UTF-32"),
+            (b"P2\n2 2\n", "an image (PGM)"),
+            (b"P6 2 2 255\n", "an image (PPM)"),
+            (b"SQLite format 3\0", "a database"),
+            (b"{\\rtf1\\ansi", "a document (RTF)"),
+            (&zip("[Content_Types].xml"), "a document or a spreadsheet"),
+            (b"image: a.pgm\nresolution: 0.05\n", "the description of a ROS map"),
             (b"\x89PNG\r\n\x1a\n", "an image (PNG)"),
             (b"\xff\xd8\xff\xe0", "an image (JPEG)"),
             (b"GIF89a", "an image (GIF)"),

@@ -1,5 +1,7 @@
 //! The grid itself: which cells are free, and which are marked as starts and goals.
 
+use crate::text::grouped;
+
 /// The maximum number of cells in a map (4096 x 4096).
 pub const MAX_CELLS: usize = 1 << 24;
 
@@ -14,7 +16,8 @@ pub fn is_size(width: usize, height: usize) -> bool {
 
 /// Returns what sizes a map can have.
 pub fn size_limits() -> String {
-    format!("a map may have up to {MAX_CELLS} cells, e.g. 4096 x 4096, and {MAX_SIDE} along a side")
+    let [cells, side] = [MAX_CELLS, MAX_SIDE].map(|n| grouped(n as u64));
+    format!("a map may have up to {cells} cells, e.g. 4096 x 4096, and {side} along a side")
 }
 
 /// A cell at column `x` (rightwards) and row `y` (downwards), counted from the upper left.

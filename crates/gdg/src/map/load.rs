@@ -88,10 +88,8 @@ pub fn doubtful_letters(path: &Path) -> Option<String> {
 
 /// Returns what the file at `path` is if it is not what was `wanted`, else `error`.
 fn explained(path: &Path, error: Box<MapError>, wanted: &Wanted) -> Box<MapError> {
-    match wanted.mismatch(path) {
-        Some(Mismatch { problem, help }) => MapError::whole_file(&path.to_string_lossy(), problem, help),
-        None => error,
-    }
+    let instead = |Mismatch { problem, help }| MapError::whole_file(&path.to_string_lossy(), problem, help);
+    wanted.mismatch(path).map_or(error, instead)
 }
 
 /// Reads a file that should contain a `kind`: a map or a scenario.

@@ -17,6 +17,10 @@ impl<'a> Text<'a> {
         }
         let text = std::str::from_utf8(bytes)
             .map_err(|e| not_text(file, bytes, e.valid_up_to(), "a byte that is not UTF-8"))?;
+        if !text.contains('\n') && text.trim_end_matches('\r').contains('\r') {
+            let help = "write it with other line ends: tr '\\r' '\\n' < FILE > NEW";
+            return Err(MapError::whole_file(file, "its lines end in CR alone, as on old Macs", help));
+        }
         let mut lines: Vec<&str> = text.split('\n').map(|l| l.strip_suffix('\r').unwrap_or(l)).collect();
         while lines.last().is_some_and(|l| l.is_empty()) {
             lines.pop();

@@ -25,7 +25,7 @@ use super::trainer::{LEARNED, Trainer, TrainerState};
 use crate::files::{self, Format, Mismatch, Wanted};
 use crate::text::{safe_file_name, sanitized, truncated};
 pub use content::with_updated_checksum;
-use content::{ContentError, texts_from_header};
+use content::{ContentError, MAX_HEADER_BYTES, texts_from_start};
 
 /// Maximum length of a displayed reason, in characters: it may quote the file.
 const MAX_REASON_CHARS: usize = 400;
@@ -70,21 +70,14 @@ const CHECKPOINT: Wanted = Wanted {
     own: &[Format::Safetensors],
 };
 
-/// Maximum header size read, far above that of any checkpoint of this program.
-const MAX_HEADER_BYTES: u64 = 64 << 20;
-
 /// Reads a checkpoint's summary without its tensors.
 ///
 /// # Errors
 /// The file cannot be read or is not a checkpoint of this program.
 pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
-    let (header, facts) = read_header(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
+    let (start, facts) = read_start(path).map_err(|e| unreadable(path, &format!("cannot be read: {e}")))?;
     let parsed = || {
-        let store = texts_from_header(&header)?;
-        // Tells a file that was cut off from a whole one, without reading its numbers.
-        if content::file_size(&header).is_some_and(|whole| whole != facts.len()) {
-            return Err(ContentError::Size);
-        }
+        let store = texts_from_start(&start, facts.len())?;
         Ok::<_, ContentError>(Description {
             file: path.to_owned(),
             // Older formats only had maps.
@@ -106,7 +99,7 @@ pub fn describe(path: &Path) -> Result<Description, CheckpointError> {
 
 /// Returns whether the file at `path` is a checkpoint of any version of this program, perhaps a damaged one.
 pub fn is_checkpoint(path: &Path) -> bool {
-    read_header(path).is_ok_and(|(header, _)| content::is_header_of_checkpoint(&header))
+    read_start(path).is_ok_and(|(start, _)| content::is_start_of_checkpoint(&start))
 }
 
 /// Like [`describe`], but reads the whole file, and finds out whether it is damaged and what it needs is in `registry`.
@@ -124,16 +117,16 @@ pub fn examine(path: &Path, registry: &Registry) -> Result<Description, Checkpoi
     Ok(found)
 }
 
-/// Reads the header of a safetensors file, or what there is of one.
-fn read_header(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
+/// Reads a safetensors file up to the end of its header, or what there is of one.
+fn read_start(path: &Path) -> std::io::Result<(Vec<u8>, Metadata)> {
     let mut file = files::open(path)?;
     let facts = file.metadata()?;
-    let (mut length, mut header) = (Vec::new(), Vec::new());
-    (&mut file).take(8).read_to_end(&mut length)?;
-    if let Some(length) = length.first_chunk() {
-        file.take(u64::from_le_bytes(*length).min(MAX_HEADER_BYTES)).read_to_end(&mut header)?;
+    let mut start = Vec::new();
+    (&mut file).take(8).read_to_end(&mut start)?;
+    if let Some(length) = start.first_chunk() {
+        file.take(u64::from_le_bytes(*length).min(MAX_HEADER_BYTES)).read_to_end(&mut start)?;
     }
-    Ok((header, facts))
+    Ok((start, facts))
 }
 
 /// Reads a whole checkpoint. The contents are briefly held twice, as bytes and as numbers.

@@ -15,7 +15,7 @@ use super::settings::Settings;
 use super::settings::reference::{SETTINGS, Setting};
 use crate::files::{self, Format, Wanted};
 use crate::learn::OutOfRange;
-use crate::text::{CountError, Excerpt, parse_count, parse_real, sanitized, truncated};
+use crate::text::{Excerpt, NumberError, nearest, parse_count, parse_real, sanitized, truncated};
 
 /// Overrides of a preset.
 #[derive(Clone, Debug, Default)]
@@ -149,38 +149,47 @@ pub fn with_setting(settings: &Settings, name: &str, value: &str) -> Result<Sett
     Ok(settings)
 }
 
-/// Sets one value as a person types it: JSON, a number with underscores or groups of digits, or a word without quotes
-/// (`loss=sqrt`).
+/// Sets one value as a person types it: JSON, a number as in options, or a word without quotes (`loss=sqrt`).
 fn apply_typed(values: &mut Map<String, Value>, name: &str, text: &str) -> Result<(), Box<ConfigError>> {
-    let is_count = Setting::named(name).is_some_and(Setting::is_count);
     // As JSON, 60.000 is 60, which may not be what is meant.
-    if is_count && matches!(parse_count(text), Ok(_) | Err(CountError::Ambiguous(..))) {
-        return apply(values, name, &Value::String(text.to_owned()));
-    }
-    let with_underscores = || text.contains('_').then(|| parse_real(text)).flatten().map(Value::from);
-    let word = || Value::String(text.to_owned());
-    apply(values, name, &serde_json::from_str(text).ok().or_else(with_underscores).unwrap_or_else(word))
+    let json = serde_json::from_str(text).ok().filter(|value: &Value| !value.is_number());
+    apply(values, name, &json.unwrap_or_else(|| Value::String(text.to_owned())))
 }
 
-/// Returns the value of a setting that is a whole number as one, if it is written in another way: `1e6`, `"60_000"`,
-/// `100.0`.
-fn as_count(setting: &Setting, value: &Value) -> Result<Value, Box<ConfigError>> {
+/// Returns the value of a setting that is a number as one, if it is written in another way: `1e6`, `"60_000"`, `100.0`,
+/// `".5"`. `now` is its present value.
+fn as_number(setting: &Setting, value: &Value, now: &Value) -> Result<Value, Box<ConfigError>> {
     /// Whole numbers below this are exact in double precision.
     const MAX_EXACT: f64 = (1_u64 << 53) as f64;
-    let fraction =
-        || format!("{} needs a whole number, not {}", setting.name, truncated(&shown(value), MAX_QUOTED_CHARS));
-    let problem = match (value, value.as_f64().filter(|_| !value.is_u64())) {
-        (_, Some(number)) if number.fract() != 0.0 => fraction(),
-        (_, Some(number)) if (0.0..MAX_EXACT).contains(&number) => return Ok((number as u64).into()),
-        (Value::String(text), _) => match parse_count(text) {
-            Ok(count) => return Ok(count.into()),
-            Err(error @ CountError::Ambiguous(..)) => format!("{}: {text} {error}", setting.name),
-            Err(CountError::Fraction) => fraction(),
-            Err(_) => return Ok(value.clone()),
+    let parsed = match value {
+        Value::String(text) if setting.is_count() => parse_count(text).map(Value::from),
+        // JSON keeps whole numbers as they are.
+        Value::String(text) if now.is_number() => {
+            parse_real(text).map(|number| json_number(text).unwrap_or(number.into()))
+        }
+        Value::Number(number) if setting.is_count() && !number.is_u64() => match number.as_f64() {
+            Some(number) if number.fract() != 0.0 => Err(NumberError::Fraction),
+            Some(number) if (0.0..MAX_EXACT).contains(&number) => Ok((number as u64).into()),
+            _ => return Ok(value.clone()),
         },
         _ => return Ok(value.clone()),
     };
+    let shown = truncated(&shown(value), MAX_QUOTED_CHARS);
+    let problem = match parsed {
+        Ok(number) => return Ok(number),
+        Err(NumberError::NoNumber) => {
+            let number = value.as_str().and_then(json_number);
+            return Ok(number.unwrap_or_else(|| value.clone()));
+        }
+        Err(NumberError::Fraction) => format!("{} needs a whole number, not {shown}", setting.name),
+        Err(error) => format!("{}: {shown} {error}", setting.name),
+    };
     Err(ConfigError::new(problem, format!("{} must be {}", setting.name, setting.range)))
+}
+
+/// Parses a number of JSON.
+fn json_number(text: &str) -> Option<Value> {
+    serde_json::from_str(text).ok().filter(Value::is_number)
 }
 
 /// Returns a value as a person writes it: words without quotes.
@@ -209,7 +218,7 @@ fn parse(values: &Map<String, Value>) -> Result<Settings, Box<ConfigError>> {
 /// Sets one value and checks it on its own.
 fn apply(values: &mut Map<String, Value>, name: &str, value: &Value) -> Result<(), Box<ConfigError>> {
     let Some(setting) = Setting::named(name) else { return Err(unknown(name)) };
-    let value = &if setting.is_count() { as_count(setting, value)? } else { value.clone() };
+    let value = &as_number(setting, value, &values[setting.name])?;
     values.insert(setting.name.to_owned(), value.clone());
     let kind = |_| {
         let help = format!("{name} must be {}{}", setting.range, decimal_comma(value));
@@ -256,13 +265,8 @@ fn out_of_range(Setting { name, range, .. }: &Setting, value: &Value) -> Box<Con
 }
 
 fn unknown(name: &str) -> Box<ConfigError> {
-    let nearest = SETTINGS
-        .iter()
-        .map(|setting| (strsim::jaro_winkler(setting.name, name), setting.name))
-        .max_by(|a, b| a.0.total_cmp(&b.0))
-        .filter(|(likeness, _)| *likeness > 0.7);
-    let help = match nearest {
-        Some((_, known)) => format!("did you mean {known}? --print-config prints all settings"),
+    let help = match nearest(name, SETTINGS.iter().map(|setting| setting.name)) {
+        Some(known) => format!("did you mean {known}? --print-config prints all settings"),
         None => "--print-config prints all settings".to_owned(),
     };
     ConfigError::new(format!("unknown setting {:?}", truncated(name, MAX_QUOTED_CHARS)), help)
@@ -283,7 +287,7 @@ impl<'de> Deserialize<'de> for Entries<'de> {
             type Value = Entries<'de>;
 
             fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                f.write_str("a map")
+                f.write_str("an object of settings")
             }
 
             fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<Self::Value, A::Error> {
@@ -312,10 +316,8 @@ fn apply_file(values: &mut Map<String, Value>, path: &Path) -> Result<(), Box<Co
         |problem: String, help: String| ConfigError::new(problem, help).at(format!("{}: ", sanitized(&file)));
     let text = files::read_text(path, MAX_BYTES);
     let text = text.map_err(|e| whole_file(format!("cannot be read: {e}"), SETTINGS_FILE.help.to_owned()));
-    text.and_then(|text| apply_text(values, &file, &text)).map_err(|error| match SETTINGS_FILE.mismatch(path) {
-        Some(found) => whole_file(found.problem, found.help),
-        None => error,
-    })
+    text.and_then(|text| apply_text(values, &file, &text))
+        .map_err(|error| SETTINGS_FILE.mismatch(path).map_or(error, |found| whole_file(found.problem, found.help)))
 }
 
 fn apply_text(values: &mut Map<String, Value>, file: &str, text: &str) -> Result<(), Box<ConfigError>> {

@@ -61,6 +61,23 @@ pub enum TrainError {
         /// Available memory in bytes.
         available: u64,
     },
+    /// The settings need more address space than this process may have.
+    #[error(
+        "these settings need about {:.1} GB of memory and {:.1} GB of address space, but a limit allows {:.1} GB of the \
+         latter: raise it (ulimit -v shows it, in KiB), or reduce hidden, layers, batch_size, candidates, buffer_size or \
+         grid_channels",
+        *needed as f64 / 1e9,
+        *space as f64 / 1e9,
+        *limit as f64 / 1e9
+    )]
+    AddressSpace {
+        /// Estimated need of memory in bytes.
+        needed: u64,
+        /// Estimated need of address space in bytes.
+        space: u64,
+        /// The limit in bytes.
+        limit: u64,
+    },
     /// The networks are not finite and must not overwrite a good checkpoint.
     #[error("the networks contain non-finite values")]
     NotFinite,

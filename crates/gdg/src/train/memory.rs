@@ -48,14 +48,17 @@ pub fn required_bytes(run: &Run, world: &dyn Environment, parameters: u64) -> u6
 /// Estimates the bytes this process can still allocate: the minimum of what machine, container, job and process limits
 /// leave. What is unknown limits nothing.
 pub fn available_bytes() -> u64 {
-    let free = system_memory();
+    let left = |limit: u64| limit.saturating_sub(address_space() + RESERVED_BYTES);
+    system_memory().min(address_space_limit().map_or(u64::MAX, left))
+}
+
+/// Returns the most address space that this process may have, if it is limited.
+fn address_space_limit() -> Option<u64> {
     #[cfg(unix)]
-    if let Ok((limit, _)) = nix::sys::resource::getrlimit(nix::sys::resource::Resource::RLIMIT_AS)
-        && limit != nix::sys::resource::RLIM_INFINITY
-    {
-        return free.min(limit.saturating_sub(address_space() + RESERVED_BYTES));
+    if let Ok((limit, _)) = nix::sys::resource::getrlimit(nix::sys::resource::Resource::RLIMIT_AS) {
+        return Some(limit).filter(|limit| *limit != nix::sys::resource::RLIM_INFINITY);
     }
-    free
+    None
 }
 
 /// Returns the free memory of the machine and its control groups.
@@ -92,10 +95,15 @@ pub fn check(run: &Run, world: &dyn Environment, registry: &Registry) -> Result<
     let parameters = (registry.learner(&run.method.learner)?.parameters)(world.spec(), &run.settings.learn);
     let (needed, available) = (required_bytes(run, world, parameters), available_bytes());
     if needed as f64 <= MAX_MEMORY_SHARE * available as f64 {
-        Ok(())
-    } else {
-        Err(TrainError::Memory { needed, available })
+        return Ok(());
     }
+    Err(match address_space_limit().filter(|_| available < system_memory()) {
+        Some(limit) => {
+            let space = (needed as f64 / MAX_MEMORY_SHARE) as u64 + RESERVED_BYTES + address_space();
+            TrainError::AddressSpace { needed, space, limit }
+        }
+        None => TrainError::Memory { needed, available },
+    })
 }
 
 #[cfg(test)]

@@ -20,13 +20,19 @@ const FORMAT_WITHOUT_CHECKSUM: &str = "gdg-tui checkpoint 1";
 const FORMAT_KEY: &str = "format";
 const CHECKSUM_KEY: &str = "checksum";
 
+/// Maximum header size read, far above that of any checkpoint of this program.
+pub const MAX_HEADER_BYTES: u64 = 64 << 20;
+
 /// Error in a checkpoint's bytes.
 #[derive(Debug, thiserror::Error)]
 pub enum ContentError {
     /// Not a safetensors file.
     #[error("is not a safetensors file: {0}")]
     Foreign(#[from] SafeTensorError),
-    /// The header is truncated or not JSON.
+    /// A file without any bytes.
+    #[error("is empty")]
+    Empty,
+    /// There is no header, or it is not JSON.
     #[error("is not a safetensors file")]
     Header,
     /// A safetensors file of something else.
@@ -140,9 +146,8 @@ fn checksum<'a>(
 /// # Errors
 /// The bytes are not a valid checkpoint.
 pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
-    let (_, header) = SafeTensors::read_metadata(bytes)?;
+    let texts = checked_texts(bytes, bytes.len() as u64)?;
     let tensors = SafeTensors::deserialize(bytes)?;
-    let texts = texts_of(header.metadata().clone())?;
     if texts.get(FORMAT_KEY).is_some_and(|format| format != FORMAT_WITHOUT_CHECKSUM) {
         let kept = texts.iter().filter(|(name, _)| *name != CHECKSUM_KEY);
         let views: BTreeMap<_, _> = tensors.iter().collect();
@@ -165,19 +170,42 @@ pub fn from_bytes(bytes: &[u8]) -> Result<Store, ContentError> {
     Ok(store)
 }
 
-/// Parses the texts of a checkpoint from its header alone; the tensors need not be present.
+/// Parses the texts of a checkpoint of `size` bytes from its start, which contains the header; the tensors need not be
+/// present.
 ///
 /// # Errors
-/// The header is not from a checkpoint of this program, or the format is unknown.
-pub fn texts_from_header(header: &[u8]) -> Result<Store, ContentError> {
+/// The header is not from a checkpoint of this program, the format is unknown, or the file has another size.
+pub fn texts_from_start(start: &[u8], size: u64) -> Result<Store, ContentError> {
     let mut store = Store::default();
-    texts_of(metadata(header)?)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
+    checked_texts(start, size)?.into_iter().for_each(|(name, text)| store.put_text(name, text));
     Ok(store)
 }
 
-/// Returns whether a header is from a checkpoint of any version of this program.
-pub fn is_header_of_checkpoint(header: &[u8]) -> bool {
-    let texts = metadata(header).ok().flatten().unwrap_or_default();
+/// Returns the texts in a file's header. Tells a file of `size` bytes that was cut off from a whole one.
+fn checked_texts(start: &[u8], size: u64) -> Result<BTreeMap<String, String>, ContentError> {
+    if size == 0 {
+        return Err(ContentError::Empty);
+    }
+    let header = header(start)?;
+    let texts = texts_of(metadata(header)?)?;
+    match file_size(header) {
+        Some(whole) if whole != size => Err(ContentError::Size),
+        _ => Ok(texts),
+    }
+}
+
+/// Returns the header at the start of a file, which begins with its length.
+fn header(start: &[u8]) -> Result<&[u8], ContentError> {
+    let (length, rest) = start.split_first_chunk::<8>().ok_or(ContentError::Header)?;
+    let length = u64::from_le_bytes(*length);
+    let whole = usize::try_from(length).ok().and_then(|length| rest.get(..length));
+    let is_cut_off = rest.starts_with(b"{") && length <= MAX_HEADER_BYTES;
+    whole.ok_or(if is_cut_off { ContentError::Size } else { ContentError::Header })
+}
+
+/// Returns whether a file that starts like this is a checkpoint of any version of this program.
+pub fn is_start_of_checkpoint(start: &[u8]) -> bool {
+    let texts = header(start).and_then(metadata).ok().flatten().unwrap_or_default();
     texts.get(FORMAT_KEY).is_some_and(|format| format.starts_with(FORMAT_PREFIX))
 }
 
@@ -193,7 +221,7 @@ fn metadata(header: &[u8]) -> Result<Option<HashMap<String, String>>, ContentErr
 }
 
 /// Returns the size in bytes of the whole file with this header: the header's length, the header, the tensors.
-pub fn file_size(header: &[u8]) -> Option<u64> {
+fn file_size(header: &[u8]) -> Option<u64> {
     #[derive(Deserialize)]
     struct Tensor {
         data_offsets: (u64, u64),

@@ -1,0 +1,27 @@
+//! What a mistyped name may mean.
+
+/// Likeness (1 for the same) from which a known name is suggested.
+const LEAST_LIKENESS: f64 = 0.75;
+
+/// Returns the known name that `typed` is most like, in capitals or not, if it is like any.
+pub fn nearest<'a>(typed: &str, known: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
+    let typed = typed.to_lowercase();
+    let likeness = |name: &str| strsim::jaro_winkler(&name.to_lowercase(), &typed);
+    let most = known.into_iter().map(|name| (likeness(name), name)).max_by(|a, b| a.0.total_cmp(&b.0));
+    most.filter(|(likeness, _)| *likeness > LEAST_LIKENESS).map(|(_, name)| name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_suggested_whatever_their_letters() {
+        let known = ["trap", "city", "fourrooms"];
+        assert_eq!(
+            ["TRAP", "Citty", "for-rooms"].map(|typed| nearest(typed, known)),
+            [Some("trap"), Some("city"), Some("fourrooms")]
+        );
+        assert_eq!(nearest("zzz", known), None);
+    }
+}
