@@ -13,8 +13,6 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex, MutexGuard};
 
-#[cfg(unix)]
-
 /// How long printing waits for the reader if nothing else is queued. Errors are then reported where they occur.
 const PATIENCE: Duration = Duration::from_millis(50);
 

@@ -26,7 +26,7 @@ pub fn length_to_keep(table: &[u8], trainer: &Trainer) -> Result<u64, String> {
         let at = row.position().map_or(0, |at| at.byte() as usize);
         // The reader counts a line's LF after its CR to the next row.
         let begin = at + table[at..].iter().take_while(|byte| b"\r\n".contains(byte)).count();
-        let line = || 1 + table[..begin].iter().filter(|byte| **byte == b'\n').count();
+        let line = || table[..begin].split(|byte| *byte == b'\n').count();
         let row = Row::parse(&as_text(&row)).ok_or_else(|| format!("line {} is not a row of such a table", line()))?;
         if row.updates < before {
             return Err(format!("its updates go back in line {}", line()));

@@ -175,6 +175,15 @@ impl Target {
 
     /// Writes `bytes` to a temporary file next to the target, which `persist` then moves into place.
     pub fn write(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>) -> Result<()> {
+        let missing: Vec<&Path> = self.folder.ancestors().take_while(|folder| !folder.exists()).collect();
+        self.write_in_folder(bytes, persist).inspect_err(|_| {
+            // No folder is left that was made for nothing.
+            missing.iter().for_each(|folder| drop(std::fs::remove_dir(folder)));
+        })
+    }
+
+    /// Does what [`Self::write`] does, and leaves the folders that it has made.
+    fn write_in_folder(&self, bytes: &[u8], persist: impl FnOnce(NamedTempFile, &Path) -> Result<()>) -> Result<()> {
         let mut file = self.create_temporary(TEMP_AFFIXES.0.as_ref())?;
         file.write_all(bytes)?;
         sync(file.as_file())?;
@@ -290,6 +299,15 @@ mod tests {
         assert_eq!(std::fs::read_dir(folder.path()).expect("a folder").count(), 0);
         std::fs::create_dir(folder.path().join("a")).expect("created");
         check_writable(&folder.path().join("a/b/file")).expect("writable");
+        assert!(folder.path().join("a").is_dir() && !folder.path().join("a/b").exists());
+    }
+
+    #[test]
+    fn a_failure_leaves_no_folder_behind() {
+        let folder = folder();
+        std::fs::create_dir(folder.path().join("a")).expect("created");
+        let target = Target::resolve(&folder.path().join("a/b/c/file")).expect("a file");
+        target.write(b"x", |_, _| Err(Error::from(ErrorKind::StorageFull))).expect_err("it fails");
         assert!(folder.path().join("a").is_dir() && !folder.path().join("a/b").exists());
     }
 

@@ -207,7 +207,7 @@ mod tests {
         }
         assert_eq!(parse_real("60.000"), Err(NumberError::Ambiguous("60".to_owned(), "60000".to_owned())));
         assert_eq!(
-            [parse_real("1e99999999999"), parse_real("-1e999")].map(|n| n.err()),
+            [parse_real("1e99999999999"), parse_real("-1e999")].map(Result::err),
             [const { Some(NumberError::TooLarge) }; 2]
         );
     }
