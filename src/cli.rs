@@ -67,7 +67,8 @@ Examples:
   gdg-tui reproduce all                      the paper's figures, with our default beside its methods
 
 Exit status: 0 success; 1 failure while running; 2 bad usage or input; 3 --require-success not reached;
-129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (the run is saved; the same signal again exits without saving).";
+128 + its number after a signal, as 130 after Ctrl-C (the run is saved to --save FILE, or by the interface; the same signal
+again exits without saving).";
 
 /// Watch agents learn distance and reach goals without any reward.
 #[derive(Debug, Parser)]

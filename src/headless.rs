@@ -17,7 +17,7 @@ use crate::setup::{Setup, save_elsewhere};
 use crate::signals::TerminationSignal;
 use gdg::printing;
 use gdg::printing::eprint_line;
-use gdg::text::{escape_json_line, grouped};
+use gdg::text::{counted, escape_json_line, grouped};
 use gdg::train::{EndReason, Evaluation, Limits, Tick, Trainer};
 use interruptible::run_interruptibly;
 use progress::Progress;
@@ -47,11 +47,13 @@ pub fn run(mut setup: Setup, args: &TrainArgs) -> Result<u8, Report> {
         }
     };
     let limits = args.limits(setup.trainer.seconds());
+    let updates_before = setup.trainer.counters().updates;
     let progress = Progress::new(args, setup.trainer.seconds());
     let mut session = Session { setup, args, limits, progress, saver, table, termination };
     let ended = session.run();
     // Saves what was learned, even after an error.
     let saved = session.save_at_end();
+    session.report_unsaved(updates_before, ended.as_ref().ok().map(|(reason, _)| *reason));
     let (reason, evaluation) = ended?;
     saved?;
     if let Some(failure) = gdg::faults::take_failures().first() {
@@ -237,6 +239,15 @@ impl Session<'_> {
                 None => error,
             }
         })
+    }
+
+    /// Says what is lost, as there is no `--save`, unless that was meant: a new run that trained for a limited time.
+    fn report_unsaved(&self, updates_before: u64, reason: Option<EndReason>) {
+        let is_complete = reason.is_some_and(|reason| reason != EndReason::Interrupted);
+        let unsaved = self.setup.trainer.counters().updates.saturating_sub(updates_before);
+        if self.saver.is_none() && unsaved > 0 && !(is_complete && self.setup.resumed.is_none()) {
+            eprint_line(&format!("not saved: {}; give --save FILE to keep them", counted(unsaved, "update")));
+        }
     }
 
     /// Applies the edits of the world due at the current update.

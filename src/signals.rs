@@ -1,6 +1,7 @@
 //! Termination signals: the first one ends a run gracefully; the same one again, later, ends it at once.
 
 use std::collections::BTreeMap;
+use std::process::{Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicI32, Ordering};
 use std::sync::mpsc::channel;
@@ -10,7 +11,7 @@ use miette::{IntoDiagnostic, Report};
 use signal_hook::consts::{SIGALRM, SIGHUP, SIGINT, SIGPROF, SIGTERM, SIGUSR1, SIGUSR2, SIGVTALRM, SIGXCPU, SIGXFSZ};
 use signal_hook::iterator::Signals;
 
-use crate::waiting::Waiting;
+use crate::waiting::{TWICE, Waiting};
 use gdg::printing;
 use gdg::pulse::Pulse;
 
@@ -56,11 +57,12 @@ impl TerminationSignal {
     }
 
     /// Like [`Self::listen`], for an interface, which says itself what it waits for, and whose terminal is to be restored
-    /// before the program ends at once.
+    /// before the program ends at once. Called before the threads of the interface start.
     ///
     /// # Errors
     /// Returns the system's error.
     pub fn listen_in_interface(restore_terminal: fn()) -> Result<Self, Report> {
+        survive_in_background();
         Self::listen_with(Some(restore_terminal))
     }
 
@@ -68,7 +70,7 @@ impl TerminationSignal {
         warn_of_cpu_limit();
         let termination = Self::default();
         let ignored = ignored_signals();
-        let is_ignored = |number: &i32| ignored >> (number - 1) & 1 == 1;
+        let is_ignored = |number: &i32| ignored.contains(number);
         let mut signals = Signals::new(ENDING.iter().filter(|number| !is_ignored(number))).into_diagnostic()?;
         for number in ending_here().filter(|number| !is_ignored(number)) {
             // The C library keeps some real-time signals to itself.
@@ -85,7 +87,8 @@ impl TerminationSignal {
                 if own.number.compare_exchange(0, number, Ordering::Relaxed, Ordering::Relaxed).is_ok() {
                     printing::hurry();
                     own.pulse.stop();
-                    waiting = restore_terminal.is_none().then(|| Waiting::begin(&own.pulse, || {}));
+                    let ends_at_once = if number == SIGINT { "Ctrl-C" } else { TWICE };
+                    waiting = restore_terminal.is_none().then(|| Waiting::begin(&own.pulse, ends_at_once, || {}));
                 }
             }
             drop(waiting);
@@ -108,6 +111,16 @@ impl TerminationSignal {
     pub fn pulse(&self) -> &Pulse {
         &self.pulse
     }
+}
+
+/// Lets the calling thread, and those that it starts, use the terminal from the background without being stopped for it.
+/// The system would stop the whole program, which could then not even end.
+fn survive_in_background() {
+    use nix::sys::signal::{SigSet, Signal};
+
+    let stopping = SigSet::from_iter([Signal::SIGTTOU, Signal::SIGTTIN]);
+    // Without it, the program stops as others do.
+    let _ = stopping.thread_block();
 }
 
 /// When each signal arrived last.
@@ -179,17 +192,38 @@ fn ending_here() -> impl Iterator<Item = i32> {
     std::iter::empty()
 }
 
-/// Returns the signals ignored by this process, bit n - 1 for number n. Only Linux exposes this without unsafe code;
-/// elsewhere none count as ignored.
-fn ignored_signals() -> u64 {
+/// Returns the ending signals that this process ignores. Only Linux tells, where it has /proc; elsewhere, children show which
+/// signals end them, as they ignore the same.
+fn ignored_signals() -> Vec<i32> {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     let mask = status.lines().find_map(|line| line.strip_prefix("SigIgn:"));
-    mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()).unwrap_or(0)
+    match mask.and_then(|mask| u64::from_str_radix(mask.trim(), 16).ok()) {
+        Some(mask) => (1..=64).filter(|number| mask >> (number - 1) & 1 == 1).collect(),
+        None => ENDING.into_iter().filter(|number| ignores(Command::new("sh"), *number)).collect(),
+    }
+}
+
+/// Whether a `shell` started by this process ignores a signal; not if it cannot be started.
+fn ignores(mut shell: Command, number: i32) -> bool {
+    shell.args(["-c", "ulimit -c 0; kill -\"$0\" $$", &number.to_string()]);
+    shell.stdin(Stdio::null()).stdout(Stdio::null()).stderr(Stdio::null());
+    shell.status().is_ok_and(|status| status.success())
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[cfg(unix)]
+    #[test]
+    fn what_is_ignored_is_known_without_asking_the_system() {
+        let mut nohup = Command::new("sh");
+        nohup.args(["-c", "trap '' HUP; exec sh \"$@\"", "sh"]);
+        assert!(ignores(nohup, SIGHUP));
+        let plain = || Command::new("sh");
+        assert!(![SIGTERM, SIGUSR1, SIGXCPU].into_iter().any(|number| ignores(plain(), number)));
+        assert!(!ignores(Command::new("/no/such/shell"), SIGHUP));
+    }
 
     #[test]
     fn only_the_same_signal_again_after_a_moment_is_another_wish_to_end() {

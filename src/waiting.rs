@@ -15,14 +15,17 @@ const POLL_INTERVAL: Duration = Duration::from_secs(1);
 /// ... and between lines while that stays the same.
 const REPEAT_AFTER: Duration = Duration::from_mins(1);
 
+/// What ends the program at once if no Ctrl-C has been received yet.
+pub const TWICE: &str = "Ctrl-C twice";
+
 /// Says on standard error what is waited for, if it takes long, until it is dropped.
 pub struct Waiting {
     _ended: Sender<()>,
 }
 
 impl Waiting {
-    /// Begins to wait for what `pulse` is doing. `before` runs before anything is said, which may have to leave a screen.
-    pub fn begin(pulse: &Pulse, before: fn()) -> Self {
+    /// Begins to wait for what `pulse` is doing, unless the user does what `ends_at_once`. `before` runs before anything is said, which may have to leave a screen.
+    pub fn begin(pulse: &Pulse, ends_at_once: &'static str, before: fn()) -> Self {
         let ((ended, end), pulse) = (channel(), pulse.clone());
         let say = move || {
             let (began, mut said) = (Instant::now(), None);
@@ -36,9 +39,12 @@ impl Waiting {
                 if said.is_none() {
                     before();
                 }
-                let hint = if said.is_none() { "; Ctrl-C twice ends at once, without what is not saved" } else { "" };
+                let mut line = format!("waiting for {activity} ({} s so far)", began.elapsed().as_secs());
+                if said.is_none() {
+                    line += &format!("; {ends_at_once} ends at once, without what is not saved");
+                }
                 said = Some((activity, Instant::now()));
-                eprint_line(&format!("waiting for {activity} ({} s so far){hint}", began.elapsed().as_secs()));
+                eprint_line(&line);
             }
         };
         // Without a thread, nothing is said.

@@ -87,8 +87,8 @@ pub fn updates(
         };
         let times = (
             repeat(&mut || plain.update(&batch)),
-            repeat(&mut || fused.update_on(&batch, &mut profile).map(drop)),
-            repeat(&mut || together.update_on(&batch, &mut profile).map(drop)),
+            repeat(&mut || fused.update_on(&batch, None, &mut profile).map(drop)),
+            repeat(&mut || together.update_on(&batch, None, &mut profile).map(drop)),
         );
         if turn > 0 {
             of_plain.push(times.0);
@@ -132,7 +132,7 @@ pub fn default_update((threads, runs): (usize, usize)) -> Result<DefaultUpdateTi
     // The first turn is a warm-up.
     for turn in 0..=runs {
         for (learner, times) in learners.iter_mut().zip(&mut times) {
-            let mut update = || failure = learner.update_on(&batch, &mut profile).map(drop);
+            let mut update = || failure = learner.update_on(&batch, None, &mut profile).map(drop);
             let took = time_us(|| (0..UPDATES_PER_TURN).for_each(|_| update())) / UPDATES_PER_TURN as f64;
             if turn > 0 {
                 times.push(took);

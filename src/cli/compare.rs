@@ -17,7 +17,7 @@ Click on either map to set the goal of both. Each side trains exactly as gdg-tui
 and settings does, on its own threads. Nothing is saved: gdg-tui reproduce and gdg-tui suite compare methods over several
 seeds, without a terminal, and keep their results.
 
-Exit status: 0 success; 1 failure while running; 2 bad usage or input; 129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM.";
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a signal.";
 
 /// Options of `gdg-tui compare`.
 #[derive(Debug, Args)]

@@ -16,7 +16,7 @@ Examples:
   gdg-tui reproduce all --collect            figures and report from the jobs that are done
 
 Exit status: 0 success; 1 a job failed, or --collect found jobs missing; 2 bad usage or input;
-129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (all jobs are saved; the same signal again exits without saving).";
+128 + its number after a signal, as 130 after Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
 /// The figures, and what each shows.
 pub const FIGURES: [(&str, &str); 7] = [

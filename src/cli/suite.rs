@@ -14,7 +14,7 @@ Examples:
   gdg-tui suite maps/ --job den312d-1-3f2a9c --out /shared/suite    a single job, for a node of a cluster
 
 Exit status: 0 success; 1 a job failed (the others run); 2 bad usage or input; 3 --require-success not reached;
-129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM (all jobs are saved; the same signal again exits without saving).";
+128 + its number after a signal, as 130 after Ctrl-C (all jobs are saved; the same signal again exits without saving).";
 
 /// Options of `gdg-tui suite`.
 #[derive(Debug, Args)]

@@ -12,7 +12,7 @@ Examples:
 Enter, the right arrow or a click goes to the next step, p pauses, Esc ends the tour. Then training goes on as usual: it is
 the run of gdg-tui fourrooms --seed 0.
 
-Exit status: 0 success; 1 failure while running; 2 bad usage or input; 129, 130 or 143 after a hang-up, Ctrl-C or SIGTERM.";
+Exit status: 0 success; 1 failure while running; 2 bad usage or input; 128 + its number after a signal.";
 
 /// Options of `gdg-tui tour`.
 #[derive(Debug, Args)]

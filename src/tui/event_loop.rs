@@ -147,7 +147,7 @@ async fn event_loop(
                         app.report("not suspended: no shell is waiting that could resume the program");
                     }
                 }
-                TerminalRequest::Redraw => terminal.reopen()?,
+                TerminalRequest::Redraw => terminal.reopen(),
                 TerminalRequest::Resize => {}
             }
             timer.immediate = true;
@@ -156,10 +156,10 @@ async fn event_loop(
         timer.idle = !app.is_training();
         if timer.is_due() {
             gdg::faults::point("interface");
-            // A terminal that is slow to read is sent fewer frames.
-            let is_drawn = terminal.draw(app)?;
-            // What has been left out follows.
-            timer.changed = !is_drawn || terminal.is_behind();
+            // A terminal that is slow to read is sent fewer frames, and one that is the shell's none: they follow.
+            if terminal.draw(app)? {
+                timer.drawn(terminal.is_behind());
+            }
         }
     }
     Ok(())
@@ -222,7 +222,8 @@ pub struct FrameTimer {
     pub changed: bool,
     /// Training is not running.
     idle: bool,
-    last_drawn: Option<Instant>,
+    /// When a frame was last due, whether or not it could be drawn.
+    last_due: Option<Instant>,
 }
 
 impl FrameTimer {
@@ -234,15 +235,38 @@ impl FrameTimer {
             Self { changed: true, idle: true, .. } => IDLE_FRAME_INTERVAL,
             _ => return POLL_INTERVAL,
         };
-        self.last_drawn.map_or(Duration::ZERO, |at| interval.saturating_sub(at.elapsed()))
+        self.last_due.map_or(Duration::ZERO, |at| interval.saturating_sub(at.elapsed()))
     }
 
-    /// Returns whether a frame is due; if so, counts it as drawn.
+    /// Returns whether a frame is due. One that is not drawn is due again after the same time.
     pub fn is_due(&mut self) -> bool {
         let due = (self.immediate || self.changed) && self.until_due().is_zero();
         if due {
-            *self = Self { last_drawn: Some(Instant::now()), ..Self::default() };
+            self.last_due = Some(Instant::now());
         }
         due
+    }
+
+    /// Counts a frame as drawn, which may be `behind`: then another follows.
+    pub fn drawn(&mut self, behind: bool) {
+        (self.immediate, self.changed) = (false, behind);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_frame_that_could_not_be_drawn_stays_due_after_its_interval() {
+        let mut timer = FrameTimer { immediate: true, ..FrameTimer::default() };
+        assert!(timer.is_due());
+        assert!(!timer.is_due() && timer.until_due() <= INPUT_FRAME_INTERVAL, "not drawn: soon again, but not at once");
+        std::thread::sleep(INPUT_FRAME_INTERVAL);
+        assert!(timer.is_due());
+        timer.drawn(true);
+        assert!(!timer.immediate && timer.changed, "what was left out of it follows");
+        timer.drawn(false);
+        assert!(!timer.is_due() && timer.until_due() > FRAME_INTERVAL, "nothing to draw");
     }
 }

@@ -7,9 +7,16 @@ mod scan;
 
 pub use scan::Input;
 
+#[cfg(unix)]
+use super::terminal::is_in_foreground;
+
 /// Events that wait to be handled; while there are more, the rest stays with the terminal.
 #[cfg(unix)]
 const WAITING: usize = 256;
+
+/// Milliseconds between looks at whether the terminal is this program's again.
+#[cfg(unix)]
+const IN_BACKGROUND: u16 = 50;
 
 /// What comes from the terminal.
 pub struct InputStream {
@@ -81,6 +88,11 @@ fn read_all(
             Err(error) => return Err(error.into()),
             Ok(0) => scanner.give_up(),
             Ok(_) if ready[1].any() == Some(true) => return Ok(()),
+            // These keys are the shell's.
+            Ok(_) if !is_in_foreground(terminal) => {
+                await_stop(stopped)?;
+                continue;
+            }
             Ok(_) => match { terminal }.read(&mut bytes) {
                 Ok(0) => return Ok(()),
                 Ok(count) => scanner.read(&bytes[..count]),
@@ -89,6 +101,8 @@ fn read_all(
                 {
                     continue;
                 }
+                // It may have come to be in the background meanwhile.
+                Err(_) if !is_in_foreground(terminal) => continue,
                 Err(error) => return Err(error),
             },
         };
@@ -97,6 +111,20 @@ fn read_all(
                 return Ok(());
             }
         }
+    }
+}
+
+/// Waits until reading is to end, but only briefly.
+#[cfg(unix)]
+fn await_stop(stopped: &std::os::unix::net::UnixStream) -> std::io::Result<()> {
+    use std::os::fd::AsFd;
+
+    use nix::errno::Errno;
+    use nix::poll::{PollFd, PollFlags, poll};
+
+    match poll(&mut [PollFd::new(stopped.as_fd(), PollFlags::POLLIN)], IN_BACKGROUND) {
+        Ok(_) | Err(Errno::EINTR) => Ok(()),
+        Err(error) => Err(error.into()),
     }
 }
 

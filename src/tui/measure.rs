@@ -119,6 +119,7 @@ impl MeasuredInterface {
                 app.set_graphics(patches.as_ref().map(|(_, graphics)| *graphics), redraw);
                 let drawing = Instant::now();
                 let frame = terminal.draw(|frame| app.draw(frame))?;
+                timer.drawn(false);
                 if let Some((patches, graphics)) = patches {
                     std::hint::black_box(patches.update(&app.pictures(), frame.buffer, *graphics)?);
                     timer.changed = patches.is_behind();

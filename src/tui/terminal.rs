@@ -30,6 +30,8 @@ use crate::cli::Marker;
 use gdg::printing;
 use guard::Guard;
 pub use guard::{GUARD_COMMAND, run_guard};
+pub use suspend::is_in_foreground;
+use suspend::is_raw;
 
 /// How long the terminal may take to answer what it can show: before the first frame, and again before it is given back,
 /// as its answer would be typed at the shell's prompt.
@@ -52,6 +54,8 @@ pub struct Terminal {
     /// How long the latest pictures took to draw, and whether training ran, until they are written.
     pictures_sent: Option<(Duration, bool)>,
     output: Output,
+    /// Whether it is to be set up again as soon as it is this program's.
+    is_given_back: bool,
     /// Dismissed last, after everything has been restored.
     guard: Option<Guard>,
 }
@@ -123,7 +127,20 @@ impl Terminal {
                 gdg::faults::show_in_interface(true);
                 let answer = asks.then(Answer::default);
                 let (size, graphics, patches, pictures_sent) = ((0, 0), None, None, None);
-                Ok(Self { inner, size, input, recorder, answer, graphics, patches, pictures_sent, output, guard })
+                let is_given_back = false;
+                Ok(Self {
+                    inner,
+                    size,
+                    input,
+                    recorder,
+                    answer,
+                    graphics,
+                    patches,
+                    pictures_sent,
+                    output,
+                    is_given_back,
+                    guard,
+                })
             }
             Err(error) => {
                 restore();
@@ -183,15 +200,18 @@ impl Terminal {
         self.patches.as_ref().is_some_and(Patches::is_behind)
     }
 
-    /// Draws one frame, shown all at once if the terminal supports it, unless the terminal has not read the previous one;
-    /// returns whether it has.
+    /// Draws one frame, shown all at once if the terminal supports it; returns whether it has. It has not if the terminal has
+    /// not read the previous one, or is the shell's while this program runs in the background.
     ///
     /// # Errors
     /// Errors of the terminal.
     pub fn draw(&mut self, interface: &mut impl Interface) -> std::io::Result<bool> {
         let writer = printing::stdout();
-        if writer.is_behind() {
+        if writer.is_behind() || !is_in_foreground(std::io::stdout()) {
             return Ok(false);
+        }
+        if std::mem::take(&mut self.is_given_back) {
+            self.open_again()?;
         }
         let (columns, rows) = crossterm::terminal::size()?;
         // On a larger terminal the rest stays empty.
@@ -252,8 +272,8 @@ impl Terminal {
         }
     }
 
-    /// Restores the terminal, stops this program until it is resumed, and sets the terminal up again. Returns whether it did:
-    /// it does not stop where nothing would resume it.
+    /// Restores the terminal and stops this program until it is resumed. Returns whether it did: it does not stop where
+    /// nothing would resume it.
     ///
     /// # Errors
     /// Errors of the terminal.
@@ -264,15 +284,17 @@ impl Terminal {
         self.answered().await;
         restore();
         suspend::stop()?;
-        self.reopen()?;
+        self.reopen();
         Ok(true)
     }
 
-    /// Sets the terminal up again and has the next frame draw everything, whatever is on the screen.
-    ///
-    /// # Errors
-    /// Errors of the terminal.
-    pub fn reopen(&mut self) -> std::io::Result<()> {
+    /// Has the next frame set the terminal up again and draw everything, whatever is on the screen.
+    pub fn reopen(&mut self) {
+        self.is_given_back = true;
+    }
+
+    /// Sets the terminal up again.
+    fn open_again(&mut self) -> std::io::Result<()> {
         // The library would not set what it believes to be set.
         let _ = disable_raw_mode();
         set_up_modes()?;
@@ -329,7 +351,10 @@ fn give_back() -> bool {
     let leaves = ON_SCREEN.swap(false, Ordering::Relaxed);
     let bytes = if leaves { leaving(SHOWS_KITTY_PICTURES.load(Ordering::Relaxed)) } else { Vec::new() };
     let is_read = printing::stdout().send(&bytes).is_ok() && printing::stdout().flush_briefly();
-    let _ = disable_raw_mode();
+    // A shell in the foreground has modes of its own.
+    if is_in_foreground(std::io::stdout()) || is_raw(std::io::stdout()) {
+        let _ = disable_raw_mode();
+    }
     is_read
 }
 

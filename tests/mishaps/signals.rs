@@ -233,6 +233,14 @@ fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
     errors.read_line(&mut line).unwrap();
     assert!(line.contains("waiting for the checkpoint") && line.contains("twice"), "{line}");
     assert_eq!(run.end_with_signal("TERM").0, 143);
+    // After one Ctrl-C, another one suffices.
+    let mut run = RunningProgram::start(headless(folder.path(), &args).envs(faults));
+    run.wait_for("start");
+    kill(run.child.id(), "INT");
+    let (mut line, mut errors) = (String::new(), BufReader::new(run.child.stderr.take().unwrap()));
+    errors.read_line(&mut line).unwrap();
+    assert!(line.contains("; Ctrl-C ends at once"), "{line}");
+    assert_eq!(run.end_with_signal("INT").0, 130);
 
     // The interface leaves its screen for it.
     let session = Session::start_with(folder.path(), &args, &faults);
@@ -245,26 +253,24 @@ fn a_program_that_takes_long_to_end_says_what_it_waits_for() {
 
 #[test]
 fn a_long_update_is_left_unfinished_on_a_signal_and_the_run_goes_on_as_if_it_had_not_begun() {
-    let settings = ["--set", "batch_size=8192", "--set", "hidden=256", "--set", "learning_starts=500"];
-    let limits = ["--max-updates", "2", "--eval-tasks", "1", "--save"];
-    let start = |folder: &Path, save: &str| {
-        let mut command = isolated_command(folder);
-        command.args(["--no-ui", "trap", "--set", "buffer_size=20000", "--set", "candidates=50"]);
-        command.args(settings).args(limits).arg(save);
-        command
-    };
+    let limits = ["--threads", "2", "--max-updates", "2", "--eval-tasks", "1", "--save"];
     let folder = folder();
-    assert_eq!(outcome(&mut start(folder.path(), "whole.safetensors")).0, 0);
-    let mut run = RunningProgram::start(&mut start(folder.path(), "parts.safetensors"));
+    let start =
+        |save: &str| headless(folder.path(), &[&["trap", "--log-level", "debug"], &limits[..], &[save]].concat());
+    assert_eq!(outcome(&mut start("whole.safetensors")).0, 0);
+    let log = folder.path().join("home/gdg-tui/log");
+    std::fs::remove_dir_all(&log).unwrap();
+    // The first part of the first update takes long.
+    let mut run = RunningProgram::start(start("parts.safetensors").env(FAULTS, "helper=delay:10000@1"));
     run.wait_for("start");
-    std::thread::sleep(Duration::from_millis(700));
-    let (status, _) = run.end_with_signal("TERM");
-    assert!(status == 143, "{status}");
+    let has_begun = |file: std::fs::DirEntry| std::fs::read_to_string(file.path()).unwrap().contains("update 1 begins");
+    wait_until("no update", || std::fs::read_dir(&log).unwrap().any(|file| has_begun(file.unwrap())));
+    let (status, took) = run.end_with_signal("TERM");
+    assert!(status == 143 && took > Duration::from_secs(1), "{status} after {took:?}");
     let parts = folder.path().join("parts.safetensors");
-    assert!(assert_loads(&parts) < 2);
-    let mut resumed = isolated_command(folder.path());
-    resumed.args(["--no-ui", "--resume", "parts.safetensors"]).args(limits).arg("parts.safetensors");
-    assert_eq!(outcome(&mut resumed).0, 0);
+    assert_eq!(assert_loads(&parts), 0, "the update that was running is undone");
+    let args = [&["--resume", "parts.safetensors"], &limits[..], &["parts.safetensors"]].concat();
+    assert_eq!(outcome(&mut headless(folder.path(), &args)).0, 0);
     let state = |path: &Path| {
         let loaded = train::load(path, &Registry::builtin(), 1).unwrap_or_else(|e| panic!("{e}")).trainer;
         let mut networks = gdg::store::Store::default();
@@ -272,4 +278,29 @@ fn a_long_update_is_left_unfinished_on_a_signal_and_the_run_goes_on_as_if_it_had
         (networks, loaded.counters())
     };
     assert!(state(&parts) == state(&folder.path().join("whole.safetensors")));
+}
+
+#[test]
+fn updates_that_are_lost_without_a_file_to_save_to_are_said() {
+    let folder = folder();
+    checkpoint(folder.path());
+    let end = |args: &[&str], signal: bool| {
+        let mut run = RunningProgram::start(&mut headless(folder.path(), args));
+        let mut errors = run.child.stderr.take().unwrap();
+        if signal {
+            run.wait_for("progress");
+            kill(run.child.id(), "TERM");
+        }
+        run.out.read_to_string(&mut String::new()).unwrap();
+        let mut text = String::new();
+        errors.read_to_string(&mut text).unwrap();
+        (run.child.wait().unwrap().code(), text)
+    };
+    let resumed = ["--resume", "small.safetensors", "--max-updates", "360", "--eval-tasks", "1"];
+    assert_eq!(end(&resumed, false), (Some(0), "not saved: 10 updates; give --save FILE to keep them\n".to_owned()));
+    let (status, errors) = end(&["trap"], true);
+    assert!(status == Some(143) && errors.starts_with("not saved: ") && errors.contains("--save"), "{errors}");
+    let saved = [&resumed[..], &["--save", "small.safetensors"]].concat();
+    assert_eq!(end(&saved, false), (Some(0), String::new()));
+    assert_eq!(end(&["trap", "--max-updates", "20", "--eval-tasks", "1"], false), (Some(0), String::new()), "meant");
 }

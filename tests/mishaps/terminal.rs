@@ -135,6 +135,74 @@ fn within_a_script_the_shell_is_back_at_once() {
     session.assert_terminal_restored();
 }
 
+/// The escape sequences that open and close the interface.
+const OPENED: &[u8] = b"\x1b[?1049h";
+const CLOSED: &[u8] = b"\x1b[?1049l";
+
+/// Returns a process's state as `ps` shows it; empty if there is none.
+fn state_of(id: u32) -> String {
+    let shown = Command::new("ps").args(["-o", "stat=", "-p", &id.to_string()]).output().unwrap().stdout;
+    String::from_utf8(shown).unwrap()
+}
+
+/// Trains in a shell, stopped by key or from outside; returns the shell and the program's process.
+fn stopped(folder: &Path, by_key: bool) -> (Session, u32) {
+    let mut shell = Session::start_shell(folder);
+    shell.press("sh -c 'echo $$ > id; exec \"$PROGRAM\" trap --set hidden=16 --save kept.safetensors'\r");
+    shell.wait_for("training");
+    let id = std::fs::read_to_string(folder.join("id")).unwrap().trim().parse().unwrap();
+    if by_key {
+        shell.press("\x1a");
+        shell.wait(|shell| shell.count(CLOSED) == 1);
+    } else {
+        kill(id, "STOP");
+    }
+    shell.wait(|_| state_of(id).starts_with('T'));
+    // Read once the terminal is the shell's.
+    shell.press("echo prompt $((1+1))\n");
+    shell.wait(|shell| shell.count(b"prompt 2") == 1);
+    (shell, id)
+}
+
+#[test]
+fn a_stopped_program_is_saved_and_ends_on_a_signal() {
+    let ways = [(true, &["TERM", "CONT"][..]), (true, &["HUP", "CONT"]), (true, &["TERM", "CONT", "HUP"])];
+    for (by_key, signals) in ways.into_iter().chain([(false, &["TERM", "CONT"][..])]) {
+        let folder = folder();
+        let (shell, id) = stopped(folder.path(), by_key);
+        signals.iter().for_each(|signal| kill(id, signal));
+        shell.wait(|_| matches!(state_of(id).chars().next(), None | Some('Z')));
+        assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0, "{signals:?}");
+        shell.wait(|shell| shell.count(CLOSED) == 1);
+        assert_eq!(shell.count(OPENED), 1, "the terminal was the shell's");
+        shell.assert_terminal_restored();
+    }
+}
+
+#[test]
+fn in_the_background_it_trains_on_leaves_the_terminal_to_the_shell_and_ends_on_a_signal() {
+    let folder = folder();
+    let (mut shell, id) = stopped(folder.path(), true);
+    shell.press("bg\r");
+    shell.wait(|_| !state_of(id).starts_with('T'));
+    // Keys are the shell's, and nothing is drawn.
+    for round in 0..5 {
+        shell.press(&format!("echo round''-{round}\r"));
+        shell.wait_for(&format!("round-{round}"));
+    }
+    assert!(shell.count(OPENED) == 1 && !state_of(id).starts_with('T'));
+    shell.press("fg\r");
+    shell.wait(|shell| shell.count(OPENED) == 2);
+    shell.wait_for("training");
+    shell.press("\x1a");
+    shell.wait(|_| state_of(id).starts_with('T'));
+    shell.press("bg\r");
+    shell.wait(|_| !state_of(id).starts_with('T'));
+    shell.press("kill %1\r");
+    shell.wait_for("saved kept.safetensors");
+    assert!(assert_loads(&folder.path().join("kept.safetensors")) > 0);
+}
+
 #[test]
 fn a_terminal_that_cannot_draw_is_sent_no_escape_sequences() {
     for term in ["dumb", ""] {

@@ -5,8 +5,11 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use parking_lot::Mutex;
 
+/// What a run does unless it says otherwise.
+const TRAINING: &str = "training";
+
 /// Shared by all clones.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Pulse(Arc<State>);
 
 #[derive(Debug)]
@@ -14,19 +17,14 @@ struct State {
     beats: AtomicU64,
     /// Parts of updates are left out from this beat on.
     stop_at: AtomicU64,
-    /// Whether any have been left out.
-    has_left_out: AtomicBool,
-    activity: Mutex<&'static str>,
+    /// What is being done besides training, by any of the runs.
+    activities: Mutex<Vec<&'static str>>,
 }
 
-impl Default for State {
+impl Default for Pulse {
     fn default() -> Self {
-        Self {
-            beats: AtomicU64::new(0),
-            stop_at: AtomicU64::new(u64::MAX),
-            has_left_out: AtomicBool::new(false),
-            activity: Mutex::new("training"),
-        }
+        let (beats, stop_at) = (AtomicU64::new(0), AtomicU64::new(u64::MAX));
+        Self(Arc::new(State { beats, stop_at, activities: Mutex::default() }))
     }
 }
 
@@ -41,15 +39,16 @@ impl Pulse {
         self.0.beats.load(Ordering::Relaxed)
     }
 
-    /// Says what is being done, as in "waiting for ACTIVITY".
-    pub fn begin(&self, activity: &'static str) {
+    /// Says what is being done until the result is dropped, as in "waiting for ACTIVITY".
+    pub fn begin(&self, activity: &'static str) -> Activity {
         self.beat();
-        *self.0.activity.lock() = activity;
+        self.0.activities.lock().push(activity);
+        Activity { pulse: self.clone(), name: activity }
     }
 
     /// Returns what is being done.
     pub fn activity(&self) -> &'static str {
-        *self.0.activity.lock()
+        self.0.activities.lock().last().copied().unwrap_or(TRAINING)
     }
 
     /// Wishes that training stops: an update in progress may be left unfinished.
@@ -62,17 +61,91 @@ impl Pulse {
         self.0.stop_at.store(beat, Ordering::Relaxed);
     }
 
-    /// Returns whether the next part of an update is to be left out.
-    pub fn leaves_out(&self) -> bool {
-        let stops = self.beats() >= self.0.stop_at.load(Ordering::Relaxed);
-        if stops {
-            self.0.has_left_out.store(true, Ordering::Relaxed);
+    fn stops(&self) -> bool {
+        self.beats() >= self.0.stop_at.load(Ordering::Relaxed)
+    }
+}
+
+/// Something that is being done besides training.
+#[derive(Debug)]
+#[must_use]
+pub struct Activity {
+    pulse: Pulse,
+    name: &'static str,
+}
+
+impl Drop for Activity {
+    fn drop(&mut self) {
+        let mut activities = self.pulse.0.activities.lock();
+        if let Some(own) = activities.iter().rposition(|name| *name == self.name) {
+            activities.remove(own);
         }
-        stops
+        drop(activities);
+        self.pulse.beat();
+    }
+}
+
+/// The parts of one long update: the pulse counts them, and they are left out once training is to stop.
+#[derive(Debug)]
+pub struct Parts {
+    pulse: Pulse,
+    /// Whether the update can be undone. Otherwise it is finished.
+    may_skip: bool,
+    has_skipped: AtomicBool,
+}
+
+impl Parts {
+    /// Creates the parts of an update, which are left out only if it can be undone.
+    pub fn new(pulse: &Pulse, can_be_undone: bool) -> Self {
+        Self { pulse: pulse.clone(), may_skip: can_be_undone, has_skipped: AtomicBool::new(false) }
     }
 
-    /// Returns whether parts have been left out since the last call.
-    pub fn take_left_out(&self) -> bool {
-        self.0.has_left_out.swap(false, Ordering::Relaxed)
+    /// Returns whether to compute the next part. If it is left out, the update is to be undone.
+    pub fn next(&self) -> bool {
+        let skips = self.may_skip && self.pulse.stops();
+        if skips {
+            self.has_skipped.store(true, Ordering::Relaxed);
+        } else {
+            self.pulse.beat();
+        }
+        !skips
+    }
+
+    /// Returns whether parts of this update have been left out.
+    pub fn has_skipped(&self) -> bool {
+        self.has_skipped.load(Ordering::Relaxed)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_update_knows_whether_its_own_parts_were_left_out() {
+        let pulse = Pulse::default();
+        let (first, second, finished) = (Parts::new(&pulse, true), Parts::new(&pulse, true), Parts::new(&pulse, false));
+        assert!(first.next() && second.next() && finished.next());
+        assert_eq!(pulse.beats(), 3);
+        let done_before = Parts::new(&pulse, true);
+        assert!(done_before.next());
+        pulse.stop();
+        assert!(!first.next() && finished.next() && first.has_skipped() && !second.has_skipped());
+        assert!(!second.next() && second.has_skipped() && first.has_skipped(), "whichever is asked first");
+        assert!(!finished.has_skipped() && !done_before.has_skipped());
+        assert_eq!(pulse.beats(), 5, "an update that is finished still beats");
+    }
+
+    #[test]
+    fn what_is_being_done_ends_with_it() {
+        let pulse = Pulse::default();
+        assert_eq!(pulse.activity(), "training");
+        let edit = pulse.begin("the edit");
+        let graph = pulse.begin("the graph");
+        assert_eq!(pulse.activity(), "the graph");
+        drop(edit);
+        assert_eq!(pulse.activity(), "the graph", "of another run");
+        drop(graph);
+        assert_eq!(pulse.activity(), "training");
     }
 }

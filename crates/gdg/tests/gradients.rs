@@ -97,7 +97,7 @@ fn check_against(
     for _ in 0..updates_before {
         let mut other = make_batch(spec, settings.batch_size, &mut rng);
         other.greedy_targets = settings.greedy_targets;
-        learner.update_on(&other, &mut Profile::default()).unwrap();
+        learner.update_on(&other, None, &mut Profile::default()).unwrap();
     }
     let reference = learner.reference(layers).unwrap();
     let targets = learner.target_reference(layers).unwrap().targets(&batch, &Device::Cpu).unwrap();
@@ -178,7 +178,7 @@ fn gradients_of_a_blocked_actor_and_of_a_mispredicting_model_match_autograd() {
     let mut trained = Gdg::new(&spec, &default, 1, &mut rng).unwrap();
     let mut next_batch = || Batch { greedy_targets: true, ..blocked(&spec, default.batch_size, &mut rng) };
     for _ in 0..updates_before {
-        trained.update_on(&next_batch(), &mut Profile::default()).unwrap();
+        trained.update_on(&next_batch(), None, &mut Profile::default()).unwrap();
     }
     let (batch, mut store) = (next_batch(), Store::default());
     trained.save(&mut store).unwrap();
@@ -259,7 +259,7 @@ fn updates_on_the_tape_lead_to_the_same_weights() {
         let mut batch = batch(&spec, 48, &mut rng);
         batch.bootstrap.iter_mut().step_by(2).for_each(|b| *b = 1.0);
         batch.bound.iter_mut().step_by(3).for_each(|b| *b = 20.0);
-        let losses = learners.each_mut().map(|l| l.update_on(&batch, &mut Profile::default()).unwrap());
+        let losses = learners.each_mut().map(|l| l.update_on(&batch, None, &mut Profile::default()).unwrap());
         let close = |a: f32, b: f32| (a - b).abs() <= 1e-3 * a.abs() + 1e-4;
         let [fused, tape] = losses;
         assert!(close(fused.critic, tape.critic), "critics at update {update}: {losses:?}");
@@ -299,7 +299,7 @@ fn lookahead_finds_the_best_tried_action_according_to_model_and_critics() {
             {
                 next.iter_mut().zip(action).for_each(|(next, action)| *next += 4.0 * action);
             }
-            learner.update_on(&moves, &mut Profile::default()).unwrap();
+            learner.update_on(&moves, None, &mut Profile::default()).unwrap();
         }
         let pairs = batch(&spec, 40, &mut rng);
         let mut own = vec![0.0; 40 * spec.action_dim];

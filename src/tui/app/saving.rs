@@ -11,7 +11,7 @@ use crate::runs::{self, SAVES};
 use crate::setup::save_elsewhere;
 use crate::tui::dialog::{Choice, Dialog, Picker, Prompt, Question, lists};
 use crate::tui::terminal;
-use crate::waiting::Waiting;
+use crate::waiting::{TWICE, Waiting};
 use gdg::engine::{Command, Phase, Snapshot};
 use gdg::files::{named, unused_path};
 use gdg::text::grouped;
@@ -277,7 +277,7 @@ impl App {
         // Decided before: what closing itself reports changes nothing.
         self.catch_up();
         self.screen.snapshot = self.latest.clone();
-        let _waiting = Waiting::begin(self.engine.pulse(), terminal::restore);
+        let _waiting = Waiting::begin(self.engine.pulse(), TWICE, terminal::restore);
         let failed = !self.failures.is_empty() || matches!(self.latest.phase, Phase::Failed(_));
         let mut summary = self.screen.summary();
         let notes = self.notes();

@@ -36,6 +36,9 @@ const BURST: usize = 4;
 const LONGEST_SEQUENCE: usize = 4096;
 const LONGEST_PASTE: usize = 1 << 16;
 
+/// What follows SS3 in the keys of terminals.
+const SS3_KEYS: &[u8] = b"ABCDFHPQRS";
+
 /// Ends a paste.
 const PASTE_END: &[u8] = b"\x1b[201~";
 
@@ -120,7 +123,9 @@ impl Scanner {
             }
             State::Introducer => {
                 self.report_introducer();
-                State::IntroducerReported
+                // No reply begins with SS3, and what came long after ESC is a key of its own.
+                let may_go_on = self.held[1] != b'O' && self.escape == Escape::Together;
+                if may_go_on { State::IntroducerReported } else { State::Ground }
             }
             State::Paste(_) => {
                 self.report_paste(0);
@@ -134,7 +139,7 @@ impl Scanner {
     /// Returns to a sequence that has been taken for keys, if `bytes` look like its rest.
     fn regret(&mut self, bytes: &[u8]) {
         match (self.state, bytes) {
-            (State::EscapeReported, [first, ..]) if is_introducer(*first) => {
+            (State::EscapeReported, [first, ..]) if is_introducer(*first) && (*first != b'O' || is_ss3_key(bytes)) => {
                 self.state = State::Escape;
                 self.escape = Escape::Reported;
             }
@@ -240,7 +245,7 @@ impl Scanner {
         let introducer = self.held[1];
         let goes_on = match introducer {
             b'O' if self.escape == Escape::Together => byte.is_ascii_alphanumeric(),
-            b'O' => b"ABCDFHPQRS".contains(&byte),
+            b'O' => SS3_KEYS.contains(&byte),
             b'[' => byte >= b' ',
             _ => byte >= b' ' || matches!(byte, 0x07 | 0x1b),
         };
@@ -392,6 +397,11 @@ fn is_introducer(byte: u8) -> bool {
     b"O[]P_^X".contains(&byte)
 }
 
+/// Returns whether these bytes are the rest of a key that begins with SS3.
+fn is_ss3_key(rest: &[u8]) -> bool {
+    matches!(rest, [b'O', last] if SS3_KEYS.contains(last))
+}
+
 /// Returns whether a control sequence that looks like a key, or the mouse, is neither: the cursor's position, and positions
 /// off the screen.
 fn is_reply(sequence: &[u8]) -> bool {
@@ -518,6 +528,33 @@ mod tests {
         assert_eq!(keys(&scanner.give_up()), [escape]);
         assert!(scanner.read(b"P").is_empty(), "it may go on");
         assert_eq!(keys(&scanner.give_up()), [character('P', KeyModifiers::SHIFT)]);
+    }
+
+    #[test]
+    fn a_key_long_after_escape_is_one_of_its_own_whatever_follows_it() {
+        for key in ["O", "[", "]", "P", "X", "^", "_"] {
+            for text in ["some text", "A wall", "1234"] {
+                let mut scanner = Scanner::default();
+                let mut found = scanner.read(b"\x1b");
+                found.extend(scanner.give_up());
+                found.extend(scanner.read(key.as_bytes()));
+                found.extend(scanner.give_up());
+                found.extend(scanner.read(text.as_bytes()));
+                let typed: String = keys(&found).iter().filter_map(|(code, _)| code.as_char()).collect();
+                assert_eq!(typed, format!("{key}{text}"));
+                assert_eq!(found.len(), 1 + typed.len(), "the key Esc, and no replies");
+            }
+        }
+        let mut scanner = Scanner::default();
+        scanner.read(b"\x1b");
+        scanner.give_up();
+        assert_eq!(keys(&scanner.read(b"O")), [character('O', KeyModifiers::SHIFT)], "at once");
+        scanner.read(b"\x1b");
+        scanner.give_up();
+        assert_eq!(keys(&scanner.read(b"OA")), [(KeyCode::Up, NONE)], "the rest of a key");
+        scanner.read(b"\x1bO");
+        assert_eq!(keys(&scanner.give_up()), [character('O', ALT | KeyModifiers::SHIFT)]);
+        assert_eq!(keys(&scanner.read(b"text")).len(), 4);
     }
 
     #[test]

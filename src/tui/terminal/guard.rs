@@ -5,7 +5,9 @@
 //! through the pipe. If the pipe closes without that word, the program has died, and the guard restores the terminal to
 //! its state when the guard started.
 
+use std::ffi::OsStr;
 use std::io::{Read, Write};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 
 /// Sent by a program that has restored the terminal itself.
@@ -35,10 +37,7 @@ impl Guard {
         if cfg!(not(unix)) {
             return None;
         }
-        // The program's file may have been replaced since it started.
-        let own = std::path::Path::new("/proc/self/exe");
-        let program = if own.exists() { own.to_owned() } else { std::env::current_exe().ok()? };
-        let mut command = Command::new(program);
+        let mut command = Command::new(own_program()?);
         command.arg(GUARD_COMMAND).stdin(Stdio::piped()).stdout(Stdio::inherit()).stderr(Stdio::piped());
         // Where the program and its group are stopped, and killed, the guard is not.
         #[cfg(unix)]
@@ -84,6 +83,22 @@ impl Drop for Guard {
     }
 }
 
+/// Returns the program to start as the guard.
+fn own_program() -> Option<PathBuf> {
+    // The program's file may have been replaced since it started.
+    let running = Path::new("/proc/self/exe");
+    if running.exists() {
+        return Some(running.to_owned());
+    }
+    std::env::current_exe().ok().or_else(|| named_program(&std::env::args_os().next()?))
+}
+
+/// Returns the program by the name that it was started by, which is looked up as a shell does, if it is this one.
+fn named_program(name: &OsStr) -> Option<PathBuf> {
+    let name = Path::new(name);
+    (name.file_name()? == env!("CARGO_PKG_NAME")).then(|| name.to_owned())
+}
+
 /// Runs the guard.
 #[cfg(unix)]
 pub fn run_guard() {
@@ -110,3 +125,15 @@ pub fn run_guard() {
 /// Does nothing: there is no guard on this platform.
 #[cfg(not(unix))]
 pub fn run_guard() {}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_proc_the_guard_is_started_by_name_if_that_is_the_programs_own() {
+        let known = |name: &str| named_program(OsStr::new(name)).is_some();
+        assert!(known("gdg-tui") && known("./gdg-tui") && known("/usr/bin/gdg-tui"));
+        assert!(!known("sh") && !known("-gdg-tui") && !known("") && !known("/"));
+    }
+}

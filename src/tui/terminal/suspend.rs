@@ -1,7 +1,26 @@
-//! Stops the program until the shell resumes it.
+//! Job control: stops the program until the shell resumes it, and leaves the terminal alone while it is the shell's.
 
 #[cfg(unix)]
-use nix::unistd::{Pid, getpgid, getpgrp, getppid, getsid};
+use std::os::fd::AsFd;
+
+#[cfg(unix)]
+use nix::unistd::{Pid, getpgid, getpgrp, getppid, getsid, tcgetpgrp};
+
+/// Whether the terminal is this program's now: in the background, it is the shell's, or that of the program that the shell
+/// runs.
+#[cfg(unix)]
+pub fn is_in_foreground(terminal: impl AsFd) -> bool {
+    // Of a terminal that is gone, errors tell.
+    tcgetpgrp(terminal).map_or(true, |group| group == getpgrp())
+}
+
+/// Whether the terminal passes on everything as it is, as this program wants it and no shell does.
+#[cfg(unix)]
+pub fn is_raw(terminal: impl AsFd) -> bool {
+    use nix::sys::termios::{OutputFlags, tcgetattr};
+
+    tcgetattr(terminal).is_ok_and(|modes| !modes.output_flags.contains(OutputFlags::OPOST))
+}
 
 /// Whether something would resume the program: a process of the same session, but of another process group, whose descendants
 /// this program and its group are, as a shell with job control. In a terminal window of its own (`xterm -e`), there is none.
@@ -54,6 +73,18 @@ pub fn stop() -> std::io::Result<()> {
     use nix::sys::signal::{Signal, killpg};
     // SIGTSTP would be handled by this program.
     Ok(killpg(getpgrp(), Signal::SIGSTOP)?)
+}
+
+/// Whether the terminal is this program's: always.
+#[cfg(not(unix))]
+pub fn is_in_foreground<T>(_: T) -> bool {
+    true
+}
+
+/// Whether the terminal is as this program wants it: always.
+#[cfg(not(unix))]
+pub fn is_raw<T>(_: T) -> bool {
+    true
 }
 
 /// Whether something would resume the program: not on this platform.

@@ -210,7 +210,7 @@ impl Worker {
 
     /// Runs a command. A panic is reported, and the run is repaired as far as possible.
     pub(super) fn execute(&mut self, command: Command) {
-        self.pulse.begin(activity(&command));
+        let _activity = self.pulse.begin(activity(&command));
         let saves = matches!(command, Command::Save(..));
         if catch_unwind(AssertUnwindSafe(|| self.execute_unguarded(command))).is_err() {
             self.repair("a command");

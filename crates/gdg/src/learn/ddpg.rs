@@ -36,6 +36,7 @@ use crate::learn::update::profile::{Profile, Stage};
 use crate::learn::update::rows::{find_corners, parts_of};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::refuse_tape;
+use crate::pulse::Parts;
 use crate::store::Store;
 use batch::{Sampler, Transitions};
 use losses::{Part, Rows, Shapes};
@@ -147,24 +148,22 @@ impl Ddpg {
         })
     }
 
-    /// Updates critics, actor and target networks once on `batch` and adds the time to `profile`.
-    fn update_on(&mut self, batch: &Transitions, profile: &mut Profile) -> Result<Losses> {
+    /// Updates critics, actor and target networks once on `batch`, in parts that are `asked` for if it takes long,
+    /// and adds the time to `profile`.
+    fn update_on(&mut self, batch: &Transitions, asked: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
         let began = Instant::now();
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.run(1 + parts, Shared::touched_corners_or_gradients)?;
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, asked, work);
+        run(1 + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
-        self.run(2 * critics, Shared::step_critics)?;
+        run(2 * critics, Shared::step_critics)?;
         let began = profile.lap(Stage::CriticModelSteps, began);
-        self.run(parts, Shared::actor_gradient)?;
+        run(parts, Shared::actor_gradient)?;
         let began = profile.lap(Stage::ActorGradient, began);
-        self.run(2, Shared::step_actor)?;
+        run(2, Shared::step_actor)?;
         profile.lap(Stage::ActorStep, began);
         Ok(self.shared.parts.iter().map(|part| part.lock().losses).sum())
-    }
-
-    fn run(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
-        self.pool.try_run(tasks, &self.shared, work)
     }
 
     /// Calls `use_nets` with the current networks or the target networks; no update can run in the meantime.
@@ -195,11 +194,10 @@ impl Learner for Ddpg {
     /// units of the reward. Distances known from the bridge graph are not used.
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
-        self.pool.follow(data.pulse);
         let mut batch = std::mem::take(&mut self.batch);
         self.sampler.sample(data.replay, data.rng, &mut batch);
         profile.lap(Stage::Sample, began);
-        let losses = self.update_on(&batch, profile);
+        let losses = self.update_on(&batch, data.parts, profile);
         self.batch = batch;
         Ok(losses?)
     }

@@ -35,6 +35,7 @@ use crate::learn::update::reference::{Layers, Parameters, Reference};
 use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_transitions, parts_of};
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::tape::Tape;
+use crate::pulse::Parts;
 use crate::store::Store;
 use graph_paths::GraphPaths;
 use part::Part;
@@ -146,12 +147,12 @@ impl Gdg {
         self.shared.actor.steps()
     }
 
-    /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop) and adds the time to
-    /// `profile`.
+    /// Updates critics, model, actor and averages once on `batch` (Algorithm 1's inner loop), in parts that are
+    /// `asked` for if it takes long, and adds the time to `profile`.
     ///
     /// # Errors
     /// Returns candle's error if a tensor operation fails.
-    pub fn update_on(&mut self, batch: &Batch, profile: &mut Profile) -> Result<Losses> {
+    pub fn update_on(&mut self, batch: &Batch, asked: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
         let began = Instant::now();
         if let Some(tape) = &mut self.tape {
             let Shared { shapes, rates, actor, .. } = &*self.shared;
@@ -163,19 +164,16 @@ impl Gdg {
         }
         self.shared.batch.write().clone_from(batch);
         let (parts, critics) = (self.shared.parts.len(), self.shared.critics.len());
-        self.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, asked, work);
+        run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
-        self.run(2 * (critics + 1), Shared::step_critics_and_model)?;
+        run(2 * (critics + 1), Shared::step_critics_and_model)?;
         let began = profile.lap(Stage::CriticModelSteps, began);
-        self.run(parts, Shared::actor_gradients)?;
+        run(parts, Shared::actor_gradients)?;
         let began = profile.lap(Stage::ActorGradient, began);
-        self.run(2, Shared::step_actor)?;
+        run(2, Shared::step_actor)?;
         profile.lap(Stage::ActorStep, began);
         Ok(self.losses())
-    }
-
-    fn run(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
-        self.pool.try_run(tasks, &self.shared, work)
     }
 
     /// Returns the losses and the gradients (flat parameters and table) of the first critic, the model and the actor on
@@ -186,8 +184,9 @@ impl Gdg {
     pub fn gradients(&mut self, batch: &Batch) -> Result<(Losses, [FullGradient; 3])> {
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        self.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
-        self.run(parts, Shared::actor_gradients)?;
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, None, work);
+        run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
+        run(parts, Shared::actor_gradients)?;
         let Shared { pairs, transitions, parts, .. } = &*self.shared;
         let (pairs, transitions) = (pairs.read(), transitions.read());
         let gradients = [
@@ -265,7 +264,6 @@ impl Learner for Gdg {
 
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
-        self.pool.follow(data.pulse);
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut self.batch);
         if let Some(known) = &data.known {
             let first = self.sampler.add_known(known, data.rng, &mut self.batch);
@@ -273,7 +271,7 @@ impl Learner for Gdg {
         }
         profile.lap(Stage::Sample, began);
         let batch = std::mem::take(&mut self.batch);
-        let losses = self.update_on(&batch, profile);
+        let losses = self.update_on(&batch, data.parts, profile);
         self.batch = batch;
         Ok(losses?)
     }

@@ -37,6 +37,7 @@ use crate::learn::update::rows::{Rows, find_corners_of_pairs, find_corners_of_tr
 use crate::learn::update::step::{Half, step_half};
 use crate::learn::update::straight::StraightLine;
 use crate::learn::update::tape::refuse_tape;
+use crate::pulse::Parts;
 use crate::store::Store;
 use policy::{FrozenActor, Nets};
 
@@ -151,28 +152,26 @@ impl GdgDistance {
         })
     }
 
-    /// Updates model, actor and the actor's average once on `batch` and adds the time to `profile`.
-    fn update_on(&mut self, batch: &Batch, profile: &mut Profile) -> Result<Losses> {
+    /// Updates model, actor and the actor's average once on `batch`, in parts that are `asked` for if it takes long,
+    /// and adds the time to `profile`.
+    fn update_on(&mut self, batch: &Batch, asked: Option<&Arc<Parts>>, profile: &mut Profile) -> Result<Losses> {
         let began = Instant::now();
         self.shared.batch.write().clone_from(batch);
         let parts = self.shared.parts.len();
-        self.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
+        let run = |tasks, work: fn(&Shared, usize) -> Result<()>| self.pool.try_run(tasks, &self.shared, asked, work);
+        run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients)?;
         let began = profile.lap(Stage::CriticModelGradients, began);
-        self.run(2, Shared::step_model)?;
+        run(2, Shared::step_model)?;
         let began = profile.lap(Stage::CriticModelSteps, began);
-        self.run(parts, Shared::actor_gradient)?;
+        run(parts, Shared::actor_gradient)?;
         let began = profile.lap(Stage::ActorGradient, began);
-        self.run(2, Shared::step_actor)?;
+        run(2, Shared::step_actor)?;
         profile.lap(Stage::ActorStep, began);
         Ok(self.losses())
     }
 
     fn losses(&self) -> Losses {
         self.shared.parts.iter().map(|part| part.lock().losses).sum()
-    }
-
-    fn run(&self, tasks: usize, work: fn(&Shared, usize) -> Result<()>) -> Result<()> {
-        self.pool.try_run(tasks, &self.shared, work)
     }
 
     /// Calls `use_nets` with the current actor or its running average; no update can run in the meantime.
@@ -198,11 +197,10 @@ impl Learner for GdgDistance {
     /// given.
     fn update(&mut self, data: TrainingData, profile: &mut Profile) -> std::result::Result<Losses, LearnError> {
         let began = Instant::now();
-        self.pool.follow(data.pulse);
         let mut batch = std::mem::take(&mut self.batch);
         self.sampler.sample(data.replay, data.relearning, data.rng, &mut batch);
         profile.lap(Stage::Sample, began);
-        let losses = self.update_on(&batch, profile);
+        let losses = self.update_on(&batch, data.parts, profile);
         self.batch = batch;
         Ok(losses?)
     }

@@ -13,7 +13,7 @@ use crate::learn::networks::policy::Policy;
 use crate::learn::settings::LearnSettings;
 use crate::learn::update::losses::Losses;
 use crate::learn::update::profile::Profile;
-use crate::pulse::Pulse;
+use crate::pulse::Parts;
 use crate::store::Store;
 
 /// Registry entry of a kind of learner.
@@ -46,9 +46,9 @@ pub struct TrainingData<'a> {
     pub relearning: Option<Relearning>,
     /// Random stream for drawing batches.
     pub rng: &'a mut ChaCha8Rng,
-    /// Counts the parts of the update. A learner may leave out those for which [`Pulse::leaves_out`] says so: what the
-    /// update has changed is then undone.
-    pub pulse: &'a Pulse,
+    /// Set if updates take long. A learner may then ask before each part whether to compute it (see [`Parts::next`]): if not,
+    /// what the update has changed is undone.
+    pub parts: Option<&'a Arc<Parts>>,
 }
 
 /// How agents act.

@@ -249,14 +249,13 @@ pub fn save(trainer: &Trainer, to: &SaveTo) -> Result<PathBuf, CheckpointError> 
         problem: format!("not saved: {problem}"),
         help: "choose a file in a writable folder with enough free space".to_owned(),
     };
-    trainer.pulse().begin("the checkpoint to be written");
+    let _activity = trainer.pulse().begin("the checkpoint to be written");
     if crate::faults::point("save") {
         return Err(failed("injected fault".to_owned()));
     }
     let store = trainer.save().map_err(|e| failed(e.to_string()))?;
     let bytes = content::to_bytes(store).map_err(|e| failed(e.to_string()))?;
     let path = write(to, &bytes).map_err(|e| failed(e.to_string()))?;
-    trainer.pulse().beat();
     tracing::info!("saved {} at update {}", path.display(), trainer.counters().updates);
     Ok(path)
 }

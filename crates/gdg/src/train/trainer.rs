@@ -25,7 +25,7 @@ use crate::env::{Environment, Spec, TaskSet};
 use crate::learn::{
     Acting, KnownDistances, Learner, Losses, Policy, Profile, Relearning, Replay, Scratch, Stage, TrainingData,
 };
-use crate::pulse::Pulse;
+use crate::pulse::{Parts, Pulse};
 pub use change::{KeptState, WorldChange};
 pub(super) use persistence::{LEARNED, TrainerState};
 use recovery::LastGood;
@@ -317,8 +317,13 @@ impl Trainer {
     }
 
     fn update(&mut self) -> Result<Tick> {
-        self.pulse.begin("the update in progress");
-        let undo = self.undo_for_update()?;
+        let is_long = self.updates_are_long();
+        let _activity = is_long.then(|| self.pulse.begin("the update in progress"));
+        let undo = if is_long { self.undo_for_update()? } else { None };
+        if is_long {
+            tracing::debug!("update {} begins", self.counters.updates + 1);
+        }
+        let parts = is_long.then(|| Arc::new(Parts::new(&self.pulse, undo.is_some())));
         self.counters.owed_steps -= self.run.settings.train.env_steps_per_update;
         self.counters.updates += 1;
         if !self.learns() {
@@ -340,10 +345,9 @@ impl Trainer {
         let recent_slots = self.counters.env_steps.saturating_sub(self.counters.changed_at_step) / agents;
         let relearning = relearns.then_some(Relearning { recent_slots, graph_finds_changed });
         self.in_update = true;
-        let finishes = Pulse::default();
-        let pulse = if undo.is_some() { &self.pulse } else { &finishes };
-        let losses = learner.update(TrainingData { replay, known, relearning, rng: batch_rng, pulse }, profile)?;
-        if let Some(undo) = undo.filter(|_| self.pulse.take_left_out()) {
+        let data = TrainingData { replay, known, relearning, rng: batch_rng, parts: parts.as_ref() };
+        let losses = learner.update(data, profile)?;
+        if let Some(undo) = undo.filter(|_| parts.is_some_and(|parts| parts.has_skipped())) {
             self.undo(undo)?;
             return Ok(Tick::Undone);
         }

@@ -109,7 +109,7 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
     let mut learner = Ddpg::new(variant, (spec, settings), 2, &mut rng).unwrap();
     for _ in 0..UPDATES_BEFORE {
         let other = transitions(spec, settings.batch_size, &mut rng);
-        learner.update_on(&other, &mut Profile::default()).unwrap();
+        learner.update_on(&other, None, &mut Profile::default()).unwrap();
     }
     let batch = transitions(spec, settings.batch_size, &mut rng);
     let shapes = learner.shared.shapes.clone();
@@ -125,8 +125,8 @@ fn check(variant: &'static Variant, spec: &Spec, settings: &LearnSettings) {
     // The gradients of an update, without its steps.
     learner.shared.batch.write().clone_from(&batch);
     let (parts, touched) = (&learner.shared.parts, &learner.shared.touched);
-    learner.run(1 + parts.len(), Shared::touched_corners_or_gradients).unwrap();
-    learner.run(parts.len(), Shared::actor_gradient).unwrap();
+    learner.pool.try_run(1 + parts.len(), &learner.shared, None, Shared::touched_corners_or_gradients).unwrap();
+    learner.pool.try_run(parts.len(), &learner.shared, None, Shared::actor_gradient).unwrap();
     let touched = touched.read();
     let found: Vec<f32> = learner.shared.parts.iter().flat_map(|part| part.lock().targets.clone()).collect();
     for (found, expected) in found.iter().zip(&expected) {
@@ -201,7 +201,7 @@ fn updates_are_the_same_on_any_number_of_threads() {
         let mut rng = ChaCha8Rng::seed_from_u64(3);
         let mut learner = Ddpg::new(&HINDSIGHT, (&spec, &settings), threads, &mut rng).unwrap();
         for _ in 0..30 {
-            learner.update_on(&transitions(&spec, 130, &mut rng), &mut Profile::default()).unwrap();
+            learner.update_on(&transitions(&spec, 130, &mut rng), None, &mut Profile::default()).unwrap();
         }
         let mut store = Store::default();
         learner.save(&mut store).unwrap();

@@ -34,14 +34,17 @@ fn check(spec: &Spec, settings: &LearnSettings) {
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut learner = GdgDistance::new(spec, settings, 2, &mut rng).unwrap();
     for _ in 0..20 {
-        learner.update_on(&batch(spec, settings.batch_size, &mut rng), &mut Profile::default()).unwrap();
+        learner.update_on(&batch(spec, settings.batch_size, &mut rng), None, &mut Profile::default()).unwrap();
     }
     let batch = batch(spec, settings.batch_size, &mut rng);
     // The gradients of an update, without its steps.
     learner.shared.batch.write().clone_from(&batch);
     let parts = learner.shared.parts.len();
-    learner.run(Shared::TOUCH_TASKS + parts, Shared::touched_corners_or_gradients).unwrap();
-    learner.run(parts, Shared::actor_gradient).unwrap();
+    learner
+        .pool
+        .try_run(Shared::TOUCH_TASKS + parts, &learner.shared, None, Shared::touched_corners_or_gradients)
+        .unwrap();
+    learner.pool.try_run(parts, &learner.shared, None, Shared::actor_gradient).unwrap();
 
     let tensor =
         |numbers: &[f32], width: usize| Tensor::from_slice(numbers, (batch.len(), width), &Device::Cpu).unwrap();
@@ -112,7 +115,7 @@ fn updates_are_the_same_on_any_number_of_threads_and_after_a_restart() {
                 learner = GdgDistance::new(&spec, &settings, 1, &mut ChaCha8Rng::seed_from_u64(99)).unwrap();
                 learner.load(&saved).unwrap();
             }
-            learner.update_on(&batch(&spec, 130, &mut rng), &mut Profile::default()).unwrap();
+            learner.update_on(&batch(&spec, 130, &mut rng), None, &mut Profile::default()).unwrap();
         }
         state(&learner)
     });
@@ -125,7 +128,7 @@ fn the_exported_actor_is_the_averaged_one() {
     let mut rng = ChaCha8Rng::seed_from_u64(3);
     let mut learner = GdgDistance::new(&spec, &settings(40, 16, 2), 1, &mut rng).unwrap();
     for _ in 0..10 {
-        learner.update_on(&batch(&spec, 40, &mut rng), &mut Profile::default()).unwrap();
+        learner.update_on(&batch(&spec, 40, &mut rng), None, &mut Profile::default()).unwrap();
     }
     let biases = |averaged: bool| {
         let export = learner.export_actor(averaged).unwrap().unwrap();

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use parking_lot::{Condvar, Mutex};
 
-use crate::pulse::Pulse;
+use crate::pulse::Parts;
 
 /// How long a helper spins before it sleeps: longer than the gap between two pieces of an update.
 const SPIN_DURATION: Duration = Duration::from_micros(300);
@@ -66,8 +66,6 @@ struct JobSlot {
 pub struct ThreadPool {
     slot: Arc<JobSlot>,
     threads: usize,
-    /// Counts the tasks of [`Self::try_run`], and may have them left out.
-    pulse: Pulse,
     /// Started by the first piece of work, so that they have the priority of the thread that works.
     helpers: OnceLock<Vec<JoinHandle<()>>>,
 }
@@ -75,12 +73,7 @@ pub struct ThreadPool {
 impl ThreadPool {
     /// Creates a pool of `threads` threads, including the caller; of fewer if the system refuses to start as many.
     pub fn new(threads: usize) -> Self {
-        Self { slot: Arc::default(), threads, pulse: Pulse::default(), helpers: OnceLock::new() }
-    }
-
-    /// Has `pulse` count the tasks of the following work, and say whether to leave them out.
-    pub fn follow(&mut self, pulse: &Pulse) {
-        self.pulse = pulse.clone();
+        Self { slot: Arc::default(), threads, helpers: OnceLock::new() }
     }
 
     fn start_helpers(&self) -> Vec<JoinHandle<()>> {
@@ -118,8 +111,8 @@ impl ThreadPool {
 }
 
 impl ThreadPool {
-    /// Calls `work` with each index below `tasks` on data that all threads share; returns when all calls are done. Leaves
-    /// out those that begin after training is to stop.
+    /// Calls `work` with each index below `tasks` on data that all threads share; returns when all calls are done. They
+    /// are `parts` of an update, if it is a long one: some may be left out.
     ///
     /// # Errors
     /// Returns the first error of a call.
@@ -130,15 +123,15 @@ impl ThreadPool {
         &self,
         tasks: usize,
         shared: &Arc<S>,
+        parts: Option<&Arc<Parts>>,
         work: fn(&S, usize) -> Result<(), E>,
     ) -> Result<(), E> {
         let failure = Arc::new(Mutex::new(None));
-        let (shared, first, pulse) = (shared.clone(), failure.clone(), self.pulse.clone());
+        let (shared, first, parts) = (shared.clone(), failure.clone(), parts.cloned());
         self.run(tasks, move |i| {
-            if pulse.leaves_out() {
+            if parts.as_ref().is_some_and(|parts| !parts.next()) {
                 return;
             }
-            pulse.beat();
             if let Err(error) = work(&shared, i) {
                 first.lock().get_or_insert(error);
             }

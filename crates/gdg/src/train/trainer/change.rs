@@ -48,7 +48,7 @@ impl Trainer {
     /// # Errors
     /// `world` cannot replace the run's world; nothing has changed then.
     pub fn change_world(&mut self, world: &dyn Environment) -> Result<WorldChange> {
-        self.pulse.begin("the edit of the world");
+        let _activity = self.pulse.begin("the edit of the world");
         let change = world.change_from(self.world())?;
         let mut statistics = Store::default();
         self.world().save(&mut statistics);
@@ -75,7 +75,7 @@ impl Trainer {
     /// # Errors
     /// The learner fails; nothing has changed then.
     pub fn change_run(&mut self, run: Run) -> Result<KeptState> {
-        self.pulse.begin("the change of settings");
+        let _activity = self.pulse.begin("the change of settings");
         let spec = self.spec();
         let fresh = || new_learner(&run, spec, &self.registry, self.threads);
         let (mut learner, mut networks) = (fresh()?, false);

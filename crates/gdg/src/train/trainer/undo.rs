@@ -21,11 +21,15 @@ pub(super) struct Undo {
 }
 
 impl Trainer {
-    /// Returns what is needed to undo the next update; nothing if it is to be finished: it is short, or changes the bridge
-    /// graph and the plans too, as few do.
+    /// Returns whether the next update may be a long one.
+    pub(super) fn updates_are_long(&self) -> bool {
+        self.update_took.is_none_or(|took| took >= LONG_UPDATE)
+    }
+
+    /// Returns what is needed to undo the next update; nothing if it is to be finished: it changes the bridge graph and the
+    /// plans too, as few do.
     pub(super) fn undo_for_update(&self) -> Result<Option<Undo>> {
-        let is_long = self.update_took.is_none_or(|took| took >= LONG_UPDATE);
-        if !is_long || self.changes_graph_at(self.counters.updates + 1) || !self.learns() {
+        if self.changes_graph_at(self.counters.updates + 1) || !self.learns() {
             return Ok(None);
         }
         let mut learner = Store::default();
