@@ -14,6 +14,7 @@ use crate::progress_bar;
 use crate::report::from_map_error;
 use gdg::files::has_extension;
 use gdg::map::{self, BUILTIN, Cell, Components, Diameter, Grid, MapError, StepSearch};
+use gdg::printing::eprint_line;
 use gdg::text::{counted, nearest, sanitized};
 use gdg::train::Registry;
 
@@ -43,16 +44,16 @@ pub fn check(file: &Path, map_file: Option<&Path>) -> Result<String, Report> {
             return Err(miette!(help = help, "{}: is not a scenario: --map goes with a .scen file", file.display()));
         }
         let grid = find_map(file, &Registry::builtin())?;
-        return Ok(facts(&grid, Some(file), None));
+        return Ok(facts(&grid, None));
     }
     let scenario = map::read_scenario(file).map_err(from_map_error)?;
     let path = map_file.map_or_else(|| map_beside(file, &scenario.map_name()), |path| Ok(path.to_owned()))?;
     let grid = map::load_map(&path).map_err(from_map_error)?;
     let tasks = scenario.tasks(&grid).map_err(from_map_error)?;
-    scenario.check_lengths(&grid).map_err(from_map_error)?;
+    scenario.check_lengths(&tasks, &grid).map_err(from_map_error)?;
     let longest = tasks.iter().map(|t| t.optimal_octile).fold(0.0, f64::max);
     let tasks = counted(tasks.len() as u64, "task");
-    let facts = facts(&grid, Some(&path), scenario.other_map(&grid));
+    let facts = facts(&grid, scenario.other_map(&grid));
     Ok(format!("scenario: {tasks}, longest {longest:.1} cells\n{facts}"))
 }
 
@@ -73,8 +74,8 @@ fn map_beside(scenario: &Path, named: &str) -> Result<PathBuf, Report> {
     })
 }
 
-/// Returns the facts about a map, from `file` if it is not built in, and a line for each warning.
-fn facts(grid: &Grid, file: Option<&Path>, other_map: Option<String>) -> String {
+/// Returns the facts about a map, and a line for each warning.
+fn facts(grid: &Grid, other_map: Option<String>) -> String {
     let components = StepSearch::new(grid).components(grid);
     let free = grid.free_count();
     let largest = components.sizes[components.largest() as usize];
@@ -94,23 +95,29 @@ fn facts(grid: &Grid, file: Option<&Path>, other_map: Option<String>) -> String 
         let (starts, goals) = (grid.starts().len() as u64, grid.goals().len() as u64);
         lines.push(format!("marked:     {}, {}", counted(starts, "start"), counted(goals, "goal")));
     }
-    let warnings = doubts(grid, file).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
+    let warnings = doubts(grid).into_iter().chain(unconnected_parts(grid, &components)).chain(other_map);
     lines.extend(warnings.map(|problem| format!("warning:    {problem}")));
     lines.join("\n") + "\n"
 }
 
-/// Returns warnings about a map for its user, with its name; `file` is where it was read from.
-pub fn warnings(grid: &Grid, file: Option<&Path>) -> Vec<String> {
+/// Prints the warnings about a map.
+pub fn warn(grid: &Grid) {
+    warnings(grid).iter().for_each(|warning| eprint_line(warning));
+}
+
+/// Returns warnings about a map for its user, with its name.
+pub fn warnings(grid: &Grid) -> Vec<String> {
     let named = |problem| format!("warning: {}: {problem}", sanitized(grid.name()));
-    doubts(grid, file).into_iter().chain(unconnected(grid)).map(named).collect()
+    doubts(grid).into_iter().chain(unconnected(grid)).map(named).collect()
 }
 
 /// Returns what suggests that a map is not what its author meant.
-fn doubts(grid: &Grid, file: Option<&Path>) -> Vec<String> {
+fn doubts(grid: &Grid) -> Vec<String> {
     let free = grid.free_count();
     let few = format!("the map has only {}: too few to learn anything", counted(free as u64, "free cell"));
     let few = (free < FEWEST_CELLS).then_some(few);
-    file.and_then(map::doubtful_letters).into_iter().chain(few).collect()
+    let letters = grid.doubt().map(|doubt| format!("{doubt}: write walls as '#' and free cells as '.'"));
+    letters.into_iter().chain(few).collect()
 }
 
 /// Returns what is wrong if starts and goals of a map lie in different components, or the starts outside the largest.

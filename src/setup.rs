@@ -123,14 +123,9 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
         warnings.extend(load_scenario(path, maze, resumed.is_some())?);
     }
     let edits = load_edits(args, &trainer)?;
-    if let Some(maze) = PointMaze::downcast_ref(trainer.world()) {
-        let file = args.map.as_deref().filter(|_| resumed.is_none()).filter(|path| path.is_file());
-        warnings.extend(facts::warnings(maze.map(), file));
-    }
-    for edit in &args.edit_at {
-        let warning = |problem| format!("warning: {}: {problem}", sanitized(&edit.file.to_string_lossy()));
-        warnings.extend(map::doubtful_letters(&edit.file).map(warning));
-    }
+    let worlds = std::iter::once(trainer.world()).chain(edits.iter().map(|edit| &*edit.world));
+    let mazes = worlds.filter_map(PointMaze::downcast_ref);
+    warnings.extend(mazes.flat_map(|maze| facts::warnings(maze.map())));
     Ok(Setup { trainer, edits, threads, save, resumed, warnings })
 }
 
@@ -138,10 +133,11 @@ pub fn prepare(args: &TrainArgs, registry: &Arc<Registry>) -> Result<Setup, Repo
 /// edited, which may make paths longer.
 fn load_scenario(path: &Path, maze: &mut PointMaze, resumed: bool) -> Result<Option<String>, Report> {
     let scenario = map::read_scenario(path).map_err(from_map_error)?;
-    maze.set_scenario(scenario.tasks(maze.map()).map_err(from_map_error)?);
+    let tasks = scenario.tasks(maze.map()).map_err(from_map_error)?;
     if !resumed {
-        scenario.check_lengths(maze.map()).map_err(from_map_error)?;
+        scenario.check_lengths(&tasks, maze.map()).map_err(from_map_error)?;
     }
+    maze.set_scenario(tasks);
     let other = scenario.other_map(maze.map());
     Ok(other.map(|problem| format!("warning: {}: {problem}", sanitized(&path.to_string_lossy()))))
 }

@@ -13,8 +13,7 @@ use super::runner::Runner;
 use super::suite::{any_failed, print};
 use super::world::JobWorld;
 use crate::cli::{AblateArgs, EXIT_FAILURE};
-use crate::facts::find_map;
-use crate::facts::warnings;
+use crate::facts::{find_map, warn};
 use crate::report::from_config_error;
 use crate::setup::{refuse_existing, refuse_input, threads};
 use gdg::files::{check_writable, write_atomically};
@@ -137,7 +136,7 @@ pub fn run(args: &AblateArgs) -> Result<u8, Report> {
     }
     let registry = Registry::builtin();
     let map = find_map(&args.map, &registry)?;
-    warnings(&map, Some(&args.map)).iter().for_each(|warning| eprint_line(warning));
+    warn(&map);
     let plan = Plan::new(Length::Updates(args.updates), 1, args.eval_tasks);
     let (cases, mut runs) = (cases(args.ladder), Vec::new());
     for case in &cases {

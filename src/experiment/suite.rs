@@ -14,8 +14,7 @@ use super::runner::{End, Outcome, Runner};
 use super::table::{Row, table};
 use super::world::JobWorld;
 use crate::cli::{EXIT_FAILURE, EXIT_NOT_REACHED, SuiteArgs};
-use crate::facts::find_map;
-use crate::facts::warnings;
+use crate::facts::{find_map, warn};
 use crate::report::from_map_error;
 use crate::setup::{self, threads};
 use gdg::env::maze;
@@ -78,7 +77,7 @@ pub fn prepare<'a>(args: &'a SuiteArgs, registry: &Arc<Registry>) -> Result<Suit
 fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
     if !folder.is_dir() || folder.to_str().is_some_and(|name| builtin(name).is_some()) {
         let map = find_map(folder, registry)?;
-        warn(&map, folder);
+        warn(&map);
         return Ok(vec![map]);
     }
     let name = folder.display();
@@ -101,13 +100,8 @@ fn maps(folder: &Path, registry: &Registry) -> Result<Vec<Grid>, Report> {
         let help = "give a folder of .map or .txt files, map files, or names from 'gdg-tui maps'";
         return Err(miette!(help = help, "{name}: the folder has no .map or .txt files"));
     }
-    let load = |path: &PathBuf| load_map(path).inspect(|map| warn(map, path)).map_err(from_map_error);
+    let load = |path: &PathBuf| load_map(path).inspect(warn).map_err(from_map_error);
     files.iter().map(load).collect()
-}
-
-/// Warns about what suggests that a map, read from `file`, is not what its author meant.
-fn warn(map: &Grid, file: &Path) {
-    warnings(map, Some(file)).iter().for_each(|warning| eprint_line(warning));
 }
 
 fn default_budget(map: &Grid) -> u64 {

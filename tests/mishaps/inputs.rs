@@ -146,6 +146,16 @@ fn all_readers_of_checkpoints_say_the_same_of_one_that_was_cut_off() {
     }
 }
 
+#[test]
+fn a_file_called_like_a_built_in_map_is_not_blamed_for_it() {
+    let folder = folder();
+    std::fs::write(folder.path().join("trap"), "#O.\n...\n").unwrap();
+    let (status, _, errors) = typed(folder.path(), &["--no-ui", "trap", "--max-updates", "0", "--eval-tasks", "1"]);
+    assert!(status == 0 && !errors.contains("warning"), "{errors}");
+    let (_, facts, _) = typed(folder.path(), &["check", "./trap"]);
+    assert!(facts.contains("in D4RL mazes it is a free cell"), "{facts}");
+}
+
 #[cfg(target_os = "linux")]
 #[test]
 fn a_limit_of_the_address_space_is_called_that() {

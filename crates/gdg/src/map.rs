@@ -25,7 +25,7 @@ pub(crate) use flood::Flood;
 pub use flood::UNREACHABLE;
 pub use grid::{Cell, Grid, MAX_CELLS, MAX_SIDE, is_size, size_limits};
 pub(crate) use half_cells::{HalfCells, PointSearch};
-pub use load::{doubtful_letters, load_map, load_scenario, parse_map, parse_scenario_bytes, read_scenario};
+pub use load::{load_map, load_scenario, parse_map, parse_scenario_bytes, read_scenario};
 pub use movingai::print_movingai;
 pub use random::{RANDOM_SIZES, RandomMapKind, random};
 pub use scenario::{Scenario, ScenarioTask};

@@ -83,7 +83,7 @@ impl App {
     pub(super) fn open_map(&mut self, path: &Path) {
         match load_map(path) {
             Ok(map) => {
-                warnings(&map, Some(path)).iter().for_each(|warning| self.notify(warning));
+                warnings(&map).iter().for_each(|warning| self.notify(warning));
                 self.offer_map(&Arc::new(map), Some(path));
             }
             Err(error) => {

@@ -6,11 +6,10 @@ use miette::{Report, miette};
 
 use super::LETTERS;
 use crate::cli::CompareArgs;
-use crate::facts::warnings;
+use crate::facts::warn;
 use crate::report::from_config_error;
 use crate::setup;
 use gdg::env::PointMaze;
-use gdg::printing::eprint_line;
 use gdg::train::{Method, Overrides, Preset, Registry, Run, Trainer, settings_from};
 
 /// A run that takes part in a comparison.
@@ -40,7 +39,7 @@ pub fn prepare(args: &CompareArgs, registry: &Arc<Registry>) -> Result<[Contesta
         [(&args.a, &sides[0]), (&args.b, &sides[1])].map(|(method, side)| contestant(method, side, args, registry));
     let contestants = [a?, b?];
     if let Some(maze) = PointMaze::downcast_ref(contestants[0].trainer.world()) {
-        warnings(maze.map(), Some(&args.map)).iter().for_each(|warning| eprint_line(warning));
+        warn(maze.map());
     }
     Ok(contestants)
 }

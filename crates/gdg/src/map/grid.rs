@@ -42,7 +42,7 @@ impl Cell {
 }
 
 /// A rectangular map of free and wall cells; everything outside it is wall.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub struct Grid {
     name: String,
     width: usize,
@@ -51,7 +51,20 @@ pub struct Grid {
     free: Vec<bool>,
     starts: Vec<Cell>,
     goals: Vec<Cell>,
+    /// What other programs read differently in its file.
+    doubt: Option<&'static str>,
 }
+
+/// What its file looked like is no part of a map.
+impl PartialEq for Grid {
+    fn eq(&self, other: &Self) -> bool {
+        let Self { name, width, height, free, starts, goals, doubt: _ } = self;
+        (name, width, height) == (&other.name, &other.width, &other.height)
+            && (free, starts, goals) == (&other.free, &other.starts, &other.goals)
+    }
+}
+
+impl Eq for Grid {}
 
 impl Grid {
     /// Creates a grid from its cells in row-major order (`true` where free), with starts and goals sorted row by row.
@@ -61,7 +74,7 @@ impl Grid {
     pub fn new(name: &str, width: usize, free: Vec<bool>, starts: Vec<Cell>, goals: Vec<Cell>) -> Self {
         let height = free.len().checked_div(width).unwrap_or(0);
         assert_eq!(free.len(), width * height, "a grid needs whole rows");
-        let grid = Self { name: name.to_owned(), width, height, free, starts, goals };
+        let grid = Self { name: name.to_owned(), width, height, free, starts, goals, doubt: None };
         assert!(
             grid.starts.iter().chain(&grid.goals).all(|&c| grid.is_free(c)),
             "starts and goals must be on free cells"
@@ -79,6 +92,17 @@ impl Grid {
     pub fn named(mut self, name: &str) -> Self {
         name.clone_into(&mut self.name);
         self
+    }
+
+    /// Returns the map with what other programs read differently in its file.
+    #[must_use]
+    pub(super) fn with_doubt(self, doubt: Option<&'static str>) -> Self {
+        Self { doubt, ..self }
+    }
+
+    /// Returns what other programs read differently in the file that the map was read from, if there is anything.
+    pub fn doubt(&self) -> Option<&'static str> {
+        self.doubt
     }
 
     /// Returns the number of columns.

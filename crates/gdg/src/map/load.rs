@@ -26,7 +26,10 @@ pub fn parse_map(file: &str, bytes: &[u8]) -> MapResult<Grid> {
         return Err(text.line_error(0, "this is a scenario file, not a map", help));
     }
     let name = Path::new(file).file_stem().map_or_else(|| file.to_owned(), |s| s.to_string_lossy().into_owned());
-    if is_movingai(&text) { parse_movingai(&name, &text) } else { parse_ascii(&name, &text) }
+    if is_movingai(&text) {
+        return parse_movingai(&name, &text);
+    }
+    parse_ascii(&name, &text).map(|grid| grid.with_doubt(ascii::doubtful_letters(&text.lines)))
 }
 
 /// What is read as a map.
@@ -58,7 +61,7 @@ pub fn load_map(path: &Path) -> MapResult<Grid> {
 /// # Errors
 /// The file cannot be read, or is not a scenario.
 pub fn read_scenario(path: &Path) -> MapResult<Scenario> {
-    let parsed = read(path, "scenario").and_then(|bytes| Scenario::parse(&path.to_string_lossy(), bytes));
+    let parsed = read(path, "scenario").and_then(|bytes| Scenario::parse(&path.to_string_lossy(), &bytes));
     parsed.map_err(|error| explained(path, error, &SCENARIO))
 }
 
@@ -75,15 +78,7 @@ pub fn load_scenario(path: &Path, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
 /// # Errors
 /// See [`load_scenario`].
 pub fn parse_scenario_bytes(file: &str, bytes: &[u8], grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-    Scenario::parse(file, bytes.to_vec())?.tasks(grid)
-}
-
-/// Returns a warning about a plain map whose letters other programs read differently, `None` if there is nothing to say.
-pub fn doubtful_letters(path: &Path) -> Option<String> {
-    let bytes = read(path, "map").ok()?;
-    let text = Text::new("", &bytes).ok()?;
-    let doubt = ascii::doubtful_letters(&text.lines).filter(|_| !is_movingai(&text))?;
-    Some(format!("{doubt}: write walls as '#' and free cells as '.'"))
+    Scenario::parse(file, bytes)?.tasks(grid)
 }
 
 /// Returns what the file at `path` is if it is not what was `wanted`, else `error`.

@@ -10,17 +10,6 @@ use super::grid::{Cell, Grid};
 const STRAIGHT: u32 = 1000;
 const DIAGONAL: u32 = 1414;
 
-/// What a search has found.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Found {
-    /// A path that is as long as allowed at most.
-    Path,
-    /// All paths are longer: the shortest has about this length, or none exists.
-    Longer(Option<f64>),
-    /// The search took too long.
-    Unknown,
-}
-
 /// Searches for shortest paths over one map; reuses its buffers. A library search over hashed nodes is many times slower.
 pub struct OctileSearch {
     width: usize,
@@ -42,21 +31,9 @@ impl OctileSearch {
         Self { width: grid.width(), moves, lengths, reached: Vec::new(), left: most_visits }
     }
 
-    /// Returns whether a path of at most `most` cells leads from `start` to `goal`, both free.
-    pub fn search(&mut self, start: Cell, goal: Cell, most: f64) -> Found {
-        let most = (most * f64::from(STRAIGHT)).ceil();
-        match self.shortest(start, goal, most as u32) {
-            Ok(Some(_)) => Found::Path,
-            Ok(None) => match self.shortest(start, goal, u32::MAX) {
-                Ok(length) => Found::Longer(length.map(|length| f64::from(length) / f64::from(STRAIGHT))),
-                Err(Exhausted) => Found::Longer(None),
-            },
-            Err(Exhausted) => Found::Unknown,
-        }
-    }
-
-    /// Returns the length of the shortest path, if that is at most `most` (A* over the cells).
-    fn shortest(&mut self, start: Cell, goal: Cell, most: u32) -> Result<Option<u32>, Exhausted> {
+    /// Returns the length, in cells, of the shortest path from `start` to `goal` (A* over the cells); `None` if there is none,
+    /// or the visits are used up.
+    pub fn shortest(&mut self, start: Cell, goal: Cell) -> Option<f64> {
         for at in self.reached.drain(..) {
             self.lengths[at as usize] = u32::MAX;
         }
@@ -69,13 +46,13 @@ impl OctileSearch {
         let mut open = BinaryHeap::from([Reverse((to_goal(first), to_goal(first), first as u32))]);
         while let Some(Reverse((promised, ahead, at))) = open.pop() {
             if ahead == 0 {
-                return Ok(Some(promised));
+                return Some(f64::from(promised) / f64::from(STRAIGHT));
             }
             let (at, length) = (at as usize, promised - ahead);
             if length > self.lengths[at] {
                 continue;
             }
-            self.left = self.left.checked_sub(1).ok_or(Exhausted)?;
+            self.left = self.left.checked_sub(1)?;
             let mut bits = self.moves[at];
             while bits != 0 {
                 let (dx, dy) = OFFSETS[bits.trailing_zeros() as usize];
@@ -83,7 +60,7 @@ impl OctileSearch {
                 let next = at.wrapping_add_signed(dy * width as isize + dx);
                 let own = length.saturating_add(if dx == 0 || dy == 0 { STRAIGHT } else { DIAGONAL });
                 let promised = own.saturating_add(to_goal(next));
-                if own < self.lengths[next] && promised <= most {
+                if own < self.lengths[next] {
                     if self.lengths[next] == u32::MAX {
                         self.reached.push(next as u32);
                     }
@@ -92,12 +69,9 @@ impl OctileSearch {
                 }
             }
         }
-        Ok(None)
+        None
     }
 }
-
-/// All visits are used up.
-struct Exhausted;
 
 /// Returns the length of the shortest path without any wall.
 fn straight_length(a: Cell, b: Cell) -> u32 {
@@ -121,11 +95,10 @@ mod tests {
         let grid = parse_map("map", b"...#\n.#..\n...#\n####\n..#.\n").expect("a map");
         let mut search = OctileSearch::new(&grid, 1000);
         let (a, b) = (Cell::new(1, 0), Cell::new(1, 2));
-        assert_eq!(search.search(a, b, 4.0), Found::Path);
-        assert_eq!(search.search(a, b, 3.9), Found::Longer(Some(4.0)));
-        assert_eq!(search.search(a, Cell::new(0, 4), 50.0), Found::Longer(None));
-        assert_eq!(search.search(a, a, 0.0), Found::Path);
+        assert_eq!(search.shortest(a, b), Some(4.0));
+        assert_eq!(search.shortest(a, Cell::new(0, 4)), None);
+        assert_eq!(search.shortest(a, a), Some(0.0));
         search.left = 3;
-        assert_eq!(search.search(a, b, 4.0), Found::Unknown);
+        assert_eq!(search.shortest(a, b), None);
     }
 }

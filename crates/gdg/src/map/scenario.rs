@@ -1,9 +1,11 @@
 //! Moving AI `.scen` files: tasks on a map.
 
+use std::ops::RangeInclusive;
+
 use super::distance::StepSearch;
 use super::error::{MapError, MapResult};
 use super::grid::{Cell, Grid};
-use super::octile::{Found, OctileSearch, least_length};
+use super::octile::{OctileSearch, least_length};
 use super::text::Text;
 
 /// One task of a scenario.
@@ -36,15 +38,16 @@ const ROUNDS: usize = 64;
 #[derive(Clone, Debug)]
 pub struct Scenario {
     file: String,
-    bytes: Vec<u8>,
     entries: Vec<Entry>,
 }
 
 /// A task as in the file.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Entry {
     /// Line, from 0.
     line: usize,
+    /// The line itself.
+    text: String,
     /// Width and height of the map that coordinates refer to.
     size: (usize, usize),
     start: (usize, usize),
@@ -65,8 +68,8 @@ impl Scenario {
     ///
     /// # Errors
     /// Fails on a missing version, a wrong number of fields, values that are not numbers, and scenarios without tasks.
-    pub fn parse(file: &str, bytes: Vec<u8>) -> MapResult<Self> {
-        let text = Text::new(file, &bytes)?;
+    pub fn parse(file: &str, bytes: &[u8]) -> MapResult<Self> {
+        let text = Text::new(file, bytes)?;
         let version: Vec<String> = text.lines[0].split_whitespace().map(str::to_ascii_lowercase).collect();
         let version: Vec<&str> = version.iter().map(String::as_str).collect();
         if !matches!(version.as_slice(), ["version", "1" | "1.0"]) {
@@ -82,19 +85,18 @@ impl Scenario {
         if entries.is_empty() {
             return Err(text.line_error(0, "the scenario has no tasks", EXPECTED_FIELDS));
         }
-        Ok(Self { file: file.to_owned(), bytes, entries })
+        Ok(Self { file: file.to_owned(), entries })
     }
 
     /// Returns the name of the map's file that the first task names.
     pub fn map_name(&self) -> String {
-        self.text().map_or(String::new(), |text| map_name(text.lines[self.entries[0].line]).to_owned())
+        self.entries.first().map_or(String::new(), |entry| map_name(&entry.text).to_owned())
     }
 
     /// Returns a warning if a task names another map than `grid`, with its line.
     pub fn other_map(&self, grid: &Grid) -> Option<String> {
-        let text = self.text().ok()?;
-        let names = self.entries.iter().map(|entry| (entry.line, map_name(text.lines[entry.line])));
-        let (line, name) = names.into_iter().find(|(_, name)| !is_name_of(name, grid))?;
+        let mut names = self.entries.iter().map(|entry| (entry.line, map_name(&entry.text)));
+        let (line, name) = names.find(|(_, name)| !is_name_of(name, grid))?;
         Some(format!("line {} is a task on {name}, but the map is {}", line + 1, grid.name()))
     }
 
@@ -103,25 +105,22 @@ impl Scenario {
     /// # Errors
     /// A stated size has other proportions than the grid, or a start or goal is in a wall or off the map.
     pub fn tasks(&self, grid: &Grid) -> MapResult<Vec<ScenarioTask>> {
-        let text = self.text()?;
-        self.entries.iter().map(|entry| entry.task(&text, grid)).collect()
+        self.entries.iter().map(|entry| entry.task(&self.file, grid)).collect()
     }
 
-    /// Checks that no stated length is below that of the shortest path on `grid`, and that there is one. On large maps,
-    /// the paths of evenly spread tasks only.
+    /// Checks that no length stated of `tasks`, which are this scenario's on `grid`, is below that of the shortest path, and
+    /// that there is one. On large maps, the paths of evenly spread tasks only.
     ///
     /// # Errors
-    /// Names the task that cannot be on this map. Also fails like [`Self::tasks`].
-    pub fn check_lengths(&self, grid: &Grid) -> MapResult<()> {
-        let text = self.text()?;
-        let tasks = self.tasks(grid)?;
+    /// Names the task that cannot be on this map.
+    pub fn check_lengths(&self, tasks: &[ScenarioTask], grid: &Grid) -> MapResult<()> {
         let too_short = |entry: &Entry, least: f64, why: &str| {
             let problem = format!("the length {} is too short: {why} {least:.2} long", entry.length);
             let help =
                 "lengths are those of shortest paths, diagonals count 1.41 and cut no corners; is this the right map?";
-            text.error(entry.line, columns(text.lines[entry.line], 8..=8), problem, help)
+            entry.error(&self.file, 8..=8, problem, help)
         };
-        for (entry, task) in self.entries.iter().zip(&tasks) {
+        for (entry, task) in self.entries.iter().zip(tasks) {
             let [start, goal] = [task.start, task.goal].map(|cell| (cell.x, cell.y));
             // Lengths in scaled scenarios may count cells of either map.
             let least = least_length(entry.start, entry.goal).min(least_length(start, goal));
@@ -136,24 +135,21 @@ impl Scenario {
             let [from, to] = [task.start, task.goal].map(|cell| components[grid.index(cell)]);
             if from != to {
                 let help = "starts and goals must be connected; is this the right map?";
-                let place = columns(text.lines[entry.line], 4..=7);
-                return Err(text.error(entry.line, place, "no path leads from this start to this goal", help));
+                let problem = "no path leads from this start to this goal".to_owned();
+                return Err(entry.error(&self.file, 4..=7, problem, help));
             }
             if entry.is_scaled(grid) {
                 continue;
             }
-            match search.search(task.start, task.goal, entry.length + LENGTH_TOLERANCE) {
-                Found::Longer(Some(least)) => return Err(too_short(entry, least, "the shortest path is")),
-                Found::Longer(None) => return Err(too_short(entry, entry.length, "every path is more than")),
-                Found::Unknown => break,
-                Found::Path => {}
+            match search.shortest(task.start, task.goal) {
+                Some(least) if entry.length + LENGTH_TOLERANCE < least => {
+                    return Err(too_short(entry, least, "the shortest path is"));
+                }
+                Some(_) => {}
+                None => break,
             }
         }
         Ok(())
-    }
-
-    fn text(&self) -> MapResult<Text<'_>> {
-        Text::new(&self.file, &self.bytes)
     }
 }
 
@@ -164,7 +160,7 @@ impl Entry {
     }
 
     /// Returns the task on `grid`.
-    fn task(&self, text: &Text, grid: &Grid) -> MapResult<ScenarioTask> {
+    fn task(&self, file: &str, grid: &Grid) -> MapResult<ScenarioTask> {
         let (width, height) = self.size;
         if width as u128 * grid.height() as u128 != height as u128 * grid.width() as u128 {
             let (own_width, own_height) = (grid.width(), grid.height());
@@ -178,17 +174,17 @@ impl Entry {
             };
             let help = "width and height, in this order, must be the map's, or both the same multiple of them; is this the \
                         right map?";
-            return Err(text.error(self.line, columns(text.lines[self.line], 2..=3), problem, help));
+            return Err(self.error(file, 2..=3, problem, help));
         }
         Ok(ScenarioTask {
-            start: self.cell(text, grid, (4, "start"), self.start)?,
-            goal: self.cell(text, grid, (6, "goal"), self.goal)?,
+            start: self.cell(file, grid, (4, "start"), self.start)?,
+            goal: self.cell(file, grid, (6, "goal"), self.goal)?,
             optimal_octile: self.length,
         })
     }
 
     /// Returns the cell of `grid` at the coordinates `stated` in `field` and the next.
-    fn cell(&self, text: &Text, grid: &Grid, (field, which): (usize, &str), stated: (usize, usize)) -> MapResult<Cell> {
+    fn cell(&self, file: &str, grid: &Grid, (field, which): (usize, &str), stated: (usize, usize)) -> MapResult<Cell> {
         let scale = |value: usize, from: usize, to: usize| (value as u128 * to as u128 / from as u128) as usize;
         let (width, height) = self.size;
         let cell = if self.is_scaled(grid) {
@@ -210,7 +206,12 @@ impl Entry {
             format!("{place} is outside the map of {} x {}", grid.width(), grid.height())
         };
         let help = "starts and goals must be free cells, as x, y from (0, 0) at the upper left; is this the right map?";
-        Err(text.error(self.line, columns(text.lines[self.line], field..=field + 1), problem, help))
+        Err(self.error(file, field..=field + 1, problem, help))
+    }
+
+    /// Creates an error about some of its fields.
+    fn error(&self, file: &str, fields: RangeInclusive<usize>, problem: String, help: &str) -> Box<MapError> {
+        MapError::at(file, (self.line, &self.text), columns(&self.text, fields), problem, help)
     }
 }
 
@@ -229,6 +230,7 @@ fn parse_entry(text: &Text, line: usize) -> MapResult<Entry> {
     let length = fields[8].1.parse::<f64>().ok().filter(|v| v.is_finite() && *v >= 0.0);
     Ok(Entry {
         line,
+        text: whole.to_owned(),
         size: (number(2)?, number(3)?),
         start: (number(4)?, number(5)?),
         goal: (number(6)?, number(7)?),
@@ -253,7 +255,7 @@ fn fields(line: &str) -> Vec<Field<'_>> {
 }
 
 /// Returns the columns (from 0, in characters) of some fields of a task.
-fn columns(line: &str, which: std::ops::RangeInclusive<usize>) -> std::ops::Range<usize> {
+fn columns(line: &str, which: RangeInclusive<usize>) -> std::ops::Range<usize> {
     let fields = fields(line);
     let column = |byte: usize| line[..byte].chars().count();
     let (first, last) = (fields[*which.start()], fields[*which.end()]);
