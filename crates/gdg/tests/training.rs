@@ -356,7 +356,7 @@ fn files_that_are_not_checkpoints_are_refused() {
     let bytes = std::fs::read(&whole).unwrap();
     let text = |path: &Path| train::load(path, &Registry::builtin(), 1).err().expect("an error").to_string();
     assert!(text(&folder.path().join("missing")).contains("cannot be read"));
-    assert!(text(&write("text", b"hello")).contains("not a safetensors file"));
+    assert!(text(&write("text", b"hello")).contains("not a checkpoint"));
     assert!(text(&write("empty", b"")).contains("is empty"));
     assert!(text(&write("cut", &bytes[..bytes.len() / 2])).contains("its size differs from what its header says"));
     let foreign = safetensors::serialize(Vec::<(String, safetensors::tensor::TensorView)>::new(), None).unwrap();
